@@ -23,8 +23,8 @@ TICK = 1_000_000
 class ScriptedSimulation:
     """Counts ticks, and notes which changes were made, in which thread and when."""
 
-    def __init__(self, pacer: Pacer, instance: str) -> None:
-        self._pacer, self._instance = pacer, instance
+    def __init__(self, boundary: TickBoundary, pacer: Pacer, instance: str) -> None:
+        self.boundary, self.pacer, self._instance = boundary, pacer, instance
         self.changed = threading.Condition()
         self.tick = 0
         self.ticking = False
@@ -33,7 +33,7 @@ class ScriptedSimulation:
         self.places: set[tuple[int, bool]] = set()
         """The threads in which changes were made, and whether that was within a tick."""
 
-    def status(self, finished: bool) -> SimStatus:
+    def status(self) -> SimStatus:
         """The answer to `sim/status`."""
         return SimStatus(
             world="scripted",
@@ -43,19 +43,19 @@ class ScriptedSimulation:
             now=self.tick * TICK,
             tick=self.tick,
             real_time_factor=1.0,
-            speed=self._pacer.speed,
-            paused=self._pacer.paused,
-            finished=finished,
+            speed=self.pacer.speed,
+            paused=self.pacer.paused,
+            finished=self.boundary.finished,
             instance=self._instance,
         )
 
-    def report(self, finished: bool) -> SimReport:
+    def report(self) -> SimReport:
         """The answer to `sim/report`."""
         return SimReport(
             sim_seconds=0.0,
             seed=1,
             external_commands=0,
-            finished=finished,
+            finished=self.boundary.finished,
             robots=[],
             latency_ms=Latency(None, None, 0),
             ticks=self.tick,
@@ -79,6 +79,7 @@ class ScriptedSimulation:
         """As `Simulation.reset`."""
         self.note("reset")
         self.tick = 0
+        self.boundary.begin_anew()
 
     def spawn(self, request: SpawnRequest) -> int:
         """As `Simulation.spawn`; the robot is always number 7."""
@@ -106,9 +107,9 @@ class ControlHarness:
         """The client's session."""
         self.stop = Stop()
         self.node = ProcessNode(names.SIMULATOR, self.hub.bus(), self.stop)
-        self.world = ScriptedSimulation(pacer, self.node.bus.instance)
         self.boundary = TickBoundary(self.node, pacer)
-        Queries(self.node, pacer, self.boundary, self.world)
+        self.world = ScriptedSimulation(self.boundary, pacer, self.node.bus.instance)
+        Queries(self.node.bus, self.world)
         self.free = threading.Event()
         """While it is cleared, the open tick does not end."""
         self.free.set()

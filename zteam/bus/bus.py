@@ -135,11 +135,6 @@ class Bus:
         """This session's id."""
         return self.transport.instance
 
-    @property
-    def matching_changes(self) -> int:
-        """While this stays the same, so does `has_subscribers` of every publisher: it saves asking many of them."""
-        return self.transport.matching_changes + self.holding.releases
-
     def publisher(
         self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
     ) -> Publisher[M]:

@@ -39,7 +39,6 @@ class Holding:
     """Opens publishers and queries at once, or at the `release` after a `begin`."""
 
     def __init__(self) -> None:
-        self.releases = 0
         self._waiting: list[Callable[[], None]] | None = None
         self._lock = threading.Lock()
 
@@ -53,7 +52,6 @@ class Holding:
             waiting, self._waiting = self._waiting, None
         for open_now in waiting or ():
             open_now()
-        self.releases += 1
 
     def open(self, declared: Held[C]) -> None:
         """Open it now, or at the release."""

@@ -159,10 +159,6 @@ class MemoryTransport:
         self._deferred = DeferredAnswers()
         self._closed = False
 
-    @property
-    def matching_changes(self) -> int:
-        return self._hub.version
-
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:

@@ -149,11 +149,6 @@ class Transport(Protocol):
         """This session's id, unique among all sessions."""
         ...
 
-    @property
-    def matching_changes(self) -> int:
-        """Another number than before when a publisher of this session may have got subscribers or lost them all."""
-        ...
-
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:

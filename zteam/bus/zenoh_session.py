@@ -5,7 +5,6 @@ Zenoh calls for messages on its own thread, for all else on a thread of Python's
 
 import atexit
 import ctypes
-import itertools
 import logging
 import queue
 import threading
@@ -151,18 +150,13 @@ class ZenohPublisher(Declared):
         entity: Any,
         forget: Callable[[Declared], None],
         latched: bool,
-        on_matching: Callable[[], None],
         stamp: Callable[[], zenoh.Timestamp | None] = lambda: None,
     ) -> None:
-        """`on_matching()` is called after `has_subscribers` may have changed.
-
-        `stamp()` makes the timestamps of samples; the session does without it.
-        """
+        """`stamp()` makes the timestamps of samples; the session does without it."""
         super().__init__(entity, forget)
         self._matching = True
         self._latched = latched
         self._stamp = stamp
-        self._changed = on_matching
         if not latched:
             # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
             self._lock, self._told = threading.Lock(), False
@@ -186,7 +180,6 @@ class ZenohPublisher(Declared):
     def _on_matching(self, status: Any) -> None:
         with self._lock:
             self._matching, self._told = status.matching, True
-        self._changed()
 
     def put(self, payload: bytes) -> None:
         entity = self._entity
@@ -277,7 +270,6 @@ class ZenohTransport:
         self._session = session
         self.instance = str(session.zid())
         self._declared: set[Declared] = set()
-        self._changes, self.matching_changes = itertools.count(1), 0
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
         # Answers do not wait for what a change of presence leads to.
@@ -328,7 +320,7 @@ class ZenohTransport:
 
         entity = self._make("publish on", key, declare)
         stamps = [stamping_as(self._session, source)] if source else []
-        return self._keep(ZenohPublisher(entity, self._declared.discard, latched, self._on_matching, *stamps))
+        return self._keep(ZenohPublisher(entity, self._declared.discard, latched, *stamps))
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
@@ -391,9 +383,6 @@ class ZenohTransport:
         for declared in list(self._declared):
             if isinstance(declared, TokenWatch):
                 declared.look()
-
-    def _on_matching(self) -> None:
-        self.matching_changes = next(self._changes)
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)

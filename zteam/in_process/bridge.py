@@ -154,11 +154,6 @@ class BridgedSession:
         self._declared: set[_Pair] = set()
         self.instance = inside.instance
 
-    @property
-    def matching_changes(self) -> int:
-        # Both only grow.
-        return self._inside.matching_changes + self._outside.matching_changes
-
     def _keep(self, pair: P) -> P:
         self._declared.add(pair)
         return pair

@@ -12,8 +12,6 @@ from zteam.bus.topics import type_of_key
 from zteam.messages import Header, Message, TFMessage
 from zteam.messages.message import all_types, float64
 from zteam.nodes.simulator.outputs import TeamOutputs
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine, Observation, to_messages
 from zteam.sim import devices as sensing
 from zteam.sim.casting import Scene
@@ -90,7 +88,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
         assert type_of_key(key) is Temperature
         listener.subscribe(key, Temperature, lambda key, message: heard.append((key, message)))
     engine = Engine(world)
-    outputs = TeamOutputs(ProcessNode("sim", hub.bus(), Stop()), engine)
+    outputs = TeamOutputs(hub.bus(), engine)
     outputs.match_robots()
     outputs.put_rest([0], engine.observe())
     assert [(key, message.degrees, message.header.frame_id) for key, message in heard] == [

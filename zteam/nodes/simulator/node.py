@@ -44,9 +44,10 @@ class Simulation:
         self._map = map_info(map_metadata(world, options.map_resolution))
         self.engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self.pacer = Pacer(world.interval, options.speed, paused=options.paused)
+        self.boundary = TickBoundary(node, self.pacer)
         self.profile = TickProfile()
         self.statistics = RunStatistics(options.follows)
-        self.outputs = TeamOutputs(node, self.engine, lockstep=options.lockstep is not None)
+        self.outputs = TeamOutputs(node.bus, self.engine, lockstep=options.lockstep is not None)
         self.commands = RobotCommands(node, self.outputs, self.statistics)
         self.lockstep: LockStep | None = None
         if options.lockstep is not None:
@@ -204,6 +205,7 @@ class Simulation:
         self._is_first = True
         if self.lockstep is not None:
             self.lockstep.start_anew()
+        self.boundary.begin_anew()
 
     def spawn(self, request: SpawnRequest) -> int:
         """Add a robot and return its id. Raises UsageError."""
@@ -228,8 +230,8 @@ class Simulation:
         self.outputs.put_statics(request.id)
         self.statistics.add_external_command()
 
-    def status(self, finished: bool) -> SimStatus:
-        """The answer to `sim/status`; `finished` says whether the time of `--for` is over."""
+    def status(self) -> SimStatus:
+        """The answer to `sim/status`."""
         lockstep = self.lockstep
         return SimStatus(
             world=self.world.name,
@@ -246,14 +248,14 @@ class Simulation:
             joining=sorted(lockstep.tick.joining) if lockstep else [],
             waiting_for=lockstep.waiting_for() if lockstep else "",
             hung=list(lockstep.tick.hung) if lockstep else [],
-            finished=finished,
+            finished=self.boundary.finished,
             instance=self._instance,
             writers=self.commands.writers(),
             map=self._map,
         )
 
-    def report(self, finished: bool) -> SimReport:
-        """The answer to `sim/report`; `finished` says whether the time of `--for` is over."""
+    def report(self) -> SimReport:
+        """The answer to `sim/report`."""
         lockstep, run = self.lockstep, self.statistics
         go_stamp, ticks, wall = run.go_stamp, run.ticks, run.wall_seconds
         elapsed = (ticks - 1) * self.world.interval / NS_PER_S
@@ -261,7 +263,7 @@ class Simulation:
             sim_seconds=0.0 if go_stamp is None else max(0, self.engine.now - go_stamp) / NS_PER_S,
             seed=self._options.seed,
             external_commands=run.external_commands,
-            finished=finished,
+            finished=self.boundary.finished,
             robots=run.robots(),
             latency_ms=run.latency(),
             ticks=ticks,
@@ -286,12 +288,11 @@ class Simulator:
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
         self._node, self._options = node, options
         self._simulation = Simulation(node, world, robots, options)
-        self._boundary = TickBoundary(node, self._simulation.pacer)
         self._behind = Every(5.0)
         if options.lockstep is None:
             node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         serve_shapes(node.bus, world, self._simulation.engine)
-        Queries(node, self._simulation.pacer, self._boundary, self._simulation)
+        Queries(node.bus, self._simulation)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
@@ -319,7 +320,7 @@ class Simulator:
             if not simulation.is_counting:
                 # GO may have come while the first tick was held.
                 self._count()
-            if not self._boundary.wait_for_tick():
+            if not self._simulation.boundary.wait_for_tick():
                 return
             profile.end(IDLE)
             commands = simulation.take_commands()
@@ -328,21 +329,16 @@ class Simulator:
                 log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())
 
     def _count(self) -> None:
-        if self._simulation.count() and not self._boundary.finished:
-            self._boundary.finish()
+        if self._simulation.count() and not self._simulation.boundary.finished:
+            self._simulation.boundary.finish()
             log.info("%s", self._simulation.end_text())
 
 
-def check_follows(follows: Mapping[int, int], robots: Mapping[int, Robot]) -> None:
-    """Raise UsageError if a measured pair names a robot that the world does not have."""
-    for robot_id in (*follows.keys(), *follows.values()):
+def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+    """Run the simulator until it is asked to stop. Raises UsageError if `options.follows` names an unknown robot."""
+    for robot_id in (*options.follows.keys(), *options.follows.values()):
         if robot_id not in robots:
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
-
-
-def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    """Run the simulator until it is asked to stop."""
-    check_follows(options.follows, robots)
     simulator = Simulator(node, world, robots, options)
     simulator.publish_statics()
     node.become_present()

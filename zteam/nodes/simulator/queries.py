@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from zteam import names
 from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.errors import BusError
-from zteam.nodes.simulator.pacing import Pacer, TickBoundary
-from zteam.runtime.process_node import ProcessNode
 from zteam.services.simulator import (
     BOUNDARY_LIMIT,
     FinishReply,
@@ -43,20 +41,24 @@ _DIGITS = 4
 class Queries:
     """Serves `sim/…`. A bus thread runs each query; the main loop makes the changes, between two ticks."""
 
-    def __init__(self, node: ProcessNode, pacer: Pacer, boundary: TickBoundary, simulation: "Simulation") -> None:
-        self._bus, self._boundary, self._simulation = node.bus, boundary, simulation
-        self._serve("status", NoRequest, lambda _: self._status())
-        self._serve("report", NoRequest, lambda _: simulation.report(boundary.finished))
+    def __init__(self, bus: Bus, simulation: "Simulation") -> None:
+        self._bus, self._simulation, self._boundary = bus, simulation, simulation.boundary
+        pacer, boundary = simulation.pacer, simulation.boundary
+        self._serve("status", NoRequest, lambda _: simulation.status())
+        self._serve("report", NoRequest, lambda _: simulation.report())
         self._serve("pause", Change, lambda _: self._set_pace(pacer.pause))
         self._serve("resume", Change, lambda _: self._set_pace(pacer.resume))
         self._serve("speed", SpeedRequest, lambda request: self._set_pace(lambda: pacer.set_speed(request.speed)))
-        self._serve("step", StepRequest, lambda request: self._step(pacer, request))
-        self._serve("stand", StandRequest, lambda request: Deferred(lambda: self._stand(request)))
-        self._serve("finish", FinishRequest, lambda request: Deferred(lambda: self._finish(request)))
+        self._serve("step", StepRequest, self._step)
+        self._serve("stand", StandRequest, lambda request: Deferred(lambda: self._stand(request.timeout)))
+        self._serve(
+            "finish", FinishRequest,
+            lambda request: Deferred(lambda: FinishReply(boundary.wait_until_finished(request.timeout))),
+        )  # fmt: skip
         self._serve_change("repeat", Change, lambda _: self._status_after(simulation.repeat))
         # Nothing changes, but only between two ticks does what was sent stay as it is.
         self._serve_change("scans", ScansRequest, lambda request: simulation.scans(request.robots))
-        self._serve_change("reset", Change, lambda _: self._status_after(self._reset))
+        self._serve_change("reset", Change, lambda _: self._status_after(simulation.reset))
         self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
         self._serve_change(
             "remove", RemoveRequest, lambda request: self._status_after(lambda: simulation.remove(request.id))
@@ -73,31 +75,21 @@ class Queries:
 
         self._serve(service, request_type, answer)
 
-    def _status(self) -> SimStatus:
-        return self._simulation.status(self._boundary.finished)
-
     def _status_after(self, change: Callable[[], None]) -> SimStatus:
         change()
-        return self._status()
-
-    def _reset(self) -> None:
-        self._simulation.reset()
-        self._boundary.begin_anew()
+        return self._simulation.status()
 
     def _set_pace(self, change: Callable[[], None]) -> SimStatus:
         return self._status_after(lambda: self._boundary.set_pace(change))
 
-    def _step(self, pacer: Pacer, request: StepRequest) -> SimStatus | Deferred:
+    def _step(self, request: StepRequest) -> SimStatus | Deferred:
         if self._boundary.finished:
             raise BusError("the run is over: 'zteam sim reset' starts it again")
-        status = self._set_pace(lambda: pacer.step(request.ticks))
+        status = self._set_pace(lambda: self._simulation.pacer.step(request.ticks))
         return Deferred(lambda: self._status_after(self._boundary.wait_for_steps)) if request.wait else status
 
-    def _stand(self, request: StandRequest) -> StandReply:
-        return StandReply(self._boundary.wait_until_standing(request.timeout), self._status())
-
-    def _finish(self, request: FinishRequest) -> FinishReply:
-        return FinishReply(self._boundary.wait_until_finished(request.timeout))
+    def _stand(self, timeout: float) -> StandReply:
+        return StandReply(self._boundary.wait_until_standing(timeout), self._simulation.status())
 
 
 def _result_of(change: Future[T]) -> T:

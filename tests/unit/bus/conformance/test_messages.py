@@ -275,17 +275,3 @@ def test_a_subscriber_may_ask_for_the_source(sessions: Sessions) -> None:
     inbox.wait_for((senders[1].instance, 2))
     wait_until_true(lambda: listener.counters.snapshot()["a"].dropped == 1)
     assert inbox.items == [*((sender.instance, tick) for tick, sender in enumerate(senders)), (senders[1].instance, 2)]
-
-
-def test_a_session_tells_when_its_publishers_may_have_other_subscribers(sessions: Sessions) -> None:
-    """`matching_changes` is another one whenever `has_subscribers` is."""
-    sender, listener = sessions(), sessions()
-    publisher = sender.publisher("a", Done)
-    for expected in (True, False, True):
-        before = sender.matching_changes
-        if expected:
-            handle = listener.subscribe("a", Done, Inbox())
-        else:
-            handle.close()
-        wait_until_true(lambda expected=expected: publisher.has_subscribers is expected)  # type: ignore[misc]
-        wait_until_true(lambda before=before: sender.matching_changes != before)  # type: ignore[misc]

@@ -3,12 +3,9 @@
 import pytest
 
 from support.in_process_team import load_scene
-from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Bool, LaserScan, Odometry, Twist
 from zteam.nodes.simulator.outputs import RobotOutputs, TeamOutputs
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine
 
 
@@ -16,7 +13,7 @@ from zteam.sim import Engine
 def test_the_simulator_publishes_commands_in_lock_step_only(lockstep: bool) -> None:
     """In real time `cmd_vel` has no publisher but the robot, so tools do not take the simulator for one."""
     hub = MemoryHub()
-    RobotOutputs(ProcessNode(names.SIMULATOR, hub.bus(), Stop()), 0, load_scene()[1][0], lockstep=lockstep)
+    RobotOutputs(hub.bus(), 0, load_scene()[1][0], lockstep=lockstep)
     published = {declaration.key for declaration in hub.bus().declarations() if declaration.publishes}
     assert "robot_0/odom" in published
     assert ("robot_0/cmd_vel" in published) is lockstep
@@ -26,7 +23,7 @@ def test_what_has_subscribers_is_published_and_nothing_else(hub: MemoryHub) -> N
     """Subscribers that come and go between two ticks count from the next one on."""
     world, robots = load_scene()
     engine = Engine(world, robots=robots)
-    outputs = TeamOutputs(ProcessNode(names.SIMULATOR, hub.bus(), Stop()), engine, lockstep=True)
+    outputs = TeamOutputs(hub.bus(), engine, lockstep=True)
     outputs.match_robots()
     observation = engine.observe()
     heard: list[str] = []

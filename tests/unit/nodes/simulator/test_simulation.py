@@ -255,7 +255,8 @@ def counted(hub: MemoryHub) -> Iterator[SimulatorParts]:
 
 def test_the_report_has_these_members(counted: SimulatorParts) -> None:
     """Programs read its JSON: the names stay."""
-    report = msgspec.json.decode(msgspec.json.encode(counted.report(True)))
+    counted.boundary.finish()
+    report = msgspec.json.decode(msgspec.json.encode(counted.report()))
     assert set(report) == {
         "sim_seconds", "seed", "external_commands", "finished", "robots", "latency_ms", "ticks", "wall_seconds",
         "real_time_factor", "trajectory_sha256", "lockstep", "resends", "hung", "timing_ms", "lateness_p99_ms",
@@ -265,7 +266,7 @@ def test_the_report_has_these_members(counted: SimulatorParts) -> None:
 def test_the_report_takes_its_figures_from_the_parts(counted: SimulatorParts) -> None:
     """Statistics, profile and pacer; without lock-step nothing was repeated."""
     counted.whole_tick()
-    report = counted.report(finished=False)
+    report = counted.report()
     assert (report.sim_seconds, report.ticks, report.finished) == (0.2, 2, False)
     assert report.trajectory_sha256 == counted.statistics.trajectory_sha256
     assert report.timing_ms == counted.profile.timing()
@@ -275,12 +276,13 @@ def test_the_report_takes_its_figures_from_the_parts(counted: SimulatorParts) ->
 
 def test_a_real_time_factor_needs_two_ticks(counted: SimulatorParts) -> None:
     """With one there is no time to divide by."""
-    report = counted.report(finished=False)
+    report = counted.report()
     assert (report.wall_seconds, report.real_time_factor) == (0.0, None)
 
 
 def test_the_status_tells_the_session_and_the_world(counted: SimulatorParts) -> None:
     """The session id is what requests for changes carry."""
-    status = counted.status(finished=True)
+    counted.boundary.finish()
+    status = counted.status()
     assert (status.instance, status.finished, status.lockstep) == (counted.node.bus.instance, True, False)
     assert (status.robots, status.tick, status.now) == ([0, 1, 2], 3, 3 * counted.world.interval)
