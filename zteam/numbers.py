@@ -10,8 +10,12 @@ from zteam.errors import UsageError
 
 MAX_SECONDS = 1e9
 """Thirty years: longer than any run, and within the range of 64-bit nanoseconds and of time-outs."""
-_SHOWN = 24
-"""Characters of a refused text that the error repeats."""
+
+
+def shown(text: str) -> str:
+    """A refused text, quoted, of which an error repeats 24 characters."""
+    word = text.strip()
+    return repr(word if len(word) <= 24 else f"{word[:24]}…")
 
 
 def parse_number(text: str, low: float, high: float, what: str) -> float:
@@ -21,7 +25,7 @@ def parse_number(text: str, low: float, high: float, what: str) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise UsageError(f"{_shown(text)}: give {what} from {low:g} to {high:g}")
+        raise UsageError(f"{shown(text)}: give {what} from {low:g} to {high:g}")
     return value
 
 
@@ -32,7 +36,7 @@ def parse_whole(text: str, low: int, high: int, what: str) -> int:
     # More digits than the bounds have are refused before int(), which is slow for thousands of digits.
     is_whole = digits.isascii() and digits.isdigit() and len(digits.lstrip("0")) <= len(str(max(abs(low), abs(high))))
     if not is_whole or not low <= int(word) <= high:
-        raise UsageError(f"{_shown(text)}: give {what} from {low} to {high}")
+        raise UsageError(f"{shown(text)}: give {what} from {low} to {high}")
     return int(word)
 
 
@@ -64,8 +68,3 @@ def percentile(values: Iterable[float], share: float) -> float | None:
     """The value at a `share` (0 to 1) of the way through the sorted values; None where there are no values."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else None
-
-
-def _shown(text: str) -> str:
-    word = text.strip()
-    return repr(word if len(word) <= _SHOWN else word[:_SHOWN] + "…")

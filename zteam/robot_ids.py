@@ -5,10 +5,9 @@ from collections.abc import Iterable, Sequence
 
 from zteam import names
 from zteam.errors import UsageError
+from zteam.numbers import shown
 
 _SEPARATOR = re.compile(r"\s*,\s*|\s+")
-_SHOWN = 20
-"""Characters of a refused item that the error repeats."""
 
 
 def parse_robot_ids(words: Sequence[str], place: str) -> tuple[int, ...]:
@@ -40,13 +39,8 @@ def format_robot_ids(ids: Iterable[int]) -> str:
             runs[-1] = (runs[-1][0], robot_id)
         else:
             runs.append((robot_id, robot_id))
-    return ", ".join(_format_run(first, last) for first, last in runs)
-
-
-def _format_run(first: int, last: int) -> str:
-    if last - first >= 2:
-        return f"{first}-{last}"
-    return str(first) if first == last else f"{first}, {last}"
+    pairs = ((first, last, ", " if last == first + 1 else "-") for first, last in runs)
+    return ", ".join(f"{first}{between}{last}" if first < last else str(first) for first, last, between in pairs)
 
 
 def _parse_item(item: str, place: str) -> range:
@@ -56,11 +50,7 @@ def _parse_item(item: str, place: str) -> range:
         last = names.parse_robot_id(last_text) if dash else first
     except UsageError:
         text = f"give robot ids from 0 to {names.MAX_ROBOT_ID}, such as 0 2 5, 0-3 or 0,2-4"
-        raise UsageError(f"{place}: {_shown(item)}: {text}") from None
+        raise UsageError(f"{place}: {shown(item)}: {text}") from None
     if first > last:
-        raise UsageError(f"{place}: {_shown(item)}: the first id is above the last")
+        raise UsageError(f"{place}: {shown(item)}: the first id is above the last")
     return range(first, last + 1)
-
-
-def _shown(item: str) -> str:
-    return repr(item if len(item) <= _SHOWN else item[:_SHOWN] + "…")

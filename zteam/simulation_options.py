@@ -37,14 +37,13 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Share of the scans that are affected, of those in which two lasers see each other."""
 
     def __post_init__(self) -> None:
-        _check("gaussian_noise", self.gaussian_noise, 1000.0)
-        _check("proportional_noise", self.proportional_noise, 1000.0)
-        _check("dazzle_angle", self.dazzle_angle, 2.0 * math.pi)
-        for alpha in self.odom_alphas or ():
-            _check("odom_alphas", alpha, 1000.0)
-        _check("dazzle_probability", self.dazzle_probability, 1.0)
-
-
-def _check(name: str, value: float, high: float) -> None:
-    if not 0.0 <= value <= high:
-        raise ValueError(f"{name} must be from 0 to {high:g}, not {value:g}")
+        for name, values, high in (
+            ("gaussian_noise", (self.gaussian_noise,), 1000.0),
+            ("proportional_noise", (self.proportional_noise,), 1000.0),
+            ("dazzle_angle", (self.dazzle_angle,), 2.0 * math.pi),
+            ("odom_alphas", self.odom_alphas or (), 1000.0),
+            ("dazzle_probability", (self.dazzle_probability,), 1.0),
+        ):
+            for value in values:
+                if not 0.0 <= value <= high:
+                    raise ValueError(f"{name} must be from 0 to {high:g}, not {value:g}")

@@ -35,7 +35,7 @@ def test_the_grammar(words: list[str], ids: tuple[int, ...]) -> None:
         (["0-3", "2"], "--ids names a robot twice: 2"),
         ([], "--ids: no id is given: give robot ids such as 0 2 5, 0-3 or 0,2-4"),
         ([""], "--ids: no id is given: give robot ids such as 0 2 5, 0-3 or 0,2-4"),
-        (["9" * 5000], f"--ids: '{'9' * 20}…': give robot ids from 0 to 9999, such as 0 2 5, 0-3 or 0,2-4"),
+        (["9" * 5000], f"--ids: '{'9' * 24}…': give robot ids from 0 to 9999, such as 0 2 5, 0-3 or 0,2-4"),
     ],
 )
 def test_mistakes_are_named(words: list[str], text: str) -> None:

@@ -11,7 +11,7 @@ core stays free, so no body passes through another or through a wall.
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -115,7 +115,7 @@ class Cores:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
         solid = solid_groups(groups)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
-        self._polygons = make_polygons([group if group.owner == NO_MOVER else _core_of(group, rim) for group in solid])
+        self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
@@ -126,8 +126,6 @@ class Cores:
         self._apart = apart
         self.in_wall, self._tangled = np.zeros((2, len(poses)), bool)
         """(movers): whether its core stands in something that stands still, from where no way is free."""
-        self.stuck: list[int] = []
-        """The movers of `in_wall`."""
         self.look(poses)
 
     def look(self, poses: Floats) -> None:
@@ -135,7 +133,6 @@ class Cores:
         self._polygons.move(poses)
         find_overlaps(self._polygons, self._bitmaps, False, self.in_wall)
         find_overlaps(self._polygons, self._bitmaps, self._apart, self._tangled)
-        self.stuck = np.flatnonzero(self.in_wall).tolist()
 
     def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
@@ -171,12 +168,11 @@ class DynamicBodies:
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
         self.stalled, self.met = np.zeros((2, len(robots)), bool)
         self._touching = [False] * len(robots)
-        self._held: set[int] = set()
         self._cores = Cores(groups, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
         self._index = {body: i for i, body in enumerate(self._robots)}
-        self._anchored = np.zeros(len(self._bodies), bool)
+        self._held, self._anchored = np.zeros((2, len(self._bodies)), bool)
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
 
@@ -197,11 +193,10 @@ class DynamicBodies:
         steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
         if length > self._stride * steps:
             way *= self._stride * steps / length
-        targets = (way / seconds).tolist()
-        for i in (i for i in self._cores.stuck if i < count):
-            targets[i] = [0.0, 0.0, 0.0]
+        in_wall = self._cores.in_wall[:count]
+        targets = np.where(in_wall[:, None], 0.0, way / seconds).tolist()
         dt = seconds / steps
-        self._held.clear()
+        self._held[:] = False
         for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
             _set_angular_velocity(body, w)
             if touching:
@@ -214,9 +209,13 @@ class DynamicBodies:
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
-        self.met = _hindered(self._touching, self._held.union(self._cores.stuck))
+        barred = self._held[:count] | in_wall
+        self.met = np.array(self._touching, bool) | barred
         self._touching = [hit and _touches(body) for hit, body in zip(self._touching, self._robots, strict=True)]
-        self._note_stalls(before, way)
+        told = np.hypot(way[:, 0], way[:, 1])
+        moved = np.hypot(*(self.poses[:count] - before)[:, :2].T)
+        stopped = np.array(self._touching, bool) | barred
+        self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
         """Robots press on throughout a tick, and what they push slides to rest."""
@@ -240,19 +239,13 @@ class DynamicBodies:
         suspects = np.ones(len(self._bodies), bool) if every else np.array(self._touching)
         shares = self._cores.hold(start, self.poses, suspects)
         cut = np.flatnonzero(shares < 1.0).tolist()
-        self._held.update(cut)
+        self._held[cut] = True
         for i in cut:
             body = self._bodies[i]
             x, y, yaw = self.poses[i].tolist()
             body.position, body.angle = (x, y), yaw
             body.velocity, body.angular_velocity = body.velocity * shares[i], body.angular_velocity * shares[i]
             self._space.reindex_shapes_for_body(body)
-
-    def _note_stalls(self, before: Floats, way: Floats) -> None:
-        stopped = _hindered(self._touching, self._held) | self._cores.in_wall[: len(before)]
-        told = np.hypot(way[:, 0], way[:, 1])
-        moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
-        self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
     def _anchor(self) -> None:
         """Fix a body that stands in a wall: it stops others, and nothing moves it."""
@@ -281,10 +274,6 @@ class DynamicBodies:
             body.velocity, body.angular_velocity = other.velocity, other.angular_velocity
             if here < len(self._robots):
                 self.stalled[here], self._touching[here] = old.stalled[there], old._touching[there]
-
-
-def _hindered(touching: Sequence[bool], held: Set[int]) -> NDArray[np.bool_]:
-    return np.array([hit or i in held for i, hit in enumerate(touching)], bool)
 
 
 def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
@@ -345,8 +334,9 @@ def _distance(a: Point2, b: Point2, c: Point2) -> float:
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
 
 
-def _core_of(group: Group, rim: float) -> Group:
-    return group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
+def _with_cores(group: Group, rim: float) -> Group:
+    shapes = group.shapes if group.owner == NO_MOVER else [_core(shape, rim) for shape in group.shapes]
+    return group._replace(shapes=shapes)
 
 
 def _core(shape: Shape, rim: float) -> Shape:

@@ -37,6 +37,7 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
     separation = reader.length("wheel_separation", body.size.y if body.size.y > 0 else WHEEL_SEPARATION)
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
+    a, b, c, d = reader.shares("odom_alphas", 4)
     return Robot(
         name=name,
         model=reader.entity.name,
@@ -49,7 +50,7 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
         acceleration=_read_limits(reader, "acceleration_bounds"),
         localization=reader.stages_choice("localization", "gps", ("gps", "odom")),
         odom_error=_read_odom_error(reader),
-        odom_alphas=_read_odom_alphas(reader),
+        odom_alphas=(a, b, c, d),
         wheel_radius=radius,
         wheel_separation=separation,
         mass=read_mass(reader),
@@ -70,13 +71,6 @@ def read_mass(reader: Reader) -> float:
     return mass
 
 
-def _read_odom_alphas(reader: Reader) -> tuple[float, float, float, float]:
-    a, b, c, d = reader.numbers("odom_alphas", "nnnn", (0.0, 0.0, 0.0, 0.0))
-    if min(a, b, c, d) < 0:
-        reader.fail("odom_alphas", "odom_alphas must not be negative")
-    return a, b, c, d
-
-
 def _read_limits(reader: Reader, name: str) -> Limits | None:
     """`[xmin xmax ymin ymax zmin zmax yawmin yawmax]`; None if not set. z is not used: robots stay on the ground."""
     if not reader.has(name):
@@ -94,11 +88,8 @@ def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
     found = reader.entity.properties.get("odom_error")
     if found is None:
         return (0.0, 0.0, 0.0)
-    if len(found.values) == 3:
-        x, y, yaw = reader.numbers("odom_error", "nna", ())
-    else:
-        x, y, _, yaw = reader.numbers("odom_error", "nnna", ())
-    return (x, y, yaw)
+    x, y, *_, yaw = reader.numbers("odom_error", "nna" if len(found.values) == 3 else "nnna", ())
+    return x, y, yaw
 
 
 MAX_INTERVAL_MS = 60_000
@@ -233,12 +224,12 @@ class Builder:
     def _read_markers(
         self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
     ) -> tuple[FiducialMarker, ...]:
-        number = reader.whole("fiducial_return", 0, -(2**31), 2**31 - 1)
+        number = reader.whole("fiducial_return", 0)
         if number == 0:
             return ()
         if body.bitmap is not None and chassis is None:
-            self._settings.remarks.add(reader.place("fiducial_return"), "a bitmap's fiducial_return is not seen")
-        return (FiducialMarker(number, reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1), *owner_from_model),)
+            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
+        return (FiducialMarker(number, reader.whole("fiducial_key", 0), *owner_from_model),)
 
     def _check_type(self, reader: Reader) -> None:
         kind, place, sensing = reader.entity.type, reader.entity.place, device_models()

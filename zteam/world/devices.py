@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
@@ -77,9 +77,7 @@ def _ranger(
     if samples > 1 and fov == 0:
         reader.remark("fov", f"all {samples} rays of a fov of 0 are one: one is taken")
         samples = 1
-    variance, proportional, angular = reader.numbers("noise", "nnn", (0.0, 0.0, 0.0))
-    if min(variance, proportional, angular) < 0:
-        reader.fail("noise", "noise must not be negative")
+    variance, proportional, angular = reader.shares("noise", 3)
     return Ranger(name, *pose, fov, samples, *limits, (variance, proportional, angular))
 
 
@@ -129,7 +127,7 @@ def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
         range_min=low,
         range_max=high,
         range_max_id=reader.length("range_max_id", 5.0),
-        key=reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1),
+        key=reader.whole("fiducial_key", 0),
         ignore_zloc=reader.flag("ignore_zloc", False),
     )
     return [finder]
@@ -188,7 +186,7 @@ class DeviceModel(NamedTuple):
 
     read: Callable[[Reader, str, Pose3], Sequence[Device]]
     """The devices of one model of a name; raises WorldError."""
-    properties: frozenset[str] = frozenset()
+    properties: Set[str] = frozenset()
     """What it reads besides the properties of every model."""
     has_body: bool = False
     """Whether a model without blocks has a body all the same."""
@@ -234,8 +232,6 @@ def _base(robot: Robot) -> Sequence[Robot]:
     return (robot,)
 
 
-_RAYS = frozenset({"range", "range_min", "range_max", "fov", "samples", "noise"})
-
 KINDS: dict[str, DeviceKind] = {
     kind.topic: kind
     for kind in (
@@ -247,7 +243,10 @@ KINDS: dict[str, DeviceKind] = {
             link=names.BASE_LASER_LINK,
             title="laser",
             # A "laser" is the "ranger" of older worlds.
-            models={"ranger": DeviceModel(read_rangers), "laser": DeviceModel(read_rangers, _RAYS)},
+            models={
+                "ranger": DeviceModel(read_rangers),
+                "laser": DeviceModel(read_rangers, {"range", "range_min", "range_max", "fov", "samples", "noise"}),
+            },
         ),
         DeviceKind(names.GROUND_TRUTH, Odometry, _base),
         DeviceKind(names.STALL, Bool, _base),
@@ -268,9 +267,7 @@ KINDS: dict[str, DeviceKind] = {
             link="fiducial_link",
             title="fiducial finder",
             models={
-                "fiducial": DeviceModel(
-                    read_finder, frozenset({"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
-                )
+                "fiducial": DeviceModel(read_finder, {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
             },
         ),
         DeviceKind(
@@ -279,11 +276,7 @@ KINDS: dict[str, DeviceKind] = {
             lambda robot: robot.devices_of(BumperPiece),
             numbers="joined",
             title="bumper",
-            models={
-                "bumper": DeviceModel(
-                    read_bumpers, frozenset({"bcount", "bpose[]", "blength", "blength[]"}), has_body=True
-                )
-            },
+            models={"bumper": DeviceModel(read_bumpers, {"bcount", "bpose[]", "blength", "blength[]"}, has_body=True)},
         ),
         DeviceKind(
             names.BLOBS,
@@ -293,8 +286,7 @@ KINDS: dict[str, DeviceKind] = {
             title="blob finder",
             models={
                 "blobfinder": DeviceModel(
-                    read_blobfinder,
-                    frozenset({"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}),
+                    read_blobfinder, {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}
                 )
             },
         ),

@@ -182,7 +182,7 @@ class Reader:
         """A number without a unit."""
         return self.numbers(name, "n", (default,))[0]
 
-    def whole(self, name: str, default: int, low: int, high: int) -> int:
+    def whole(self, name: str, default: int, low: int = -(2**31), high: int = 2**31 - 1) -> int:
         """A whole number of `low` to `high`; of a fraction the part before the point."""
         value = self.number(name, default)
         whole = math.trunc(value)
@@ -194,7 +194,7 @@ class Reader:
 
     def flag(self, name: str, default: bool) -> bool:
         """0 or 1; like Stage, any whole number but 0 is true."""
-        return self.whole(name, default, -(2**31), 2**31 - 1) != 0
+        return self.whole(name, default) != 0
 
     def length(self, name: str, default: float) -> float:
         """A length in metres."""
@@ -245,8 +245,10 @@ class Reader:
         return tuple(self._scaled(found, kind, value) for kind, value in zip(kinds, found.values, strict=False))
 
     def _scaled(self, found: Property, kind: str, value: Value) -> float:
-        if isinstance(value, str):
-            value = _number_of(found, value)
+        try:
+            value = float(value)
+        except ValueError:
+            raise found.place.error(f"{found.name} takes numbers, not the string {value!r:.60}") from None
         if kind == "a":
             value *= self._units.angle
         elif kind == "l":
@@ -256,6 +258,13 @@ class Reader:
         if not math.isfinite(value):
             raise found.place.error(f"{found.name} overflows")
         return value
+
+    def shares(self, name: str, count: int) -> tuple[float, ...]:
+        """A tuple of numbers that are not negative, zero if not set."""
+        values = self.numbers(name, count * "n", count * (0.0,))
+        if min(values) < 0:
+            self.fail(name, f"{name} must not be negative")
+        return values
 
     def pose(self, name: str) -> Pose3:
         """`[x y z yaw]`, zero if not set."""
@@ -274,14 +283,6 @@ class Reader:
         if low > high:
             self.fail(name, f"{name}: the smallest value {low:g} is above the largest {high:g}")
         return low, high
-
-
-def _number_of(found: Property, text: str) -> float:
-    """A number in quotes."""
-    try:
-        return float(text)
-    except ValueError:
-        raise found.place.error(f"{found.name} takes numbers, not the string {text!r:.60}") from None
 
 
 def read_units(world: Entity, remarks: Remarks) -> Units:
