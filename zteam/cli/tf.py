@@ -1,15 +1,17 @@
 """`zteam tf echo A B | tree | monitor | positions | static`: show and set transforms between frames."""
 
 import argparse
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import MAX_RATE, negative_numbers, number
 from zteam.cli.interrupts import leave
-from zteam.cli.listening import SURVEY, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.listening import SURVEY, Waiter, add_timeout, find_key_users, limit_of, near_keys, open_bus
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.tf_displays import (
     NO_AGGREGATOR,
     TreeListener,
@@ -19,13 +21,14 @@ from zteam.cli.tf_displays import (
     show_positions,
     show_tree,
 )
-from zteam.cli.tf_static import hold_static
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
+from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import TransformStamped, to_json
-from zteam.numbers import MAX_SECONDS
-from zteam.services.transforms import TransformClient
-from zteam.tf.text import format_transform
+from zteam.numbers import MAX_SECONDS, is_number
+from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
+from zteam.tf.drawing import format_transform
+from zteam.tf.merge import TEAM_FILE
 
 _MAX_STAMP = 4e9
 """Seconds: stamps of the host's clock count from 1970, now 1.8e9."""
@@ -34,19 +37,36 @@ _MAX_STAMP = 4e9
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam tf", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|monitor|positions|static")
-    echo = verbs.add_parser("echo", help="print the pose of frame B in frame A")
-    tree = verbs.add_parser("tree", help="print or draw the tree: authority, rate and age of every frame")
-    monitor = verbs.add_parser("monitor", help="measure rate, delay and jitter of every frame, and list conflicts")
-    positions = verbs.add_parser("positions", help="print every robot's pose in map")
-    static = verbs.add_parser(
-        "static",
-        help="hold a fixed transform until Ctrl+C",
-        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
+    verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")
+
+    def add(
+        verb: str, show: Callable[[argparse.Namespace], int], text: str, usage: str | None = None
+    ) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(verb, help=text, usage=usage)
+        sub.set_defaults(show=show)
+        return sub
+
+    echo = add("echo", _echo, "print the pose of frame B in frame A")
+    echo.add_argument("target", metavar="A", help="target frame")
+    echo.add_argument("source", metavar="B", help="source frame")
+    echo.add_argument("--once", action="store_true", help="end after one transform")
+    echo.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "transforms a second"),
+        default=1.0,
+        metavar="HZ",
+        help="print at this rate (default: %(default)s)",
     )
-    static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
-    _add_echo_options(echo)
+    echo.add_argument(
+        "--at",
+        type=number(0.0, _MAX_STAMP, "seconds"),
+        metavar="S",
+        help="print the transform at S seconds of the team's clock, then end",
+    )
+    add_timeout(echo, "the transform")
+    tree = add("tree", show_tree, "print or draw the tree: authority, rate and age of every frame")
     tree.add_argument("-o", "--output", metavar="FILE.svg|png|pdf|dot", help="draw it; frames older than 1 s are red")
+    monitor = add("monitor", show_figures, "measure rate, delay and jitter of every frame, and list conflicts")
     monitor.add_argument(
         "--for",
         dest="seconds",
@@ -55,11 +75,19 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="S",
         help="measure for S host seconds (default: %(default)s)",
     )
+    positions = add("positions", show_positions, "print every robot's pose in map")
     often = positions.add_mutually_exclusive_group()
     often.add_argument("--once", action="store_true", help="print once (the default)")
     often.add_argument(
         "--rate", type=number(1e-3, MAX_RATE, "positions a second"), metavar="HZ", help="repeat until Ctrl+C"
     )
+    static = add(
+        "static",
+        _hold_static,
+        "hold a fixed transform until Ctrl+C",
+        "zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
+    )
+    static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
     for sub in (echo, tree, monitor, positions):
         sub.add_argument("--json", action="store_true", help="print JSON")
     for sub in (echo, positions):
@@ -69,47 +97,23 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_echo_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("target", metavar="A", help="target frame")
-    parser.add_argument("source", metavar="B", help="source frame")
-    parser.add_argument("--once", action="store_true", help="end after one transform")
-    parser.add_argument(
-        "--rate",
-        type=number(1e-3, MAX_RATE, "transforms a second"),
-        default=1.0,
-        metavar="HZ",
-        help="print at this rate (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--at",
-        type=number(0.0, _MAX_STAMP, "seconds"),
-        metavar="S",
-        help="print the transform at S seconds of the team's clock, then end",
-    )
-    add_timeout(parser, "the transform")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    verbs = {
-        "echo": _echo,
-        "tree": show_tree,
-        "monitor": show_figures,
-        "positions": show_positions,
-        "static": hold_static,
-    }
-    return run("zteam tf", args, lambda: verbs[args.verb](args))
+    return run("zteam tf", args, lambda: args.show(args))
 
 
 def _echo(args: argparse.Namespace) -> int:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    (limit, quiet), bus = limit_of(args), open_bus(bus_options(args))
-    try:
+    limit, quiet = limit_of(args)
+
+    def show(transform: TransformStamped) -> None:
+        print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
+
+    with closing(open_bus(bus_options(args))) as bus:
         if args.at is not None:
             # Ask the aggregator for the past: this process has received nothing of it.
-            at = _ask_past(bus, target, source, args)
-            print(to_json(at).decode() if args.json else format_transform(at))
+            show(_ask_past(bus, target, source, args))
             return 0
         listener = TreeListener(bus)
 
@@ -120,7 +124,7 @@ def _echo(args: argparse.Namespace) -> int:
             # Of a publisher that has ended, the aggregator still knows the last transform.
             last = find_last(bus, target, source)
             if isinstance(last, TransformStamped):
-                print(to_json(last).decode() if args.json else format_transform(last), flush=True)
+                show(last)
                 if args.once:
                     return 0
                 last = "nothing newer has come"
@@ -130,13 +134,10 @@ def _echo(args: argparse.Namespace) -> int:
                 raise ZteamError(f"no transform within {limit:g} s: {last}")
         wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
-            transform = listener.buffer.lookup_transform(target, source, 0)
-            print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
+            show(listener.buffer.lookup_transform(target, source, 0))
             if wait is None:
                 return 0
             wait()
-    finally:
-        bus.close()
 
 
 def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> TransformStamped:
@@ -146,6 +147,100 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
         if ask_frames(bus) is None:
             raise ZteamError(NO_AGGREGATOR) from None
         raise
+
+
+def _hold_static(args: argparse.Namespace) -> int:
+    """Hold a fixed transform for as long as the command runs.
+
+    The request goes to every aggregator that appears: one that was restarted has lost earlier requests.
+    """
+    request = checked(args, lambda: parse_static(args.words, ""))
+    waiter, aggregators, asked = Waiter(), set[str](), set[str]()
+
+    def on_token(key: str, alive: bool) -> None:
+        (aggregators.add if alive else aggregators.discard)(key)
+        if not alive:
+            asked.discard(key)
+        waiter.notify()
+
+    with closing(open_bus(bus_options(args))) as bus:
+        request.caller = bus.instance
+        bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
+        bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)
+        try:
+            while True:
+                missing = "" if asked else "an aggregator: start one with 'zteam-tf'"
+                waiter.wait(lambda: bool(aggregators - asked), None, missing)
+                fresh = aggregators - asked
+                reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
+                if reply.refused:
+                    raise ZteamError(f"refused: {_explain(bus, request, reply.refused)}")
+                asked.update(fresh)
+                print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
+                _warn_of_an_unknown_parent(bus, request)
+        except KeyboardInterrupt:
+            return 0
+
+
+def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
+    """The request of X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD. Raises UsageError.
+
+    A publish period at the end, as in ROS 1, is accepted and ignored.
+    """
+    values = list(words)
+    if len(values) in {9, 10} and _is_coordinate(values[-1]) and not _is_coordinate(values[-2]):
+        values.pop()
+    if len(values) not in {8, 9} or not all(map(_is_coordinate, values[:-2])):
+        raise UsageError(
+            "give X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
+        )
+    x, y, z, *angles = map(float, values[:-2])
+    if len(angles) == 3:
+        yaw, pitch, roll = angles
+        for name, angle in zip(("YAW", "PITCH", "ROLL"), angles, strict=True):
+            if problem := turn_problem(angle):
+                raise UsageError(f"{name} {problem}")
+        angles = list(quaternion_from_rpy(roll, pitch, yaw))
+    elif abs(math.hypot(*angles) - 1.0) > 0.01:
+        raise UsageError(f"QX QY QZ QW has the length {math.hypot(*angles):.3g}; a rotation has the length 1")
+    parent, child = map(names.strip_slash, values[-2:])
+    if parent == child:
+        raise UsageError(f"PARENT and CHILD are both {child!r}: name two frames")
+    return StaticRequest(parent, child, caller, x, y, z, *angles)
+
+
+def _is_coordinate(text: str) -> bool:
+    return is_number(text, MAX_COORDINATE)
+
+
+def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
+    """Warn if no process publishes the parent: the new frame then is in a tree of its own."""
+    edges = {(frame.parent, child) for child, frame in (ask_frames(bus) or {}).items()}
+    known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
+    if known and request.parent not in known:
+        text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
+        print(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr, flush=True)
+
+
+def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
+    """Which process has the frame already, and what to do; else what the aggregator says."""
+    caller = f"{names.STATIC_CALLER} "
+    frame = (ask_frames(bus) or {}).get(request.child)
+    if frame is None or frame.authority == caller + request.caller:
+        return refused
+    edge, robot_id = f"{frame.parent} -> {request.child}", names.robot_id_of(request.child.partition("/")[0])
+    if frame.authority == TEAM_FILE:
+        return f"the team file of zteam-tf has {edge} already: change it there"
+    if robot_id is None or frame.authority.startswith(caller):
+        holder = frame.authority.replace(caller, "another 'zteam tf static', session ", 1)
+        return f"{holder} has {edge} already: end that one, or name another child frame"
+    key = names.robot_key(robot_id, names.TF_STATIC if frame.static else names.TF)
+    publishers = frame.authority if frame.static else ", ".join(find_key_users(bus).publishers(key)) or frame.authority
+    if names.is_robot_frame(request.child, names.ODOM):
+        way_out = "to set a start pose, put it into [[static_transforms]] of the team file that zteam-tf reads"
+    else:
+        way_out = "nothing is left to do for this frame; for a frame of your own name another child"
+    return f"{publishers} publishes {edge} already, on {key}: {way_out}"
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping
+from contextlib import closing, suppress
 from pathlib import Path
 
 import msgspec
@@ -17,9 +18,8 @@ from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time
 from zteam.numbers import counted, format_rate
 from zteam.services.transforms import TransformClient
 from zteam.tf import Buffer, FrameInfo, TransformException
-from zteam.tf.drawing import PICTURES, draw_tree
-from zteam.tf.statistics import FrameFigures, Watch
-from zteam.tf.text import format_tree
+from zteam.tf.drawing import PICTURES, draw_tree, format_tree
+from zteam.tf.statistics import Watch
 
 _ENDED = 1_000_000_000
 """Nanoseconds behind the newest frame after which a frame has no publisher any more."""
@@ -27,11 +27,10 @@ _SEE_TREE = " (see 'zteam tf tree')"
 
 
 class TreeListener:
-    """Fills a buffer, and a watch if there is one, from the aggregator's tree."""
+    """Fills a buffer from the aggregator's tree."""
 
-    def __init__(self, bus: Bus, watch: Watch | None = None) -> None:
+    def __init__(self, bus: Bus) -> None:
         self.buffer = Buffer()
-        self._watch = watch
         self.waiter = Waiter()
         self.now = 0
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
@@ -43,8 +42,6 @@ class TreeListener:
         self.buffer.take_time(self.now)
 
     def _on_tf(self, _key: str, message: TFMessage) -> None:
-        if self._watch is not None:
-            self._watch.take(message.transforms, self.now)
         self.buffer.set_transforms(message.transforms, names.TF)
         self.waiter.notify()
 
@@ -108,15 +105,12 @@ def show_tree(args: argparse.Namespace) -> int:
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
         # Without an aggregator, use what was received.
         asked = ask_frames(bus)
         frames = asked or listener.buffer.frames()
-    finally:
-        bus.close()
     if path is not None:
         if not frames:
             raise ZteamError(_nothing(asked is not None, "no frames to draw"))
@@ -133,38 +127,32 @@ def show_tree(args: argparse.Namespace) -> int:
 
 def show_figures(args: argparse.Namespace) -> int:
     """Print rates, delays and jitter of every moving frame, and conflicts."""
-    bus = open_bus(bus_options(args))
-    try:
-        watch = Watch()
-        TreeListener(bus, watch).waiter.wait(lambda: False, args.seconds, "")
-        asked = ask_frames(bus)
-        frames = asked or {}
-        try:
+    watch = Watch()
+    with closing(open_bus(bus_options(args))) as bus:
+        listener = TreeListener(bus)
+        bus.subscribe(names.TF, TFMessage, lambda _, message: watch.take(message.transforms, listener.now))
+        listener.waiter.wait(lambda: False, args.seconds, "")
+        frames, conflicts = ask_frames(bus), list[str]()
+        with suppress(BusError):
             conflicts = bus.ask(names.service_key(names.AGGREGATOR, "conflicts"), list[str])
-        except BusError:
-            conflicts = []
-    finally:
-        bus.close()
-    figures = watch.figures()
+    authorities = {child: info.authority for child, info in (frames or {}).items()}
+    rows = [(figures, authorities.get(figures.child, "unknown")) for figures in watch.figures()]
     if args.json:
-        rows = [{**msgspec.to_builtins(f), "authority": _authority(frames, f.child)} for f in figures]
-        print(msgspec.json.encode({"frames": rows, "conflicts": conflicts}).decode())
+        found = [{**msgspec.to_builtins(figures), "authority": authority} for figures, authority in rows]
+        print(msgspec.json.encode({"frames": found, "conflicts": conflicts}).decode())
         return 0
     header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
-    cells = [(f.child, _authority(frames, f.child), *_figures_text(f)) for f in figures]
-    print(format_table(header, cells, numbers_from=2) if cells else _nothing(asked is not None, "no moving frame"))
+    cells = [
+        (f.child, authority, _hz(f.rate), _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)) for f, authority in rows
+    ]
+    print(format_table(header, cells, numbers_from=2) if cells else _nothing(frames is not None, "no moving frame"))
     for conflict in conflicts:
         print(f"conflict: {conflict}")
     return 0
 
 
-def _figures_text(figures: FrameFigures) -> tuple[str, ...]:
-    rate = "-" if figures.rate is None else format_rate(figures.rate)
-    return rate, _ms(figures.jitter), _ms(figures.mean_delay), _ms(figures.max_delay)
-
-
-def _authority(frames: Mapping[str, FrameInfo], child: str) -> str:
-    return frames[child].authority if child in frames else "unknown"
+def _hz(rate: float | None) -> str:
+    return "-" if rate is None else format_rate(rate)
 
 
 def _ms(seconds: float | None) -> str:
@@ -188,42 +176,38 @@ class _Position(msgspec.Struct):
 
 def show_positions(args: argparse.Namespace) -> int:
     """Print every robot's pose in `map`, once or at a rate."""
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
-            rows = _find_positions(listener.buffer)
+            found = _find_positions(listener.buffer)
             if args.json:
-                print(msgspec.json.encode(rows).decode(), flush=True)
+                print(msgspec.json.encode([position for position, _ in found]).decode(), flush=True)
+            elif found:
+                print("\n".join(line for _, line in found), flush=True)
             else:
-                none = "" if rows else _nothing(ask_frames(bus) is not None, "no robots")
-                print("\n".join(map(_position_line, rows)) or none, flush=True)
+                print(_nothing(ask_frames(bus) is not None, "no robots"), flush=True)
             if wait is None:
                 return 0
             wait()
-    finally:
-        bus.close()
 
 
-def _find_positions(buffer: Buffer) -> list[_Position]:
-    """The pose of every robot that has a base; a robot without a path to `map` gets a reason instead of a pose."""
+def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
+    """The pose of every robot that has a base, and its line; one without a path to `map` has a reason instead."""
     found = []
     for child in buffer.frames():
         if names.is_robot_frame(child, names.BASE_FOOTPRINT):
             robot = child.partition("/")[0]
             try:
                 pose, stamp = buffer.lookup_pose2(names.MAP_FRAME, child, 0)
-                found.append(_Position(robot, pose.x, pose.y, pose.yaw, stamp / 1e9))
             except TransformException as error:
-                found.append(_Position(robot, why=str(error).strip()))
-    return sorted(found, key=lambda row: names.robot_id_of(row.robot) or 0)
-
-
-def _position_line(row: _Position) -> str:
-    if row.x is None or row.y is None or row.yaw is None or row.stamp is None:
-        return f"{row.robot:10} unknown: {row.why}"
-    # Adding 0.0 turns a rounded -0.000 into 0.000.
-    x, y, yaw = (round(value, 3) + 0.0 for value in (row.x, row.y, row.yaw))
-    return f"{row.robot:10} x {x:8.3f}  y {y:8.3f}  yaw {yaw:7.3f}  at {row.stamp:.1f} s"
+                position = _Position(robot, why=str(error).strip())
+                line = f"{robot:10} unknown: {position.why}"
+            else:
+                position = _Position(robot, *pose, stamp / 1e9)
+                # Adding 0.0 turns a rounded -0.000 into 0.000.
+                x, y, yaw = (round(value, 3) + 0.0 for value in pose)
+                line = f"{robot:10} x {x:8.3f}  y {y:8.3f}  yaw {yaw:7.3f}  at {stamp / 1e9:.1f} s"
+            found.append((position, line))
+    return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)

@@ -1,11 +1,17 @@
-"""Drawings of the tree like those of view_frames: SVG, PNG, PDF, or a Graphviz file."""
+"""Transforms and trees for users: tf_echo's block, the tree as text, and drawings of it like those of view_frames.
 
+A drawing is an SVG, PNG, PDF, or a Graphviz file. Everywhere `now` is the team's time in ns; 0 = unknown.
+"""
+
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
 from zteam.errors import UsageError
+from zteam.geometry import rpy_from_quaternion
+from zteam.messages import TransformStamped, ns_from_time
 from zteam.tf.tree import FrameInfo
 
 if TYPE_CHECKING:
@@ -17,7 +23,7 @@ STALE = 1.0
 """Seconds without a sample after which a moving edge is drawn as broken."""
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 190, 30, 16, 62, 14
-_INK, _BROKEN, _FILL = "#445566", "#cc0000", "#eef3fb"
+_INK, _BROKEN, _FILL, _BLACK = "#445566", "#cc0000", "#eef3fb", "#000000"
 _OVERSAMPLING = 2
 """Pixels of a PNG or PDF for each of the drawing, so that it can be enlarged."""
 _MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
@@ -26,17 +32,14 @@ _MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
 Place = tuple[float, float]
 
 
-class _Edge(NamedTuple):
-    """The line from a parent to a child, and the text beside it."""
+class _Text(NamedTuple):
+    """A text in a drawing; its place is the left end of its base line, or the middle of it."""
 
-    points: list[Place]
-    text: list[str]
-    is_broken: bool
-
-    @property
-    def text_place(self) -> Place:
-        """Where the first line of text begins: beside the line, above the child."""
-        return self.points[-1][0] + 5, self.points[1][1] + 14
+    place: Place
+    text: str
+    size: int
+    color: str
+    in_the_middle: bool = False
 
 
 class _Drawing(NamedTuple):
@@ -44,12 +47,73 @@ class _Drawing(NamedTuple):
 
     width: float
     height: float
-    boxes: list[tuple[str, Place]]
-    edges: list[_Edge]
+    boxes: list[Place]
+    lines: list[tuple[list[Place], str]]
+    """From parents to children, with their colour; broken ones are dashed."""
+    texts: list[_Text]
+
+
+def format_transform(transform: TransformStamped) -> str:
+    """tf_echo's block: time, translation, quaternion, roll, pitch and yaw in radians and degrees."""
+    t, r = transform.transform.translation, transform.transform.rotation
+    rpy = rpy_from_quaternion(r.x, r.y, r.z, r.w)
+    indent = " " * 12
+    return "\n".join(
+        [
+            f"At time {ns_from_time(transform.header.stamp) / 1e9:.3f}",
+            f"- Translation: {_row(t.x, t.y, t.z)}",
+            f"- Rotation: in Quaternion {_row(r.x, r.y, r.z, r.w)}",
+            f"{indent}in RPY (radian) {_row(*rpy)}",
+            f"{indent}in RPY (degree) {_row(*map(math.degrees, rpy))}",
+        ]
+    )
+
+
+def _row(*values: float) -> str:
+    # Adding 0.0 turns a rounded -0.000 into 0.000.
+    return "[" + ", ".join(f"{round(v, 3) + 0.0:.3f}" for v in values) + "]"
+
+
+def format_tree(frames: Mapping[str, FrameInfo], now: int) -> str:
+    """The tree with one frame on each line, with its rate, age and authority; several roots follow one another."""
+    roots, children = _branches(frames)
+    lines: list[str] = []
+    # A stack of (frame, indent of its own line, indent of its children's lines); the next frame is on top.
+    todo = [(root, "", "") for root in reversed(roots)]
+    while todo:
+        frame, own, lead = todo.pop()
+        info = frames.get(frame)
+        lines.append(own + frame + (f"  ({_figures(info, now)}, by {info.authority})" if info is not None else ""))
+        below = children.get(frame, [])
+        for child in reversed(below):
+            last = child == below[-1]
+            todo.append((child, lead + ("└── " if last else "├── "), lead + ("    " if last else "│   ")))
+    return "\n".join(lines)
+
+
+def _branches(frames: Mapping[str, FrameInfo]) -> tuple[list[str], dict[str, list[str]]]:
+    """The roots, and the children of each frame; all sorted by name."""
+    children: dict[str, list[str]] = {}
+    for child, info in sorted(frames.items()):
+        children.setdefault(info.parent, []).append(child)
+    return sorted(set(children) - set(frames)), children
+
+
+def _figures(info: FrameInfo, now: int) -> str:
+    """The rate of a frame, and the age of its newest sample."""
+    if info.static:
+        return "static"
+    age = f"{max(0, now - info.newest) / 1e9:.2f} s old" if now else "age unknown"
+    return f"{info.rate:.1f} Hz, {age}"
+
+
+def _is_broken(info: FrameInfo, now: int) -> bool:
+    """Whether a moving edge has had no sample for longer than STALE."""
+    return not info.static and now > 0 and now - info.newest > STALE * 1e9
 
 
 def draw_tree(frames: Mapping[str, FrameInfo], now: int, path: Path) -> None:
-    """Draw the tree at time `now` (ns; 0 = unknown) into a file of one of PICTURES. Raises UsageError."""
+    """Draw the tree into a file of one of PICTURES. Raises UsageError."""
     kind = path.suffix.lower()
     try:
         if kind == ".dot":
@@ -62,25 +126,12 @@ def draw_tree(frames: Mapping[str, FrameInfo], now: int, path: Path) -> None:
         raise UsageError(f"{path}: cannot write the tree: {error.strerror or error}") from None
 
 
-def is_broken(info: FrameInfo, now: int) -> bool:
-    """Whether a moving edge has had no sample for longer than STALE at time `now` (ns; 0 = unknown)."""
-    return not info.static and now > 0 and now - info.newest > STALE * 1e9
-
-
-def describe_edge(info: FrameInfo, now: int) -> list[str]:
-    """The text beside an edge: its authority, rate and age."""
-    if info.static:
-        return [info.authority, "static"]
-    age = f"{max(0, now - info.newest) / 1e9:.2f} s old" if now else "age unknown"
-    return [info.authority, f"{info.rate:.1f} Hz, {age}"]
-
-
 def tree_as_dot(frames: Mapping[str, FrameInfo], now: int) -> str:
     """The tree as a Graphviz file, which `dot -Tpdf frames.dot -o frames.pdf` turns into a PDF."""
     lines = ["digraph frames {", "  node [shape=box, fontname=sans]; edge [fontname=sans, fontsize=10];"]
     for child, info in sorted(frames.items()):
-        color = ', color=red, fontcolor=red, style="dashed"' if is_broken(info, now) else ""
-        label = "\\n".join(map(_quoted, describe_edge(info, now)))
+        color = ', color=red, fontcolor=red, style="dashed"' if _is_broken(info, now) else ""
+        label = f"{_quoted(info.authority)}\\n{_figures(info, now)}"
         lines.append(f'  "{_quoted(info.parent)}" -> "{_quoted(child)}" [label="{label}"{color}];')
     return "\n".join([*lines, "}", ""])
 
@@ -91,50 +142,41 @@ def _quoted(text: str) -> str:
 
 def _compose(frames: Mapping[str, FrameInfo], now: int) -> _Drawing:
     """Boxes for frames with edges between them: parents are above their children."""
-    places = {frame: (x + _MARGIN, y + _MARGIN) for frame, (x, y) in _lay_out(frames).items()}
-    width = max((x for x, _ in places.values()), default=0) + _BOX_WIDTH + _MARGIN
-    height = max((y for _, y in places.values()), default=0) + _BOX_HEIGHT + _MARGIN
-    edges = []
+    places = _lay_out(frames)
+    width = max((x for x, _ in places.values()), default=_MARGIN) + _BOX_WIDTH + _MARGIN
+    height = max((y for _, y in places.values()), default=_MARGIN) + _BOX_HEIGHT + _MARGIN
+    drawing = _Drawing(width, height, [place for _, place in sorted(places.items())], [], [])
     for child, info in sorted(frames.items()):
         (x0, y0), (x1, y1) = places[info.parent], places[child]
         x0, y0, x1 = x0 + _BOX_WIDTH / 2, y0 + _BOX_HEIGHT, x1 + _BOX_WIDTH / 2
         bend = y0 + 14
-        points = [(x0, y0), (x0, bend), (x1, bend), (x1, y1)]
-        edges.append(_Edge(points, describe_edge(info, now), is_broken(info, now)))
-    return _Drawing(width, height, sorted(places.items()), edges)
+        color = _BROKEN if _is_broken(info, now) else _INK
+        drawing.lines.append(([(x0, y0), (x0, bend), (x1, bend), (x1, y1)], color))
+        for row, text in enumerate((info.authority, _figures(info, now))):
+            drawing.texts.append(_Text((x1 + 5, bend + 14 + 13 * row), text, 10, color))
+    for frame, (x, y) in sorted(places.items()):
+        drawing.texts.append(_Text((x + _BOX_WIDTH / 2, y + 20), frame, 13, _BLACK, in_the_middle=True))
+    return drawing
 
 
 def tree_as_svg(frames: Mapping[str, FrameInfo], now: int) -> str:
     """The tree as SVG: parents are above their children, broken edges are red and dashed."""
     drawing = _compose(frames, now)
-    size = f'width="{drawing.width:.0f}" height="{drawing.height:.0f}"'
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">',
+    extent = f'width="{drawing.width:.0f}" height="{drawing.height:.0f}"'
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" {extent} font-family="sans-serif">',
         '<rect width="100%" height="100%" fill="white"/>',
     ]
-    for edge in drawing.edges:
-        lines += _svg_edge(edge)
-    for frame, (x, y) in drawing.boxes:
-        lines.append(
-            f'<rect x="{x:.0f}" y="{y:.0f}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
-            f'fill="{_FILL}" stroke="{_INK}"/>'
-        )
-        lines.append(
-            f'<text x="{x + _BOX_WIDTH / 2:.0f}" y="{y + 20:.0f}" font-size="13" '
-            f'text-anchor="middle">{escape(frame)}</text>'
-        )
-    return "\n".join([*lines, "</svg>", ""])
-
-
-def _svg_edge(edge: _Edge) -> list[str]:
-    color, dash = (_BROKEN, ' stroke-dasharray="5 4"') if edge.is_broken else (_INK, "")
-    path = "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in edge.points)
-    lines = [f'<path d="{path}" fill="none" stroke="{color}"{dash}/>']
-    x, y = edge.text_place
-    for row, text in enumerate(edge.text):
-        at = f'x="{x:.0f}" y="{y + 13 * row:.0f}"'
-        lines.append(f'<text {at} font-size="10" fill="{color}">{escape(text)}</text>')
-    return lines
+    for points, color in drawing.lines:
+        path = "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in points)
+        dash = ' stroke-dasharray="5 4"' if color == _BROKEN else ""
+        parts.append(f'<path d="{path}" fill="none" stroke="{color}"{dash}/>')
+    box = f'width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" fill="{_FILL}" stroke="{_INK}"'
+    parts += [f'<rect x="{x:.0f}" y="{y:.0f}" {box}/>' for x, y in drawing.boxes]
+    for (x, y), text, size, color, in_the_middle in drawing.texts:
+        look = f'font-size="{size}" fill="{color}" text-anchor="{"middle" if in_the_middle else "start"}"'
+        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {look}>{escape(text)}</text>')
+    return "\n".join([*parts, "</svg>", ""])
 
 
 def _as_image(drawing: _Drawing) -> "Image":
@@ -147,30 +189,25 @@ def _as_image(drawing: _Drawing) -> "Image":
         raise UsageError(f"the tree has {len(drawing.boxes)} frames, too many for pixels: name a .svg or .dot file")
     image = Image.new("RGB", (width, height), "white")
     pen = ImageDraw.Draw(image)
-    small, large = (ImageFont.load_default(size * scale) for size in (10, 13))
-    for edge in drawing.edges:
-        color = _BROKEN if edge.is_broken else _INK
-        pen.line([(x * scale, y * scale) for x, y in edge.points], fill=color, width=scale)
-        x, y = edge.text_place
-        for row, text in enumerate(edge.text):
-            pen.text((x * scale, (y + 13 * row) * scale), text, fill=color, font=small, anchor="ls")
-    for frame, (x, y) in drawing.boxes:
+    fonts = {size: ImageFont.load_default(size * scale) for size in {text.size for text in drawing.texts}}
+    for points, color in drawing.lines:
+        pen.line([(x * scale, y * scale) for x, y in points], fill=color, width=scale)
+    for x, y in drawing.boxes:
         corners = (x * scale, y * scale, (x + _BOX_WIDTH) * scale, (y + _BOX_HEIGHT) * scale)
         pen.rounded_rectangle(corners, 6 * scale, fill=_FILL, outline=_INK, width=scale)
-        middle = ((x + _BOX_WIDTH / 2) * scale, (y + _BOX_HEIGHT / 2) * scale)
-        pen.text(middle, frame, fill="black", font=large, anchor="mm")
+    for (x, y), text, size, color, in_the_middle in drawing.texts:
+        anchor = "ms" if in_the_middle else "ls"
+        pen.text((x * scale, y * scale), text, fill=color, font=fonts[size], anchor=anchor)
     return image
 
 
-def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, tuple[float, float]]:
+def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Place]:
     """Upper left corners of the boxes: leaves side by side, parents over the middle of their children."""
-    children: dict[str, list[str]] = {}
-    for child, info in sorted(frames.items()):
-        children.setdefault(info.parent, []).append(child)
-    places: dict[str, tuple[float, float]] = {}
-    next_x = 0.0
+    roots, children = _branches(frames)
+    places: dict[str, Place] = {}
+    next_x = float(_MARGIN)
     # Depth first without recursion: a chain of frames may be deeper than Python's stack.
-    todo = [(root, 0, False) for root in sorted(set(children) - set(frames), reverse=True)]
+    todo = [(root, 0, False) for root in reversed(roots)]
     while todo:
         frame, depth, seen = todo.pop()
         below = children.get(frame, [])
@@ -182,5 +219,5 @@ def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, tuple[float, float]]:
             x = (places[below[0]][0] + places[below[-1]][0]) / 2
         else:
             x, next_x = next_x, next_x + _BOX_WIDTH + _GAP_X
-        places[frame] = (x, depth * (_BOX_HEIGHT + _GAP_Y))
+        places[frame] = (x, _MARGIN + depth * (_BOX_HEIGHT + _GAP_Y))
     return places

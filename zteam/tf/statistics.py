@@ -1,11 +1,10 @@
 """Figures of a stream of transforms: the rate, delay and jitter of each frame."""
 
-import itertools
-import math
 from collections import defaultdict, deque
 from collections.abc import Iterable
 
 import msgspec
+import numpy as np
 
 from zteam.messages import TransformStamped, ns_from_time
 
@@ -29,13 +28,12 @@ class FrameFigures(msgspec.Struct):
 
 
 class _Stream:
-    """The sums and newest stamps of one child frame; their memory is bounded."""
+    """The sums and newest stamps (ns) of one child frame; their memory is bounded."""
 
     def __init__(self) -> None:
         self.parent = ""
-        self.count = 0
+        self.count = self.oldest = self.newest = 0
         self.recent = deque[int](maxlen=WINDOW)
-        self.oldest = self.newest = 0
         self.delays = 0
         self.total_delay = self.max_delay = 0.0
 
@@ -53,16 +51,15 @@ class _Stream:
 
     def figures(self, child: str) -> FrameFigures:
         span = (self.newest - self.oldest) / 1e9
-        gaps = [(b - a) / 1e9 for a, b in itertools.pairwise(sorted(self.recent))]
-        mean = sum(gaps) / len(gaps) if gaps else 0.0
+        gaps = np.diff(np.sort(self.recent)) / 1e9
         return FrameFigures(
             self.parent,
             child,
             self.count,
-            (self.count - 1) / span if span > 0.0 else None,
-            math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps)) if gaps else None,
-            self.total_delay / self.delays if self.delays else None,
-            self.max_delay if self.delays else None,
+            rate=(self.count - 1) / span if span > 0.0 else None,
+            jitter=float(gaps.std()) if gaps.size else None,
+            mean_delay=self.total_delay / self.delays if self.delays else None,
+            max_delay=self.max_delay if self.delays else None,
         )
 
 

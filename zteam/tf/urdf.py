@@ -5,7 +5,8 @@ Fixed joints become static transforms. Revolute, continuous and prismatic joints
 """
 
 import math
-from collections.abc import Mapping
+from contextlib import suppress
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -16,17 +17,8 @@ from zteam.messages import Header, JointState, Quaternion, Time, Transform, Tran
 from zteam.tf.rigid import Floats, compose
 
 MAX_BYTES = 8 * 2**20
-_TURNING, _SLIDING, _FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 _SKIPPED = ("floating", "planar")
 """Joints with more than one coordinate: another node has to publish the transforms of their children, as in ROS."""
-
-
-class Mimic(NamedTuple):
-    """The rule of a joint that follows another: position = multiplier * position of `joint` + offset."""
-
-    joint: str
-    multiplier: float
-    offset: float
 
 
 class Joint(NamedTuple):
@@ -34,48 +26,44 @@ class Joint(NamedTuple):
 
     name: str
     kind: str
+    """fixed, revolute, continuous or prismatic."""
     parent: str
     child: str
     parent_from_joint: Floats
     axis: tuple[float, float, float]
     """A unit vector in the joint's frame."""
-    mimic: Mimic | None
+    mimic: tuple[str, float, float] | None
+    """(joint, multiplier, offset) of a joint that follows another: position = multiplier * that one's + offset."""
 
 
 class Description(NamedTuple):
     """A robot's joints."""
 
-    name: str
     joints: tuple[Joint, ...]
 
     def static_transforms(self) -> list[TransformStamped]:
         """The transforms of the fixed joints."""
-        return [_stamped(joint, Time(), joint.parent_from_joint) for joint in self.joints if joint.kind in _FIXED]
+        return [_stamped(joint, Time(), joint.parent_from_joint) for joint in self.joints if joint.kind == "fixed"]
 
     def moving_transforms(self, state: JointState) -> list[TransformStamped]:
         """The transforms of the moving joints whose position is in the message; other names in it are ignored."""
         known = dict(zip(state.name, state.position.tolist(), strict=False))
         found = []
         for joint in self.joints:
-            if joint.kind in _TURNING + _SLIDING:
-                position = _position_of(joint, known)
-                if position is not None:
-                    moved = compose(joint.parent_from_joint, _moved(joint, position))
-                    found.append(_stamped(joint, state.header.stamp, moved))
+            position = known.get(joint.name, math.nan)
+            if joint.mimic is not None and joint.mimic[0] in known:
+                leader, multiplier, offset = joint.mimic
+                position = multiplier * known[leader] + offset
+            if joint.kind != "fixed" and math.isfinite(position):
+                moved = compose(joint.parent_from_joint, _moved(joint, position))
+                found.append(_stamped(joint, state.header.stamp, moved))
         return found
 
 
-def _position_of(joint: Joint, known: Mapping[str, float]) -> float | None:
-    """The joint's position in radians or metres; None if it is not known or not finite."""
-    position = known.get(joint.name)
-    if joint.mimic is not None and joint.mimic.joint in known:
-        position = joint.mimic.multiplier * known[joint.mimic.joint] + joint.mimic.offset
-    return position if position is not None and math.isfinite(position) else None
-
-
 def _moved(joint: Joint, position: float) -> Floats:
+    """The transform of a joint at a position in radians or metres."""
     x, y, z = joint.axis
-    if joint.kind in _SLIDING:
+    if joint.kind == "prismatic":
         return (x * position, y * position, z * position, 0.0, 0.0, 0.0, 1.0)
     sine = math.sin(0.5 * position)
     return (0.0, 0.0, 0.0, x * sine, y * sine, z * sine, math.cos(0.5 * position))
@@ -109,7 +97,7 @@ def read_description(path: Path) -> Description:
         raise ConfigError(f"{path}: this is a xacro file: make a URDF of it first (xacro FILE > robot.urdf)")
     joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
     _check_tree(path, joints)
-    return Description(root.get("name", path.stem), joints)
+    return Description(joints)
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
@@ -118,28 +106,26 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     kind = element.get("type", "")
     if kind in _SKIPPED:
         return None
-    if not name or kind not in _TURNING + _SLIDING + _FIXED:
+    if not name or kind not in ("fixed", "revolute", "continuous", "prismatic"):
         raise ConfigError(
             f"{place}: needs a name, and a type of fixed, revolute, continuous, prismatic (not {kind!r:.40})"
         )
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if not parent or not child:
         raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
-    x, y, z = _numbers(place, element, "origin", "xyz", (0.0, 0.0, 0.0))
-    rpy = _numbers(place, element, "origin", "rpy", (0.0, 0.0, 0.0))
-    axis = _numbers(place, element, "axis", "xyz", (1.0, 0.0, 0.0))
-    length = math.sqrt(sum(a * a for a in axis))
+    x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
+    roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
+    ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")
+    length = math.hypot(*axis)
     if length < 1e-9:
         raise ConfigError(f"{place}: its axis has no direction")
-    return Joint(
-        name,
-        kind,
-        parent,
-        child,
-        (x, y, z, *quaternion_from_rpy(*rpy)),
-        (axis[0] / length, axis[1] / length, axis[2] / length),
-        _read_mimic(place, element),
-    )
+    mimic = None
+    if element.find("mimic") is not None:
+        (multiplier,) = _numbers(place, element, "mimic", "multiplier", "1")
+        (offset,) = _numbers(place, element, "mimic", "offset", "0")
+        mimic = (_attribute(element, "mimic", "joint"), multiplier, offset)
+    parent_from_joint = (x, y, z, *quaternion_from_rpy(roll, pitch, yaw))
+    return Joint(name, kind, parent, child, parent_from_joint, (ahead / length, left / length, up / length), mimic)
 
 
 def _attribute(element: ElementTree.Element, tag: str, name: str) -> str:
@@ -147,45 +133,25 @@ def _attribute(element: ElementTree.Element, tag: str, name: str) -> str:
     return found.get(name, "") if found is not None else ""
 
 
-def _read_mimic(place: str, element: ElementTree.Element) -> Mimic | None:
-    found = element.find("mimic")
-    if found is None:
-        return None
-    (multiplier,) = _parse(place, "mimic multiplier", found.get("multiplier", "1"), 1)
-    (offset,) = _parse(place, "mimic offset", found.get("offset", "0"), 1)
-    return Mimic(found.get("joint", ""), multiplier, offset)
-
-
-def _numbers(
-    place: str, element: ElementTree.Element, tag: str, name: str, default: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    text = _attribute(element, tag, name)
-    if not text:
-        return default
-    a, b, c = _parse(place, f"{tag} {name}", text, 3)
-    return a, b, c
-
-
-def _parse(place: str, what: str, text: str, count: int) -> list[float]:
-    try:
+def _numbers(place: str, element: ElementTree.Element, tag: str, name: str, default: str) -> list[float]:
+    """The numbers of an attribute, as many as `default` has, which holds without it. Raises ConfigError."""
+    text, count = _attribute(element, tag, name) or default, len(default.split())
+    values: list[float] = []
+    with suppress(ValueError):
         values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise ConfigError(f"{place}: {what} must be {count} finite number{'s' * (count > 1)}, not {text!r:.60}")
+        raise ConfigError(f"{place}: {tag} {name} must be {count} finite number{'s' * (count > 1)}, not {text!r:.60}")
     return values
 
 
 def _check_tree(path: Path, joints: tuple[Joint, ...]) -> None:
     """Refuse a link that is the child of two joints, and joints that form a loop."""
-    parents: dict[str, str] = {}
+    parents: dict[str, list[str]] = {}
     for joint in joints:
         if joint.child in parents:
             raise ConfigError(f"{path}: link {joint.child!r:.60} hangs on two joints")
-        parents[joint.child] = joint.parent
-    for start in parents:
-        link, steps = start, 0
-        while link in parents:
-            link, steps = parents[link], steps + 1
-            if steps > len(parents):
-                raise ConfigError(f"{path}: the joints above link {start!r:.60} go round in a circle")
+        parents[joint.child] = [joint.parent]
+    try:
+        TopologicalSorter(parents).prepare()
+    except CycleError as error:
+        raise ConfigError(f"{path}: the joints above link {error.args[1][0]!r:.60} go round in a circle") from None

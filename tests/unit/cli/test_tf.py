@@ -14,7 +14,7 @@ from support.named_sessions import open_named
 from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli import listening, tf, tf_displays, tf_static
+from zteam.cli import listening, tf, tf_displays
 from zteam.messages import TFMessage
 from zteam.tf.statistics import FrameFigures, Watch
 
@@ -24,7 +24,7 @@ START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has
 @pytest.fixture(autouse=True)
 def opened(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tool is on the bus in memory, and surveys are short: what is there was published before."""
-    for module in (tf, tf_displays, tf_static):
+    for module in (tf, tf_displays):
         monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
     for module in (tf, tf_displays):
         monkeypatch.setattr(module, "SURVEY", 0.02)
@@ -165,8 +165,8 @@ def test_the_holder_of_a_frame_is_named(hub: MemoryHub, desk: Desk, capsys: pyte
     """A frame of another `zteam tf static` is refused, and the answer says that this command must end first."""
     holder = hub.bus()
     holder.declare_token(names.token_key(names.STATIC_CALLER, holder.instance))
-    request = tf_static.parse_static(["1", "0", "0", "0", "0", "0", "map", "camera"], holder.instance)
-    holder.ask(names.service_key(names.AGGREGATOR, "static"), tf_static.StaticReply, request)
+    request = tf.parse_static(["1", "0", "0", "0", "0", "0", "map", "camera"], holder.instance)
+    holder.ask(names.service_key(names.AGGREGATOR, "static"), tf.StaticReply, request)
     assert tf.main(["static", "2", "0", "0", "0", "0", "0", "map", "camera"]) == 1
     line = capsys.readouterr().err
     assert f"another 'zteam tf static', session {holder.instance} has map -> camera already: end that one" in line
@@ -194,9 +194,9 @@ def test_a_parent_without_a_publisher_is_named(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`odom` instead of `robot_0/odom` makes a tree of its own: a warning says so, and the frame holds all the same."""
-    wait = tf_static.Waiter.wait
+    wait = tf.Waiter.wait
 
-    def until_held(waiter: tf_static.Waiter, ready: Any, timeout: float | None, what: str) -> bool:
+    def until_held(waiter: tf.Waiter, ready: Any, timeout: float | None, what: str) -> bool:
         if "holds" not in printed:
             printed.append("holds")
             return wait(waiter, ready, timeout, what)
@@ -204,7 +204,7 @@ def test_a_parent_without_a_publisher_is_named(
 
     for parent, hint in (("odom", "'odom': did you mean robot_0/odom? (see"), ("robot_0/odom", "")):
         printed: list[str] = []
-        monkeypatch.setattr(tf_static.Waiter, "wait", until_held)
+        monkeypatch.setattr(tf.Waiter, "wait", until_held)
         assert tf.main(["static", "1", "0", "0", "0", "0", "0", parent, "camera"]) == 0
         shown = capsys.readouterr()
         assert shown.out == f"{parent} -> camera holds until Ctrl+C\n"

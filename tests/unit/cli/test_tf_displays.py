@@ -7,7 +7,6 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli.tf_displays import TreeListener
 from zteam.messages import TFMessage, time_from_ns
-from zteam.tf.statistics import Watch
 
 
 def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
@@ -29,14 +28,3 @@ def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
     finally:
         tracemalloc.stop()
     assert listener.buffer.frames()["robot_0/base_footprint"].newest == 2999 * S
-
-
-def test_a_listener_passes_transforms_to_its_watch(hub: MemoryHub) -> None:
-    """The watch counts and times the messages on `tf`."""
-    watch = Watch()
-    TreeListener(hub.bus(), watch)
-    publisher = hub.bus().publisher(names.TF, TFMessage)
-    for tick in range(1, 5):
-        publisher.put(TFMessage([stamped("map", "robot_0/base_footprint", tick * S // 10)]))
-    (figures,) = watch.figures()
-    assert (figures.child, figures.count, figures.rate) == ("robot_0/base_footprint", 4, 10.0)
