@@ -30,13 +30,13 @@ def look(leaders: dict[int, int], gone: set[int], on_lost: OnLeaderLost, turns: 
     """The places that the living robots find, each for itself."""
     robots = {*leaders, *leaders.values()}
     told = {robot: RobotStatus(robot_id=robot, leader=leaders.get(robot, -1), turns=turns, gap=0.8) for robot in robots}
-    view = msgspec.structs.replace(VIEW, inputs={"statuses": told})
-    return {
-        robot: Line().find_place(
-            msgspec.structs.replace(view, robot_id=robot), leaders.get(robot), frozenset(gone), on_lost
-        )
-        for robot in sorted(robots - gone)
-    }
+    found = {}
+    for robot in sorted(robots - gone):
+        line, leader = Line(), leaders.get(robot)
+        view = msgspec.structs.replace(VIEW, robot_id=robot, inputs={"statuses": told}, team=(*robots, *gone))
+        line.find_gone(view)
+        found[robot] = line.find_place(msgspec.structs.replace(view, team=tuple(robots - gone)), leader, on_lost)
+    return found
 
 
 @given(st.one_of(trees(), LINES), EVENTS, POLICIES, st.integers(0, 3))

@@ -2,22 +2,21 @@
 
 import logging
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.behaviors.behavior import Behavior, View
 from zteam.behaviors.evasion import Around
-from zteam.behaviors.head import Head, lead
-from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place, Presence, behavior_of, see_robot
+from zteam.behaviors.line import NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
+from zteam.behaviors.line_member import LineMember
 from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.straight import Avoid, Forward, Idle
-from zteam.behaviors.trail import Trail, head_comes_round
+from zteam.behaviors.trail import head_comes_round
 from zteam.behaviors.wander import Wander
 from zteam.geometry import Pose2
-from zteam.messages import Message, Twist
+from zteam.messages import Twist
 
 Law = Literal["trail", "direct"]
 Successor = Literal["same", "idle", "forward", "avoid", "wander"]
@@ -59,7 +58,7 @@ LEADER_ROOM = 0.3
 """Metres before the leader's base where its own body begins to be seen."""
 
 
-class Follow(Behavior):
+class Follow(LineMember):
     """Follow a robot along its trail, each the one before it (law trail), or straight (law direct).
 
     A head that gets on no more hands over to the last robot of the line, which then leads the other way.
@@ -68,11 +67,9 @@ class Follow(Behavior):
     Params = FollowParams
     params: FollowParams
     uses_tf = True
-    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
-        self._line, self._trail, self._head, self._presence = Line(), Trail(), Head(), Presence()
         self._around = Around()
         self._successor: Behavior | None = None
         """What it does in the place of a head that is gone."""
@@ -80,9 +77,6 @@ class Follow(Behavior):
         """Whether it has passed that head."""
         self._before = params.leader
         """The robot that it followed last."""
-        self._apart = 0.0
-        """Metres to the robot that it follows."""
-        self.on_params()
 
     def on_params(self) -> None:
         """Follow the robot that `params` names, by the law that they name."""
@@ -92,45 +86,34 @@ class Follow(Behavior):
 
     def step(self, view: View) -> Twist:
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
-        self.reason = ""
-        gone = self._presence.find_gone(view)
-        may_turn = self.turns != NO_TURNS
-        place = self._line.find_place(view, self.params.leader, gone, self.params.on_leader_lost, may_turn=may_turn)
-        if self.turns != NO_TURNS:
-            self.turns = self._line.turns
-        own = own_pose(view)
-        if place.reason or own is None:
-            self.reason = place.reason or NO_POSE
+        params = self.params
+        place = self._find_place(view, params.leader, params.on_leader_lost)
+        own = self._locate(view, place)
+        if own is None:
             return Twist()
-        self._trail.note(own)
-        self._tell(place)
+        if place.ahead != self.follows:
+            self.follows = place.ahead
+            log.info("%s now", "leads the line" if place.ahead is None else f"follows {names.robot_name(place.ahead)}")
+        limits = SpeedLimits(params.max_linear, params.max_angular)
         if place.ahead is None:
-            return self._lead(view, own, place)
-        self._head.rest()
+            return self._take_the_lead(view, own, place, limits)
         self._successor, self._is_past, self._before = None, False, place.ahead
         if place.may_reverse and not place.after and head_comes_round(view, place):
-            self._line.turns += 1
-            self.turns = self._line.turns
-        if self.params.law == "direct":
-            return self._drive_straight(view, place.ahead)
-        params = self.params
-        limits = SpeedLimits(params.max_linear, params.max_angular)
-        command, self.reason = self._trail.step(view, own, place, params.gap, params.stale_after, limits)
-        self._apart = self._trail.ahead.apart
-        return command
+            self._turn_line()
+        if params.law == "direct":
+            return self._drive_straight(view, place.ahead, limits)
+        return self._follow(view, own, place, params.gap, params.stale_after, limits)
 
-    def _lead(self, view: View, own: Pose2, place: Place) -> Twist:
+    def _take_the_lead(self, view: View, own: Pose2, place: Place, limits: SpeedLimits) -> Twist:
         """In the place of a head that is gone, or that has handed over."""
-        params = self.params
         if self._before in place.gone and not self._is_past:
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
-            limits = SpeedLimits(params.max_linear, params.max_angular)
             command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, place.gone)
             if command is not None:
                 return command
             self._is_past = True
         if place.head in place.gone:
-            then: str = params.takeover_behavior
+            then: str = self.params.takeover_behavior
             then = behavior_of(view, place.head) if then == "same" and place.head is not None else then
             if then != "wander" or not place.may_turn:
                 kind = SUCCESSORS.get(then, Avoid)
@@ -138,8 +121,7 @@ class Follow(Behavior):
                     self._successor = kind(kind.Params())
                 command, self.reason = self._successor.step(view), self._successor.reason
                 return command
-        speed = min(HEAD_SPEED, params.max_linear)
-        return lead(self, self._head, self._line, view, own, place, speed, HEAD_TURN_RATE)
+        return self._lead(view, own, place, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
         """It is near enough, or is told to."""
@@ -147,25 +129,17 @@ class Follow(Behavior):
             return "its parameter max_linear is 0"
         if self._successor is not None:
             return self._successor.why_it_rests()
-        if self.follows is None:
-            return "it looks for a way to lead the line"
-        return f"{WAITS}{names.robot_name(self.follows)} is {self._apart:.1f} m away"
+        return super().why_it_rests()
 
-    def _drive_straight(self, view: View, ahead: int) -> Twist:
+    def _drive_straight(self, view: View, ahead: int, limits: SpeedLimits) -> Twist:
         """The lectures' law, mended: to the robot ahead, past what stands between."""
         seen, self.reason = see_robot(view, ahead, view.base_frame, self.params.stale_after)
         if seen is None:
             return Twist()
-        self._apart = math.hypot(seen.pose.x, seen.pose.y)
-        if self._apart <= self.params.min_dist:
+        apart = self._trail.ahead.apart = math.hypot(seen.pose.x, seen.pose.y)
+        if apart <= self.params.min_dist:
             return Twist()
-        limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
-
-    def _tell(self, place: Place) -> None:
-        if place.ahead != self.follows:
-            self.follows = place.ahead
-            log.info("%s now", "leads the line" if place.ahead is None else f"follows {names.robot_name(place.ahead)}")
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""

@@ -1,17 +1,14 @@
 """How a robot leads a line: it drives about at random, looks before it turns, and hands over where it is stuck."""
 
-import logging
 import math
 
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import View
 from zteam.behaviors.evasion import Escape
-from zteam.behaviors.line import Line, Place, keep_together
+from zteam.behaviors.line import Place, keep_together
 from zteam.behaviors.scans import is_seen, look_along
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
-
-log = logging.getLogger("zteam")
 
 FREE = 1.0
 """Metres ahead that have to be free for it to drive straight on."""
@@ -110,17 +107,3 @@ class Head:
             if along > 0.0 and abs(across) < MATE:
                 room = min(room, along)
         return room
-
-
-def lead(
-    behavior: Behavior, head: Head, line: Line, view: View, own: Pose2, place: Place, speed: float, turn_rate: float
-) -> Twist:
-    """The velocity of a robot that leads its line; it hands over where it gets on no more."""
-    command, behavior.reason = head.step(view, own, place, speed, turn_rate)
-    if command is not None:
-        return command
-    head.rest()
-    line.turns += 1
-    behavior.turns, behavior.reason = line.turns, "hands over to the other end of the line"
-    log.info("%s", behavior.reason)
-    return Twist()

@@ -102,11 +102,25 @@ class Line:
     def __init__(self) -> None:
         self.turns = 0
         """How often the line has been led from the other end since it was there."""
+        self._seen: set[int] = set()
+        """The robots that have been alive."""
+
+    def find_gone(self, view: View) -> Set[int]:
+        """The robots that were alive since this one began, and are not any more.
+
+        A robot that never was alive may be driven by something else: its transforms are followed. None is gone while
+        this robot does not even know that itself is there.
+        """
+        if view.robot_id not in view.team:
+            return frozenset()
+        self._seen.update(view.team)
+        return self._seen.difference(view.team)
 
     def find_place(
-        self, view: View, leader: int | None, gone: Set[int], on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
+        self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
     ) -> Place:
-        """The place of a robot that was started to follow `leader`, or to lead. Robots that are `gone` are left out."""
+        """The place of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
+        gone = self.find_gone(view)
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
         leaders = _told_leaders(statuses, view.robot_id, leader)
         before = chain_before(view.robot_id, leaders)
@@ -175,23 +189,6 @@ def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool
     while line[-1] in behind and line[-1] not in branches:
         line.append(behind[line[-1]])
     return line, not branches.isdisjoint(line)
-
-
-class Presence:
-    """Which robots have gone: those that were alive since this robot began, and are not any more.
-
-    A robot that never was alive may be driven by something else, so it is not gone: its transforms are followed.
-    """
-
-    def __init__(self) -> None:
-        self._seen: set[int] = set()
-
-    def find_gone(self, view: View) -> Set[int]:
-        """Those that are gone now; none while the robot does not even know that itself is there."""
-        if view.robot_id not in view.team:
-            return frozenset()
-        self._seen.update(view.team)
-        return self._seen.difference(view.team)
 
 
 def keep_together(view: View, place: Place) -> tuple[float, str]:

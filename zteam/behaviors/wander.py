@@ -1,20 +1,17 @@
 """Drive about at random (the lectures' random walk, mended)."""
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from zteam import names
-from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.behaviors.behavior import View
 from zteam.behaviors.evasion import Escape
-from zteam.behaviors.head import Head, lead
-from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, Place, Presence
+from zteam.behaviors.line import NO_TURNS, Place
+from zteam.behaviors.line_member import LineMember
 from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
-from zteam.behaviors.trail import Trail
-from zteam.messages import LaserScan, Message, RobotDriver, Twist, Vector3
+from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 
 HALF_ANGLE = math.radians(45.0)
 """It looks this far to either side."""
@@ -63,7 +60,7 @@ class WanderParams(Struct, frozen=True, forbid_unknown_fields=True):
     ] = True
 
 
-class Wander(Behavior):
+class Wander(LineMember):
     """Forward while the way is free; else turn by a random angle, mostly away from what is nearest, till it is free.
 
     It keeps the side until it drives again, so it does not swing in a corner. Where it gets on badly (a short drive,
@@ -72,12 +69,9 @@ class Wander(Behavior):
 
     Params = WanderParams
     params: WanderParams
-    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
     def __init__(self, params: WanderParams) -> None:
         super().__init__(params)
-        self._line, self._trail, self._head, self._presence = Line(), Trail(), Head(), Presence()
-        self.turns = 0
         self._side = 0.0
         """1 while turning left, -1 while turning right, 0 while driving."""
         self._turned = 0.0
@@ -92,65 +86,55 @@ class Wander(Behavior):
         """In odometry, where it has moved last."""
         self._escape = Escape()
 
+    def on_params(self) -> None:
+        """Say whether its line may be led from the other end."""
+        self.turns = self._line.turns if self.params.hand_over else NO_TURNS
+
     def step(self, view: View) -> Twist:
         """Straight on or a turn on the spot; zero without a scan. With a line behind it, as its head or its tail."""
         if view.scan is None:
             self.reason = "no scan yet"
             return Twist()
         self.reason = ""
-        place = self._find_place(view)
-        if place is not None:
-            return self._step_in_line(view, place)
+        status = (view.inputs.get("statuses") or {}).get(view.robot_id)
+        is_driven = status is not None and status.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
+        place = self._find_place(view, None)
+        # Alone it drives by its laser, and needs no transforms.
+        self.uses_tf = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
+        self.follows = place.ahead if self.uses_tf else None
+        return self._step_in_line(view, place) if self.uses_tf else self._step_alone(view, view.scan)
+
+    def why_it_rests(self) -> str:
+        """It drives or turns unless it is told not to."""
+        return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
+
+    def _step_in_line(self, view: View, place: Place) -> Twist:
+        own = self._locate(view, place)
+        if own is None:
+            return Twist()
+        if place.ahead is None:
+            return self._lead(view, own, place, self.params.speed, self.params.turn_rate)
+        return self._follow(view, own, place, place.gap, STALE_AFTER, LIMITS)
+
+    def _step_alone(self, view: View, scan: LaserScan) -> Twist:
         if self._side:
             self._turned += self.params.turn_rate * view.dt
             self._stuck = 0.0
         else:
             self._driven += self.params.speed * view.dt
             self._watch_for_stuck(view)
-        cone = look_ahead(view.scan, HALF_ANGLE)
+        cone = look_ahead(scan, HALF_ANGLE)
         mate = self._bearing_of_teammate(view)
         if self._stuck > STUCK_AFTER and self.params.speed > 0.0:
             self._start_turn(view, -1.0 if mate is None else mate)
             self._wanted = max(self._wanted, LEAST_TURN)
-        elif cone and mate is None and self._may_drive(cone, view.scan, view.base.radius + SIDE_MARGIN):
+        elif cone and mate is None and self._may_drive(cone, scan, view.base.radius + SIDE_MARGIN):
             self._driven = 0.0 if self._side else self._driven
             self._side = 0.0
             return Twist(linear=Vector3(x=self.params.speed))
         if not self._side:
             self._start_turn(view, mate if mate is not None else cone.bearing if cone else -1.0)
         return self._escape.free(view, Twist(angular=Vector3(z=self._side * self.params.turn_rate)))
-
-    def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
-        if self.follows is not None:
-            return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"
-        return "its parameter speed is 0"
-
-    def _find_place(self, view: View) -> Place | None:
-        """Its place in a line that can be led from both ends; None where it drives for itself."""
-        statuses = view.inputs.get("statuses") or {}
-        own = statuses.get(view.robot_id)
-        self.turns = self._line.turns if self.params.hand_over else NO_TURNS
-        is_driven = own is not None and own.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
-        place = self._line.find_place(view, None, self._presence.find_gone(view))
-        in_line = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
-        # Alone it drives by its laser, and needs no transforms.
-        self.uses_tf = in_line
-        self.follows = place.ahead if in_line else None
-        return place if in_line else None
-
-    def _step_in_line(self, view: View, place: Place) -> Twist:
-        own = own_pose(view)
-        if own is None:
-            self.reason = NO_POSE
-            return Twist()
-        self.turns = self._line.turns
-        self._trail.note(own)
-        if place.ahead is None:
-            return lead(self, self._head, self._line, view, own, place, self.params.speed, self.params.turn_rate)
-        self._head.rest()
-        command, self.reason = self._trail.step(view, own, place, place.gap, STALE_AFTER, LIMITS)
-        return command
 
     def _bearing_of_teammate(self, view: View) -> float | None:
         """Of one in the way ahead (rad), which the laser may look over; None if there is none.

@@ -8,7 +8,7 @@ import pytest
 
 from support.flat_floor import make_view as view_of
 from zteam.behaviors.behavior import View
-from zteam.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, Presence, behavior_of, chain_before, see_robot
+from zteam.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
 from zteam.testing import make_view
@@ -57,12 +57,13 @@ def places(
         robot: RobotStatus(robot_id=robot, leader=-1 if leader is None else leader, turns=turns, gap=0.8)
         for robot, leader in leaders.items()
     }
-    view = make_view(inputs={"statuses": told})
-    return {
-        robot: Line().find_place(msgspec.structs.replace(view, robot_id=robot), leader, gone, on_lost)
-        for robot, leader in leaders.items()
-        if robot not in gone
-    }
+    found = {}
+    for robot in leaders.keys() - gone:
+        line, view = Line(), make_view(robot_id=robot, inputs={"statuses": told})
+        line.find_gone(msgspec.structs.replace(view, team=tuple(leaders)))
+        living = msgspec.structs.replace(view, team=tuple(leaders.keys() - gone))
+        found[robot] = line.find_place(living, leaders[robot], on_lost)
+    return found
 
 
 def ahead(found: dict[int, Place]) -> dict[int, int | str | None]:
@@ -90,7 +91,7 @@ def test_an_odd_number_of_turns_is_a_line_that_is_led_from_its_other_end(turns: 
 
 def test_a_leader_of_which_nothing_is_known_is_the_head() -> None:
     """Before any status has come the named leader is all that there is, and the line cannot turn."""
-    place = Line().find_place(make_view(robot_id=3), 2, frozenset())
+    place = Line().find_place(make_view(robot_id=3), 2)
     assert (place.ahead, place.head, place.may_turn) == (2, 2, False)
 
 
@@ -136,8 +137,7 @@ def test_a_head_that_cannot_follow_keeps_its_place(turns: int, expected: dict[in
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=turns, gap=0.8) for robot in LINE}
     told[0].turns = NO_TURNS
     found = {
-        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1, frozenset())
-        for robot in (1, 2, 3)
+        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
     }
     assert {robot: place.ahead for robot, place in found.items()} == expected
     assert all(place.may_reverse and not place.may_turn and place.head == 0 for place in found.values())
@@ -149,7 +149,7 @@ def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: i
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=0, gap=0.8) for each in LINE}
     told[0].turns = NO_TURNS
     told[robot].turns = NO_TURNS
-    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0, frozenset())
+    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0)
     assert place.may_reverse == (robot == 0)
 
 
@@ -158,9 +158,9 @@ def test_a_robot_that_cannot_follow_the_one_behind_it_keeps_the_line_as_it_is() 
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=0, gap=0.8) for robot in (0, 1, 2)}
     told[2].turns = NO_TURNS
     view = make_view(robot_id=0, inputs={"statuses": told})
-    assert not Line().find_place(view, None, frozenset()).may_turn
+    assert not Line().find_place(view, None).may_turn
     told[2].turns = 0
-    assert Line().find_place(view, None, frozenset()).may_turn
+    assert Line().find_place(view, None).may_turn
 
 
 def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
@@ -169,14 +169,14 @@ def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
         1: RobotStatus(robot_id=1, behavior="formation", leader=0),
         2: RobotStatus(robot_id=2, behavior="follow", leader=1, gap=0.8),
     }
-    place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2, frozenset())
+    place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2)
     assert (place.before, place.head) == ((2, 1), 1)
 
 
 def test_the_own_leader_counts_as_it_is_set() -> None:
     """And not as it was told."""
     told = {3: RobotStatus(robot_id=3, behavior="follow", leader=1, gap=0.8)}
-    assert Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2, frozenset()).before == (2,)
+    assert Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2).before == (2,)
 
 
 @pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])
@@ -188,10 +188,10 @@ def test_a_circle_moves_no_robot(leaders: dict[int, int | None]) -> None:
 
 def test_gone_is_what_was_there_and_is_not() -> None:
     """A robot that never was alive is not gone; one that comes back is there again; without itself nothing is known."""
-    presence, view = Presence(), make_view(robot_id=1)
+    line, view = Line(), make_view(robot_id=1)
 
     def gone(*team: int) -> set[int]:
-        return set(presence.find_gone(msgspec.structs.replace(view, team=team)))
+        return set(line.find_gone(msgspec.structs.replace(view, team=team)))
 
     assert gone() == set()
     assert gone(1) == set()
