@@ -183,8 +183,7 @@ def _print_arguments(args: argparse.Namespace) -> int:
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.launch.check import check_team, refuse_nodes
-    from zteam.launch.kinds import Pace
-    from zteam.launch.plan import launch_of
+    from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import check_writable
     from zteam.process_options import ViewOptions
     from zteam.team_file import parse_arguments, read_team_file
@@ -203,11 +202,11 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
     token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
     view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
-    return launch_of(
+    return TeamLaunch(
         file.team,
         resolved,
+        args.seed,
         team_file=file.path,
-        seed=args.seed,
         run_for=args.run_for,
         until=args.until,
         pace=pace,

@@ -13,7 +13,6 @@ from zteam.in_process.run import Body, InProcessRun, NodeThread, Outside
 from zteam.in_process.user_calls import prefixing_lines
 from zteam.launch.check import check_team, refuse_nodes
 from zteam.launch.kinds import Pace, TeamLaunch
-from zteam.launch.plan import launch_of
 from zteam.launch.process import exit_text
 from zteam.launch.report import RunReport
 from zteam.resources import find_team, find_world
@@ -86,8 +85,8 @@ def _launch(
     if chosen is None:
         raise UsageError('run_team needs a simulator: this team has none (world = "none")')
     pace = Pace(lockstep=True, expect=tuple(nodes))
-    return launch_of(
-        file.team, chosen.resolve(), team_file=path.resolve(), seed=seed, run_for=seconds, until=until, pace=pace
+    return TeamLaunch(
+        file.team, chosen.resolve(), seed, team_file=path.resolve(), run_for=seconds, until=until, pace=pace
     )
 
 

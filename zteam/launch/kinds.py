@@ -46,7 +46,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     team: Team
     world: Path | None
     """None: real robots, no simulator."""
-    seed: int
+    given_seed: int | None = None
+    """None: that of the team file."""
     team_file: Path | None = None
     run_for: float | None = None
     """Simulated seconds after GO."""
@@ -55,8 +56,18 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     pace: Pace = Pace()
     view: ViewOptions | None = None
     """None: the team is started without one."""
-    participants: tuple[str, ...] = ()
-    """Names of the processes that the first tick of lock-step waits for."""
+
+    @property
+    def seed(self) -> int:
+        """Of the whole run."""
+        return self.team.team.seed if self.given_seed is None else self.given_seed
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """Names of the processes that the first tick of lock-step waits for."""
+        own = [name for kind in KINDS if kind.in_lockstep for name in kind.options(self)]
+        expected = (node.name for node in self.team.nodes if node.expect)
+        return tuple(dict.fromkeys((*own, *expected, *self.pace.expect)))
 
     @property
     def has_end(self) -> bool:

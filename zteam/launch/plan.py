@@ -8,11 +8,11 @@ import msgspec
 
 from zteam import names
 from zteam.launch import kinds
-from zteam.launch.kinds import Pace, TeamLaunch
+from zteam.launch.kinds import TeamLaunch
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
-from zteam.process_options import FROM_STDIN, ViewOptions, to_line
-from zteam.team_file import NodeEntry, Team
+from zteam.process_options import FROM_STDIN, to_line
+from zteam.team_file import NodeEntry
 
 
 class Plan(msgspec.Struct):
@@ -31,10 +31,6 @@ class Plan(msgspec.Struct):
     def jobs(self) -> dict[str, Job]:
         """All of them."""
         return {**self.own, **self.nodes}
-
-    def stop_order(self) -> list[list[str]]:
-        """Groups of process names; each group is stopped after the one before it has ended."""
-        return stop_order((*self.own, *self.nodes, kinds.ROUTER))
 
 
 def stop_order(processes: Iterable[str]) -> list[list[str]]:
@@ -84,30 +80,3 @@ def is_own(program: str) -> bool:
 def is_python(program: str) -> bool:
     """Whether the word stands for this interpreter."""
     return program in ("python", "python3")
-
-
-def launch_of(
-    team: Team,
-    world: Path | None,
-    *,
-    team_file: Path | None = None,
-    seed: int | None = None,
-    run_for: float | None = None,
-    until: int | None = None,
-    pace: Pace | None = None,
-    view: ViewOptions | None = None,
-) -> TeamLaunch:
-    """What the processes of a team depend on; `seed` None = the team's own."""
-    launch = TeamLaunch(
-        team=team,
-        world=world,
-        seed=team.team.seed if seed is None else seed,
-        team_file=team_file,
-        run_for=run_for,
-        until=until,
-        pace=pace or Pace(),
-        view=view,
-    )
-    own = [name for kind in kinds.KINDS if kind.in_lockstep for name in kind.options(launch)]
-    expected = dict.fromkeys((*(node.name for node in team.nodes if node.expect), *launch.pace.expect))
-    return msgspec.structs.replace(launch, participants=(*own, *expected))

@@ -62,23 +62,12 @@ def zteam_command(command: str, *arguments: str) -> list[str]:
 
 
 class Child(Protocol):
-    """What `Process` needs of a child; as in `subprocess.Popen`."""
+    """What `Process` needs of a child: as in `subprocess.Popen`, but `wait` also ends the rest of its group."""
 
-    @property
-    def pid(self) -> int:
-        """Process id."""
-
-    @property
-    def returncode(self) -> int | None:
-        """Its exit code as far as it is known: negative for a signal, None while it runs."""
-
-    @property
-    def stdin(self) -> IO[str] | None:
-        """Write end of its standard input."""
-
-    @property
-    def stdout(self) -> IO[str] | None:
-        """Read end of its standard output and error."""
+    pid: int
+    returncode: int | None
+    stdin: IO[str] | None
+    stdout: IO[str] | None
 
     def poll(self) -> int | None:
         """Find out whether it has ended; its exit code."""
@@ -90,16 +79,13 @@ class Child(Protocol):
         """Send it a signal if it still runs."""
 
 
-class StartChild(Protocol):
-    """Starts a child: its own process group, pipes for its input and output, and one end of the lifeline."""
+StartChild = Callable[[Sequence[str], int, Mapping[str, str], Path | None], Child]
+"""`start(command, lifeline, environment, folder)` starts a child: its own process group, pipes for its input and output,
+and one end of the lifeline.
 
-    def __call__(
-        self, command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None
-    ) -> Child:
-        """`environment` is added to this process's; it runs in `folder`, None = where this process runs.
-
-        Raises OSError if the command cannot be started.
-        """
+`environment` is added to this process's; it runs in `folder`, None = where this process runs. Raises OSError if the
+command cannot be started.
+"""
 
 
 def environment_of(added: Mapping[str, str]) -> dict[str, str]:

@@ -46,47 +46,40 @@ class Again(NamedTuple):
     """How many failures in a row it has had with this one; 0 for a process that is never started again."""
 
 
-class Backoff:
-    """The failures in a row of one process. Pure."""
-
-    def __init__(self) -> None:
-        self._in_row = 0
-
-    def take_failure(self, ran_for: float) -> Again:
-        """The process failed after `ran_for` host seconds; without a delay it is given up."""
-        self._in_row = 1 if ran_for >= STEADY else self._in_row + 1
-        return Again(DELAYS[self._in_row - 1] if self._in_row <= len(DELAYS) else None, self._in_row)
+def after_failure(before: int, ran_for: float) -> Again:
+    """What follows when a process fails after `ran_for` host seconds, with `before` failures in a row until then."""
+    in_row = 1 if ran_for >= STEADY else before + 1
+    return Again(DELAYS[in_row - 1] if in_row <= len(DELAYS) else None, in_row)
 
 
 class Restarts:
     """Starts processes again, each after its delay, until `end`."""
 
-    def __init__(self, start: Callable[[str], None], allowed: Iterable[str] = ()) -> None:
+    def __init__(self, start: Callable[[str], None]) -> None:
         """`start(name)` is called on a thread of its own, never after `cancel` or `end`."""
         self._start = start
         self._lock = threading.Lock()
-        self._allowed = {name: Backoff() for name in allowed}
+        self._in_row: dict[str, int] = {}
+        """The failures in a row of each process that is started again."""
         self._begun: dict[str, float] = {}
         self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
         self._ended = False
         self.counts: dict[str, int] = {}
         """How often each process was started again."""
 
-    def allow(self, name: str) -> None:
-        """Start this process again when it has failed."""
-        self._allowed.setdefault(name, Backoff())
-
-    def note_start(self, name: str) -> None:
-        """The process starts now."""
+    def note_start(self, name: str, restarts: bool) -> None:
+        """The process starts now; with `restarts` it is started again when it has failed."""
+        if restarts:
+            self._in_row.setdefault(name, 0)
         self._begun[name] = monotonic()
 
     def take_failure(self, name: str) -> Again:
         """The process has failed: whether and when it is started again."""
         with self._lock:
-            backoff = self._allowed.get(name)
-            if backoff is None or self._ended:
+            if name not in self._in_row or self._ended:
                 return Again()
-            again = backoff.take_failure(monotonic() - self._begun.get(name, 0.0))
+            again = after_failure(self._in_row[name], monotonic() - self._begun[name])
+            self._in_row[name] = again.in_row
             if again.delay is not None:
                 # Host time: a restart is due at host time, while the launcher waits for the end of the run.
                 timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))  # noqa: TID251
@@ -106,7 +99,7 @@ class Restarts:
         """Do not start these again."""
         with self._lock:
             for name in processes:
-                self._allowed.pop(name, None)
+                self._in_row.pop(name, None)
                 timer = self._timers.pop(name, None)
                 if timer is not None:
                     timer.cancel()
@@ -115,7 +108,7 @@ class Restarts:
         """Start nothing any more."""
         with self._lock:
             self._ended = True
-        self.cancel([*self._allowed])
+        self.cancel([*self._in_row])
 
 
 def serve_restarts(bus: Bus, counts: Callable[[], dict[str, int]]) -> None:
@@ -246,9 +239,7 @@ class Supervisor:
         self._begin[name] = begin
         self.ended.discard(name)
         (self._may_end.add if may_end else self._may_end.discard)(name)
-        if restarts:
-            self.restarts.allow(name)
-        self.restarts.note_start(name)
+        self.restarts.note_start(name, restarts)
         member = begin()
         with self.changed:
             self.members[name] = member

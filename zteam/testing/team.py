@@ -21,7 +21,7 @@ from zteam.errors import BusError, UsageError
 from zteam.in_process.run import Body
 from zteam.launch.check import check_team, refuse_nodes
 from zteam.launch.kinds import Pace, TeamLaunch, kind_of
-from zteam.launch.plan import launch_of, plan_team
+from zteam.launch.plan import plan_team
 from zteam.launch.run import lease_for
 from zteam.messages import Message
 from zteam.process_options import LOCKSTEP_TIMEOUT
@@ -62,7 +62,7 @@ class TeamFixture(TeamProcesses):
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
-        self._launch(launch_of(file.team, chosen, team_file=path.resolve(), pace=pace), in_process)
+        self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), in_process)
 
     def start(
         self,
@@ -98,7 +98,7 @@ class TeamFixture(TeamProcesses):
             look_in([""])
         chosen = check_team(file, find_world(world).resolve(), here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
-        self._launch(launch_of(file.team, chosen, seed=seed, pace=pace), in_process, nodes)
+        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, nodes)
 
     def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
         self._expect(launch)

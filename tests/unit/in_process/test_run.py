@@ -12,8 +12,8 @@ from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.errors import BusError
 from zteam.in_process.run import InProcessRun, Outside, parts_of
-from zteam.launch.kinds import KINDS, Pace
-from zteam.launch.plan import launch_of, plan_team
+from zteam.launch.kinds import KINDS, Pace, TeamLaunch
+from zteam.launch.plan import plan_team
 from zteam.planning.grid import make_map
 from zteam.planning.map_files import write_map
 from zteam.resources import find_world
@@ -26,7 +26,7 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     write_map(make_map(np.zeros((2, 2), np.int8), 0.05), tmp_path / "map.yaml")
     path = tmp_path / "team.toml"
     path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
-    launch = launch_of(load_team(path), find_world("office"), team_file=path)
+    launch = TeamLaunch(load_team(path), find_world("office"), team_file=path)
     assert [*parts_of(launch, lambda name, text: None)] == [*plan_team(launch).own]
     needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
     assert all(any(kind.includes(name) for name in plan_team(launch).own) for kind in needed)
@@ -34,7 +34,7 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
 
 def test_the_router_ends_with_it() -> None:
     """Within, tools reach the team's own router and find the launcher; after it, nothing listens there."""
-    launch = launch_of(Team([RobotEntry(id=0)]), find_world("arena"))
+    launch = TeamLaunch(Team([RobotEntry(id=0)]), find_world("arena"))
     with Outside(zteam.BusOptions(), Pace()) as outside:
         tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
         with InProcessRun(launch, Stop(), lambda *_: None, outside=outside) as run:

@@ -7,8 +7,8 @@ import pytest
 from zteam import names
 from zteam.cli import main
 from zteam.launch import kinds
-from zteam.launch.kinds import KINDS, Kind, Pace, kind_of
-from zteam.launch.plan import Plan, launch_of, plan_team
+from zteam.launch.kinds import KINDS, Kind, Pace, TeamLaunch, kind_of
+from zteam.launch.plan import plan_team, stop_order
 from zteam.process_options import MonitorOptions, SimOptions, from_line
 from zteam.team_file import NodeEntry, RobotEntry, Team
 from zteam.team_file.rules import check_nodes
@@ -34,7 +34,7 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_row_is_a_process_of_every_team(planner: None) -> None:
     """The plan starts the new kind after the others, with the row's command and options."""
-    plan = plan_team(launch_of(TEAM, WORLD))
+    plan = plan_team(TeamLaunch(TEAM, WORLD))
     assert list(plan.own)[-1] == "planner"
     assert plan.own["planner"].command[3:] == ["zteam.cli.zteam_monitor", "-"]
     assert from_line(plan.own["planner"].words, MonitorOptions) == ("planner", MonitorOptions(2))
@@ -42,13 +42,13 @@ def test_a_row_is_a_process_of_every_team(planner: None) -> None:
 
 def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
     """The new kind stops with the kinds of its rank."""
-    order = plan_team(launch_of(TEAM, WORLD)).stop_order()
+    order = stop_order([*plan_team(TeamLaunch(TEAM, WORLD)).jobs, "router"])
     assert order == [["robot_0", "robot_12"], ["tf", "monitor"], ["sim", "planner"], ["router"]]
 
 
 def test_a_row_takes_part_in_lock_step(planner: None) -> None:
     """The simulator waits for the new kind, for the kinds before it, and for what the user expects."""
-    plan = plan_team(launch_of(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))))
+    plan = plan_team(TeamLaunch(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))))
     lockstep = from_line(plan.own[names.SIMULATOR].words, SimOptions)[1].lockstep
     assert lockstep is not None
     assert lockstep.expected == ("tf", "robot_0", "robot_12", "planner", "mine")
@@ -98,4 +98,4 @@ def test_a_run_needs_its_router_and_its_simulator() -> None:
 
 def test_an_empty_plan_still_stops_its_router() -> None:
     """Groups without processes are empty, and the router is in the last one."""
-    assert Plan({}).stop_order() == [[], [], [], ["router"]]
+    assert stop_order(["router"]) == [[], [], [], ["router"]]

@@ -8,13 +8,12 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.clock import wait_until
 from zteam.launch import supervisor as restarts
-from zteam.launch.supervisor import DELAYS, STEADY, Again, Backoff, Restarts, log_failure
+from zteam.launch.supervisor import DELAYS, STEADY, Again, Restarts, after_failure, log_failure
 
 
 def test_the_delay_grows_and_then_it_is_given_up() -> None:
     """Each failure in a row waits at least as long as the one before; after the last delay there is none."""
-    backoff = Backoff()
-    failures = [backoff.take_failure(1.0) for _ in range(len(DELAYS) + 2)]
+    failures = [after_failure(before, 1.0) for before in range(len(DELAYS) + 2)]
     assert [again.delay for again in failures] == [*DELAYS, None, None]
     assert list(DELAYS) == sorted(DELAYS)
     assert [again.in_row for again in failures] == [*range(1, len(DELAYS) + 3)]
@@ -22,11 +21,8 @@ def test_the_delay_grows_and_then_it_is_given_up() -> None:
 
 def test_a_steady_process_has_recovered() -> None:
     """A failure after a long run is the first in a row, also for a process that had only one attempt left."""
-    backoff = Backoff()
-    for _ in DELAYS:
-        backoff.take_failure(1.0)
-    assert backoff.take_failure(STEADY) == Again(DELAYS[0], 1)
-    assert backoff.take_failure(STEADY - 0.1) == Again(DELAYS[1], 2)
+    assert after_failure(len(DELAYS), STEADY) == Again(DELAYS[0], 1)
+    assert after_failure(1, STEADY - 0.1) == Again(DELAYS[1], 2)
 
 
 class Team:
@@ -35,7 +31,9 @@ class Team:
     def __init__(self, *allowed: str) -> None:
         self.started: list[str] = []
         self.changed = threading.Condition()
-        self.restarts = Restarts(self._start, allowed)
+        self.restarts = Restarts(self._start)
+        for name in allowed:
+            self.restarts.note_start(name, restarts=True)
 
     def _start(self, name: str) -> None:
         with self.changed:
@@ -58,7 +56,7 @@ def team(monkeypatch: pytest.MonkeyPatch) -> Team:
 def test_a_process_is_started_again_until_it_is_given_up(team: Team) -> None:
     """Each failure has one start, and is counted; names that are not allowed have none."""
     for count in (1, 2):
-        team.restarts.note_start("planner")
+        team.restarts.note_start("planner", restarts=True)
         assert team.restarts.take_failure("planner") == Again(0.0, count)
         team.wait_for(*["planner"] * count)
     assert team.restarts.take_failure("planner") == Again(None, 3)

@@ -20,8 +20,7 @@ from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
-from zteam.launch.kinds import Pace
-from zteam.launch.plan import launch_of
+from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.process import Process
 from zteam.launch.progress import Watched
 from zteam.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
@@ -77,7 +76,7 @@ class Pretend:
 
     def run(self, run_for: float | None = None) -> ProcessRun:
         """A run whose processes are not started yet."""
-        launch = launch_of(TEAM, WORLD, run_for=run_for)
+        launch = TeamLaunch(TEAM, WORLD, run_for=run_for)
         run = ProcessRun(
             launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
         )
@@ -267,7 +266,7 @@ def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.Monkey
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
     """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
-    launch, bus = launch_of(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
+    launch, bus = TeamLaunch(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
     with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
         first.start()
@@ -286,7 +285,7 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     """A team is refused if a process of one of its names runs in the namespace already."""
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
-    launch, bus = launch_of(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
+    launch, bus = TeamLaunch(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
     with (
         ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
         pytest.raises(BusError, match="already running here"),

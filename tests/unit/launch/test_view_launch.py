@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from zteam.launch.fork_server import PRELOADS
-from zteam.launch.kinds import kind_of
-from zteam.launch.plan import launch_of, plan_team
+from zteam.launch.kinds import TeamLaunch, kind_of
+from zteam.launch.plan import plan_team, stop_order
 from zteam.names import is_view, view_name
 from zteam.process_options import ViewOptions, from_line
 from zteam.team_file import NodeEntry, RobotEntry, Team
@@ -16,7 +16,7 @@ VIEW_OPTIONS = ViewOptions(browser=False, name="view")
 
 def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
     """Without it no process differs."""
-    plain, viewed = plan_team(launch_of(TEAM, WORLD)), plan_team(launch_of(TEAM, WORLD, view=VIEW_OPTIONS))
+    plain, viewed = plan_team(TeamLaunch(TEAM, WORLD)), plan_team(TeamLaunch(TEAM, WORLD, view=VIEW_OPTIONS))
     assert plain.own == viewed.own
     assert (plain.nodes, plain.beside) == ({}, frozenset())
     assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "-"]
@@ -26,11 +26,11 @@ def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
 def test_the_run_does_not_wait_for_the_view() -> None:
     """It may end at any time; the user's own nodes still count."""
     team = Team(robots=[RobotEntry(id=0, behavior="forward")], nodes=[NodeEntry(name="mine", command=["true"])])
-    plan = plan_team(launch_of(team, WORLD, view=VIEW_OPTIONS))
+    plan = plan_team(TeamLaunch(team, WORLD, view=VIEW_OPTIONS))
     assert plan.nodes["view"].may_end
     assert not plan.nodes["view"].restarts
     assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)
-    assert "view" in plan.stop_order()[0]
+    assert "view" in stop_order([*plan.jobs, "router"])[0]
 
 
 def test_several_views_have_different_names() -> None:
