@@ -309,7 +309,7 @@ def _run(
 
 
 def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
-    from zteam.launch.randomness import random_parts
+    from zteam.launch.check import random_parts
     from zteam.world import load_world
 
     if not random_parts(team, load_world(world) if world else None):

@@ -1,4 +1,5 @@
-"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once.
+"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once; what of
+a team depends on the seed.
 
 The check covers behaviours and their parameters, robot descriptions, and ids and poses in the world. A child process
 imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
@@ -11,22 +12,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from zteam import names
-from zteam.behaviors.registry import BEHAVIORS
+from zteam.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.errors import ConfigError, UsageError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, error_of, navigation_of, team_world
+from zteam.team_file import GROUP_KEYS, RobotEntry, Team, TeamFile, behavior_of, error_of, navigation_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.devices import KINDS
 from zteam.world.model import Robot, World
 from zteam.world.placing import find_hindrance
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
-_NUMBER = re.compile(r"_\d+$")
-"""Ends the topic of one of several devices of a kind."""
 
 
 def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = False) -> Path | None:
@@ -204,7 +203,7 @@ def _sensor_problems(
         published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}
         for topic in dict.fromkeys(needed):
             owner, own_topic = names.split_robot_key(names.input_key(entry.id, topic)) or (None, "")
-            kind = KINDS.get(_NUMBER.sub("", own_topic))
+            kind = KINDS.get(re.sub(r"_\d+$", "", own_topic))
             if kind and owner == entry.id and names.robot_key(entry.id, own_topic) not in published:
                 text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
                 way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
@@ -213,3 +212,24 @@ def _sensor_problems(
 
 def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
     return f"the world has no robot {robot_id} (it has {format_robot_ids(standing) or 'none'})"
+
+
+def random_parts(team: Team, world: World | None) -> list[str]:
+    """What draws random numbers in a team, in words; empty if every seed gives the same run.
+
+    A behaviour of the user's own counts, because it may.
+    """
+    own = {behavior_of(entry)[0] for entry in team.robots} - DETERMINISTIC
+    if world is None:
+        return sorted(own)
+    robots = list(world.robots) if team.team.world_robots else []
+    for entry in team.robots:
+        if entry.model is not None and entry.pose is not None:
+            robots.append(add_robot(world, entry.model, entry.pose, names.robot_name(entry.id)))
+    options, lasers = team.simulation, [ranger for robot in robots for ranger in robot.rangers]
+    found = {
+        "noise of lasers": options.gaussian_noise or options.proportional_noise or any(any(r.noise) for r in lasers),
+        "noise of odometry": any(any(options.odom_alphas or robot.odom_alphas) for robot in robots),
+        "dazzle": options.dazzle != "off",
+    }
+    return [name for name, is_there in found.items() if is_there] + sorted(own)

@@ -80,8 +80,8 @@ class Child(Protocol):
 
 
 StartChild = Callable[[Sequence[str], int, Mapping[str, str], Path | None], Child]
-"""`start(command, lifeline, environment, folder)` starts a child: its own process group, pipes for its input and output,
-and one end of the lifeline.
+"""`start(command, lifeline, environment, folder)` starts a child: its own process group, pipes for its input and
+output, and one end of the lifeline.
 
 `environment` is added to this process's; it runs in `folder`, None = where this process runs. Raises OSError if the
 command cannot be started.

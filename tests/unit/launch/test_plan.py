@@ -110,7 +110,8 @@ def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
     lockstep = told(plan, "sim", SimOptions).lockstep
     assert lockstep is not None
     assert lockstep.expected == ("tf", "robot_0", "planner")
-    assert stop_order([*plan.jobs, "router"]) == [["robot_0", "planner", "camera"], ["tf", "monitor"], ["sim"], ["router"]]
+    order = stop_order([*plan.jobs, "router"])
+    assert order == [["robot_0", "planner", "camera"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
