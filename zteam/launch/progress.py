@@ -1,10 +1,9 @@
 """The progress of a run and the team at a glance, heard and asked on the bus by the launcher."""
 
 import logging
-import math
 import threading
-from collections.abc import Callable, Collection, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Collection
+from threading import Condition
 
 import msgspec
 
@@ -12,10 +11,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, pause, to_seconds
 from zteam.errors import ZteamError
-from zteam.launch.kinds import kind_of
-from zteam.launch.report import seconds_since_start
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
-from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import FinishReply, FinishRequest, SimStatus, find_status
 
 log = logging.getLogger("zteam")
@@ -26,26 +22,18 @@ _FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""
 
 
-class Watched(NamedTuple):
-    """A process of the run, or a node in this process."""
-
-    name: str
-    ended: bool
-    """Whether it has ended, and is not started again."""
-    needed: bool = True
-    """Whether GO waits for it."""
-
-
 class Progress:
-    """When GO was given and when the run ended, in host seconds since the launcher's start; None before."""
+    """When GO was given and when the run ended, in host seconds since the launcher's start; None before.
 
-    def __init__(self, bus: Bus, has_end: bool, since_start: Callable[[], float] = seconds_since_start) -> None:
-        self.changed = threading.Condition()
-        self.since_start = since_start
+    It notifies `changed`.
+    """
+
+    def __init__(self, bus: Bus, has_end: bool, changed: Condition, since_start: Callable[[], float]) -> None:
         self.go_after: float | None = None
         self.wall: float | None = None
         self._bus = bus
-        self._has_end = has_end
+        self._changed = changed
+        self._since_start = since_start
         self._waiting_for = "the monitor's first message"
         """What GO waits for, in the monitor's words."""
         self._closed = False
@@ -57,9 +45,9 @@ class Progress:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._waiting_for = status.waiting_for
         if status.state == TeamState.GO and self.go_after is None:
-            with self.changed:
-                self.go_after = self.since_start()
-                self.changed.notify_all()
+            with self._changed:
+                self.go_after = self._since_start()
+                self._changed.notify_all()
 
     def _watch_end(self) -> None:
         key, request = names.service_key(names.SIMULATOR, "finish"), FinishRequest(timeout=_FINISH_WAIT)
@@ -70,9 +58,9 @@ class Progress:
                 log.debug("%s", error)
                 answers = []
             if any(answer.finished for _, answer in answers):
-                with self.changed:
-                    self.wall = self.since_start()
-                    self.changed.notify_all()
+                with self._changed:
+                    self.wall = self._since_start()
+                    self._changed.notify_all()
                 return
             if not answers:
                 # No simulator yet, and nothing notifies when its query is there.
@@ -82,70 +70,13 @@ class Progress:
         """Stop asking for the end of the run."""
         self._closed = True
 
-    def wake(self) -> None:
-        """Make every waiter on `changed` check its condition."""
-        with self.changed:
-            self.changed.notify_all()
-
-    def watch(
-        self,
-        stop: Stop,
-        processes: Callable[[], Collection[Watched]],
-        last_words: Callable[[str], str],
-        go_timeout: float | None = None,
-    ) -> None:
-        """Wait for the end of the run, of all `processes()`, or for the stop request.
-
-        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
-        launcher's start; `last_words(name)` says why a process ended.
-        """
-        patience = math.inf if go_timeout is None else go_timeout
-        while not self._is_over(stop, processes, last_words, patience):
-            self._check_begun(patience)
-            patience = math.inf
-
-    def _is_over(
-        self,
-        stop: Stop,
-        processes: Callable[[], Collection[Watched]],
-        last_words: Callable[[str], str],
-        patience: float,
-    ) -> bool:
-        """Wait for the end; False if it has not come within `patience` host seconds of the start."""
-        with self.changed:
-            while not stop.requested and self.wall is None:
-                known = processes()
-                ended = [process for process in known if process.ended]
-                if self._has_end:
-                    self._check_finishable(ended, last_words)
-                if len(ended) == len(known):
-                    return True
-                left = patience - self.since_start()
-                if left <= 0.0:
-                    return False
-                self.changed.wait(min(1.0, left))
-        return True
-
-    def _check_begun(self, seconds: float) -> None:
+    def check_begun(self, seconds: float) -> None:
         """Raise ZteamError without GO, or if lock-step still holds its first tick: it waits for nodes too."""
         if self.go_after is None:
             raise ZteamError(f"no GO within {seconds:g} s: waiting for {self._waiting_for}")
         status = find_status(self._bus)
         if status is not None and status.lockstep and status.tick <= 1 and status.waiting_for:
             raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {status.waiting_for}")
-
-    def _check_finishable(self, ended: Iterable[Watched], last_words: Callable[[str], str]) -> None:
-        """Raise ZteamError if a run with a time limit cannot end: GO waits for every process of the team."""
-        begun = self.go_after is not None
-        missing = [each.name for each in ended if (_carries_run(each.name) if begun else each.needed)]
-        if missing:
-            told = "; ".join(f"{name} ended ({last_words(name)})" for name in missing)
-            raise ZteamError(f"{told}: the run cannot {'be finished' if begun else 'begin'}")
-
-
-def _carries_run(name: str) -> bool:
-    kind = kind_of(name)
-    return kind is not None and kind.carries_run
 
 
 class Overview(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,7 +13,7 @@ from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.launch.process import PROC, Process, Usage, measure_usage
+from zteam.launch.process import PROC, Usage, measure_usage
 from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
 from zteam.runtime.lockstep import RoundTiming
@@ -35,12 +35,12 @@ class ProcessReport(msgspec.Struct):
 class RunReport(RunFigures, kw_only=True):
     """A whole run: the simulator's figures, and what the launcher measured."""
 
-    wall_seconds: float
+    wall_seconds: float = 0.0
     """From the command's start to the last tick."""
-    go_after_seconds: float | None
+    go_after_seconds: float | None = None
     """From the command's start to GO."""
-    processes: list[ProcessReport]
-    dropped: dict[str, int]
+    processes: list[ProcessReport] = msgspec.field(default_factory=list)
+    dropped: dict[str, int] = msgspec.field(default_factory=dict)
     """Refused payloads by key, over all processes."""
     real_time_factor: float | None = msgspec.field(default=None, name="rtf")
     """Simulated seconds a second of the host, from GO to the last tick."""
@@ -50,18 +50,8 @@ class RunReport(RunFigures, kw_only=True):
     """How often processes, or nodes in this process, were started again, by name."""
 
 
-class Counts(msgspec.Struct, frozen=True):
-    """What the processes of a team counted during a run."""
-
-    simulator: SimReport
-    dropped: dict[str, int]
-    rounds: dict[str, RoundTiming]
-
-
 _ANSWER_LIMIT = 15.0 * HOST_FACTOR
 """Host seconds for an answer: a frozen process may go on. One that has ended is not waited for."""
-
-
 _IMPORTED = monotonic()
 
 
@@ -80,35 +70,32 @@ def read_sim_report(bus: Bus) -> SimReport:
     return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
 
 
-def read_counts(bus: Bus) -> Counts:
-    """The counts of every process. Raises BusError when the simulator does not answer."""
+def read_report(bus: Bus) -> RunReport:
+    """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
     simulator = read_sim_report(bus)
-    return Counts(simulator, read_dropped(bus), read_rounds(bus) if simulator.lockstep else {})
+    report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
+    report.dropped = read_dropped(bus)
+    if simulator.lockstep:
+        report.rounds = read_rounds(bus)
+    return report
 
 
-def make_report(
-    counts: Counts,
+def complete(
+    report: RunReport,
     wall_seconds: float,
     go_after: float | None,
     processes: list[ProcessReport],
     restarts: Mapping[str, int],
     hung: Iterable[str] = (),
-) -> RunReport:
-    """The report of a run. `wall_seconds` and `go_after` are host seconds since the command's start.
+) -> None:
+    """Add what the launcher measured. `wall_seconds` and `go_after` are host seconds since the command's start.
 
     `hung` are the processes with a step that did not return, besides those that lock-step left behind.
     """
-    figures = {name: getattr(counts.simulator, name) for name in RunFigures.__struct_fields__}
-    figures["hung"] = list(dict.fromkeys((*counts.simulator.hung, *hung)))
-    return RunReport(
-        **figures,
-        wall_seconds=round(wall_seconds, 3),
-        go_after_seconds=None if go_after is None else round(go_after, 3),
-        processes=processes,
-        restarts=dict(restarts),
-        dropped=counts.dropped,
-        rounds=counts.rounds,
-    )
+    report.wall_seconds = round(wall_seconds, 3)
+    report.go_after_seconds = None if go_after is None else round(go_after, 3)
+    report.processes, report.restarts = processes, dict(restarts)
+    report.hung = list(dict.fromkeys((*report.hung, *hung)))
 
 
 def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
@@ -127,22 +114,13 @@ def read_dropped(bus: Bus) -> dict[str, int]:
     return dict(sorted(dropped.items()))
 
 
-def report_processes(processes: Mapping[str, Process], restarts: Mapping[str, int]) -> list[ProcessReport]:
-    """One row for every child: the newest of its name, and how often it was started again."""
-    return [_row(p.name, p.pid, p.exit_code, p.usage, restarts.get(p.name, 0)) for p in processes.values()]
-
-
-def measure_processes(pids: Mapping[str, int]) -> list[ProcessReport]:
-    """One row for every other process, by name: its present usage."""
-    found = []
-    for name, pid in pids.items():
+def process_row(
+    name: str, pid: int, code: int | None = 0, restarts: int = 0, usage: Usage | None = None
+) -> ProcessReport:
+    """One process; without `usage` with what it uses now."""
+    if usage is None:
         usage = Usage()
         measure_usage(pid, usage)
-        found.append(_row(name, pid, 0, usage, 0))
-    return found
-
-
-def _row(name: str, pid: int, code: int | None, usage: Usage, restarts: int) -> ProcessReport:
     memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
     return ProcessReport(name, pid, code, restarts, *memory, round(usage.cpu_seconds, 2))
 

@@ -19,20 +19,12 @@ from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, port_accepts
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.router import release_port
 from zteam.clock import local_time_text
-from zteam.errors import BusError, DuplicateNameError
-from zteam.launch.kinds import ROUTER, ROUTER_KIND, Pace, TeamLaunch
+from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.launch.kinds import ROUTER, ROUTER_KIND, Pace, TeamLaunch, kind_of
 from zteam.launch.plan import plan_team, stop_order
 from zteam.launch.process import Process, exit_text
-from zteam.launch.progress import Progress, TeamOverview, Watched
-from zteam.launch.report import (
-    ProcessReport,
-    RunReport,
-    make_report,
-    measure_processes,
-    read_counts,
-    report_processes,
-    seconds_since_start,
-)
+from zteam.launch.progress import Progress, TeamOverview
+from zteam.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
 from zteam.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import FROM_STDIN
@@ -178,8 +170,6 @@ class TeamRun:
         raise NotImplementedError
 
     def _wake(self) -> None:
-        if self._progress is not None:
-            self._progress.wake()
         with self.supervisor.changed:
             self.supervisor.changed.notify_all()
 
@@ -190,11 +180,10 @@ class TeamRun:
 
     def _on_failure(self, member: Member, again: Again) -> None:
         log_failure(member.name, member.exit_code, again)
-        self._wake()
 
     def _begin_progress(self) -> None:
         assert self.bus is not None
-        self._progress = Progress(self.bus, self.launch.has_end, self._since_start)
+        self._progress = Progress(self.bus, self.launch.has_end, self.supervisor.changed, self._since_start)
 
     def _start_nodes(self, environment: Mapping[str, str]) -> None:
         """Start the nodes of the team file, which are processes; `environment` lets them join the team."""
@@ -219,17 +208,36 @@ class TeamRun:
         return TeamOverview(self.bus, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
-        """Wait for the end of the run or for the stop request.
+        """Wait for the end of the run, of all its members, or for the stop request.
 
-        Raises ZteamError if the run cannot reach its end, or without GO within `go_timeout` host seconds.
+        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
+        launcher's start.
         """
-        assert self._progress is not None
-        self._progress.watch(self._stop, self._watched, self._last_words, go_timeout)
+        progress, supervisor, missing = self._progress, self.supervisor, list[str]()
+        assert progress is not None
 
-    def _watched(self) -> list[Watched]:
-        supervisor, optional = self.supervisor, self.plan.optional
-        needed = [name for name in list(supervisor.members) if name not in self.plan.beside]
-        return [Watched(name, name in supervisor.ended, name not in optional) for name in needed]
+        def is_over() -> bool:
+            if self._stop.requested or progress.wall is not None:
+                return True
+            missing[:] = self._missing(progress.go_after is not None)
+            return bool(missing) or supervisor.members.keys() - self.plan.beside <= supervisor.ended
+
+        if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
+            progress.check_begun(go_timeout)
+        while not supervisor.wait(is_over, 1.0):
+            pass
+        if missing:
+            told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing)
+            raise ZteamError(f"{told}: the run cannot {'begin' if progress.go_after is None else 'be finished'}")
+
+    def _missing(self, begun: bool) -> list[str]:
+        """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
+        if not self.launch.has_end:
+            return []
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.beside]
+        if begun:
+            return [name for name in ended if (kind := kind_of(name)) is not None and kind.carries_run]
+        return [name for name in ended if name not in self.plan.optional]
 
     def _last_words(self, name: str) -> str:
         """Why a member ended: its exit code and the last line of its output."""
@@ -246,14 +254,15 @@ class TeamRun:
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         has_counts = self.launch.world is not None and not self._stop.requested
-        counts = read_counts(self.bus) if self.bus is not None and has_counts else None
+        report = read_report(self.bus) if self.bus is not None and has_counts else None
         self._stop_all()
-        if counts is None or self._progress is None:
+        if report is None or self._progress is None:
             return None
-        restarts = self.supervisor.restarts.counts
-        rows = [*report_processes(self.supervisor.processes, restarts), *self._own]
+        restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
+        rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
         wall = self._progress.wall or self._since_start()
-        return make_report(counts, wall, self._progress.go_after, rows, restarts, sorted(self._hung))
+        complete(report, wall, self._progress.go_after, [*rows, *self._own], restarts, sorted(self._hung))
+        return report
 
     def _pids(self) -> dict[str, int]:
         """Processes besides those of the supervisor, by name."""
@@ -264,7 +273,7 @@ class TeamRun:
         running = [member for member in self.supervisor.members.values() if member.running]
         if running:
             # Measured before the others end: then the pages that it shares with them would count as its own.
-            self._own = measure_processes(self._pids())
+            self._own = [process_row(name, pid) for name, pid in self._pids().items()]
         for group in stop_order(self.supervisor.members):
             self.supervisor.stop(group, lambda: self._hurry)
         self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside

@@ -279,8 +279,10 @@ class Supervisor:
             self.restart(name)
         except ZteamError as error:
             log.error("%s; it is not started again", error)
-            self.failures.append(self.members[name])
-            self.ended.add(name)
+            with self.changed:
+                self.failures.append(self.members[name])
+                self.ended.add(name)
+                self.changed.notify_all()
 
     def _take_line(self, process: Process, line: str) -> None:
         self._on_line(process.name, line)

@@ -15,18 +15,19 @@ import msgspec
 import pytest
 
 from support.limits import LIMIT
+from zteam.bus import NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.launch.process import Usage
 from zteam.launch.report import (
-    Counts,
     ProcessReport,
     RunReport,
     check_writable,
+    complete,
     format_report,
-    make_report,
-    measure_processes,
+    process_row,
     read_dropped,
+    read_report,
     read_sim_report,
     write_report,
 )
@@ -131,10 +132,22 @@ COUNTED = SimReport(
 ROW = ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0)
 
 
+def counted_report() -> RunReport:
+    """What the processes of a team tell: the simulator, a robot, and one that has refused two payloads."""
+    hub = MemoryHub()
+    bus = hub.bus()
+    bus.serve("sim/report", NoRequest, lambda _: COUNTED)
+    bus.serve("robot_0/timing", NoRequest, lambda _: RoundTiming(301, 0.5, 0.25))
+    bus.serve_stats("monitor")
+    for _ in range(2):
+        bus.counters.drop("clock", "test")
+    return read_report(hub.bus())
+
+
 def written() -> dict[str, Any]:
     """The file of a run whose simulator counted COUNTED."""
-    rounds = {"robot_0": RoundTiming(301, 0.5, 0.25)}
-    report = make_report(Counts(COUNTED, {"clock": 2}, rounds), 31.23456, 1.00049, [ROW], {"robot_1": 2})
+    report = counted_report()
+    complete(report, 31.23456, 1.00049, [ROW], {"robot_1": 2})
     found: dict[str, Any] = json.loads(msgspec.json.encode(report))
     return found
 
@@ -167,7 +180,8 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
 
 def test_what_did_not_stop_hung_too() -> None:
     """The report names it once, behind those that lock-step left behind."""
-    report = make_report(Counts(COUNTED, {}, {}), 1.0, 1.0, [ROW], {}, ["robot_2", "robot_1"])
+    report = counted_report()
+    complete(report, 1.0, 1.0, [ROW], {}, ["robot_2", "robot_1"])
     assert report.hung == ["robot_1", "robot_2"]
 
 
@@ -181,7 +195,9 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
 
 def test_a_run_without_go_has_no_time_of_go() -> None:
     """The value is null."""
-    assert make_report(Counts(COUNTED, {}, {}), 1.0, None, [], {}).go_after_seconds is None
+    report = counted_report()
+    complete(report, 1.0, None, [], {})
+    assert report.go_after_seconds is None
 
 
 def test_a_report_can_be_read_back() -> None:
@@ -251,7 +267,7 @@ def test_a_silent_simulator_is_an_error() -> None:
 
 def test_the_launcher_is_a_process_too() -> None:
     """The launcher has a row with its process id, memory and processor time."""
-    (row,) = measure_processes({"up": os.getpid()})
+    row = process_row("up", os.getpid())
     assert (row.name, row.pid, row.exit, row.restarts) == ("up", os.getpid(), 0, 0)
     assert 1 < row.pss_mb <= row.rss_mb
     assert row.cpu_seconds > 0

@@ -5,6 +5,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
 from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.process import Process
-from zteam.launch.progress import Watched
 from zteam.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
 from zteam.launch.supervisor import Job
 from zteam.launch.warm_parent import WarmParent
@@ -198,13 +198,13 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
 
 def stop_once_watched(run: ProcessRun, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
     """Request a stop when `run.watch` has begun: it holds its lock from then on until it waits."""
-    look = run._watched
+    look = run._missing
 
-    def look_and_stop() -> list[Watched]:
+    def look_and_stop(begun: bool) -> list[str]:
         threading.Thread(target=stop.request, args=("test",)).start()
-        return look()
+        return look(begun)
 
-    monkeypatch.setattr(run, "_watched", look_and_stop)
+    monkeypatch.setattr(run, "_missing", look_and_stop)
 
 
 def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,13 +243,27 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monke
     with pretend.run(run_for=1000.0) as run:
         run.start()
         ScriptedMonitor(pretend.hub).give_go()
-        assert run._progress is not None
-        with run._progress.changed:
-            assert run._progress.changed.wait_for(lambda: run._progress.go_after is not None, LIMIT)  # type: ignore[union-attr]
+        progress = run._progress
+        assert progress is not None
+        assert run.supervisor.wait(lambda: progress.go_after is not None, LIMIT)
         run.supervisor.processes["robot_0"].kill()
         assert run.supervisor.wait(lambda: bool(run.supervisor.failures), LIMIT)
         stop_once_watched(run, pretend.stop, monkeypatch)
         run.watch()
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
+    """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
+    pretend.others = "input(); input()"
+    pretend.routers = [ANNOUNCE.replace("600", "1")]
+    with pretend.run() as run:
+        if gone:
+            ScriptedMonitor(pretend.hub).give_go()
+        run.start()
+        with nullcontext() if gone else pytest.raises(ZteamError, match=r"no GO within 0\.01 s"):
+            run.watch(0.01)
+        assert run.supervisor.ended.issuperset(run.plan.own) == gone
 
 
 @pytest.mark.parametrize("namespace", [None, "mine"])
