@@ -42,8 +42,7 @@ FUZZED = """async (frames) => {
 
 def decode(screen: Screen, *blocks: bytes) -> Any:
     """What the page makes of a frame with these blocks."""
-    frame = frames.Frame(number=4_000_000_000, tick=2**40, stamp=12.5, age=0.025)
-    found = screen.ask(DECODED, list(frames.encode_frame(frame, blocks)))
+    found = screen.ask(DECODED, list(frames.encode_frame(4_000_000_000, 2**40, 12.5, 0.025, blocks)))
     assert (found["number"], found["tick"], found["stamp"], found["age"]) == (4_000_000_000, 2**40, 12.5, 0.025)
     return found["blocks"]
 
@@ -101,7 +100,7 @@ def test_broken_frames_end_in_one_kind_of_error(modules: Screen) -> None:
         frames.encode_path("robot_0/plan", np.zeros((3, 2))),
         frames.encode_samples("robot_0/odom", "twist", np.zeros((2, 2))),
     ]
-    whole, chance = frames.encode_frame(frames.Frame(1, 2, 3.0, 0.0), blocks), random.Random(1)
+    whole, chance = frames.encode_frame(1, 2, 3.0, 0.0, blocks), random.Random(1)
 
     def broken() -> list[int]:
         data = bytearray(whole)

@@ -7,6 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from studies.view.frames import decode_frame
 from support.examples import examples
 from zteam.errors import DecodeError
 from zteam.geometry import Pose2, normalize_angle
@@ -30,9 +31,7 @@ FIELDS = ["seq", "robot", "robots", "x", "y", "yaw", "viewport", "layers", "beam
 @given(st.dictionaries(st.integers(0, 9999), poses, max_size=50))
 def test_poses_arrive_within_half_a_step(robots: dict[int, Pose2]) -> None:
     """Every pose within 300 m of the origin comes back to half a centimetre and half a ten-thousandth of a radian."""
-    _, ((_, _, _, body),) = frames.decode_frame(
-        frames.encode_frame(frames.Frame(1, 0, 0.0, 0.0), [frames.encode_poses(robots)])
-    )
+    _, ((_, _, _, body),) = decode_frame(frames.encode_frame(1, 0, 0.0, 0.0, [frames.encode_poses(robots)]))
     x0, y0, step = np.frombuffer(body, "<f4", 3).astype(float)
     count = int(np.frombuffer(body, "<u4", 1, 12)[0])
     ids = np.frombuffer(body, "<u2", count, 16).tolist()
@@ -52,8 +51,8 @@ def test_poses_arrive_within_half_a_step(robots: dict[int, Pose2]) -> None:
 )
 def test_any_ranges_become_a_scan(ranges: list[float], beams: int, range_max: float) -> None:
     """No value, however odd, is an error; what is in range comes back to half a step."""
-    sweep = frames.Sweep(Pose2(0.0, 0.0, 0.0), 0.0, 0.01, 0.1, range_max, np.array(ranges, np.float32))
-    body = frames.encode_scan(0, 0, sweep, beams)[8:]
+    scan = LaserScan(range_min=0.1, range_max=range_max, ranges=np.array(ranges, np.float32))
+    body = frames.encode_scan(0, 0, scan, Pose2(0.0, 0.0, 0.0), beams)[8:]
     count = int(np.frombuffer(body, "<u2", 1, 2)[0])
     step = float(np.frombuffer(body, "<f4", 1, 28)[0])
     stride = max(1, math.ceil(len(ranges) / beams))
@@ -74,7 +73,7 @@ def test_any_ranges_become_a_scan(ranges: list[float], beams: int, range_max: fl
 def test_what_is_no_frame_is_refused(data: bytes) -> None:
     """Reading anything gives a frame or a ValueError."""
     try:
-        frames.decode_frame(data)
+        decode_frame(data)
     except ValueError:
         pass
 

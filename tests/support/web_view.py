@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from studies.view.frames import Frame, decode_frame
 from support.limits import LIMIT
 from zteam.bus import Bus
 from zteam.clock import monotonic
-from zteam.nodes.web.frames import DOC, Frame, decode_frame
+from zteam.nodes.web.frames import DOC
 from zteam.nodes.web.server import WebServer, listen
 from zteam.nodes.web.team_view import TeamView
 from zteam.runtime.process_node import ProcessNode

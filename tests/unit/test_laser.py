@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 
+from studies.view.frames import decode_frame
 from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
 from zteam.laser import read_ranges
@@ -70,9 +71,8 @@ def test_all_readers_agree(value: float, meaning: str) -> None:
     expected = {HIT: (value, True), FREE: (10.0, False)}.get(meaning)
     found = [(pytest.approx(end[0]), bool(has_met)) for end, has_met in zip(ends, met, strict=True)]
     assert found == ([] if expected is None else [expected])
-    sweep = frames.Sweep(Pose2(0.0, 0.0, 0.0), 0.0, 0.1, 0.1, 30.0, ranges)
-    frame = frames.encode_frame(frames.Frame(1, 1, 0.0, 0.0), [frames.encode_scan(0, 0, sweep, 9)])
-    (block,) = frames.decode_frame(frame)[1]
+    frame = frames.encode_frame(1, 1, 0.0, 0.0, [frames.encode_scan(0, 0, scan, Pose2(0.0, 0.0, 0.0), 9)])
+    (block,) = decode_frame(frame)[1]
     (steps,) = struct.unpack("<H", block[3][-2:])
     drawn = {CLOSE: frames.INVALID, SILENT: frames.INVALID, FREE: frames.NO_RETURN}
     assert steps == (drawn[meaning] if meaning in drawn else round(value / frames.RANGE_STEP))

@@ -52,7 +52,7 @@ class Composer:
         tick = places.stamp // sim.interval if sim and sim.interval > 0 else 0
         sent = monotonic()
         age = sent - places.time if has_poses else -1.0
-        return frames.encode_frame(frames.Frame(viewer.next_frame(sent), tick, to_seconds(places.stamp), age), blocks)
+        return frames.encode_frame(viewer.next_frame(sent), tick, to_seconds(places.stamp), age, blocks)
 
     def _scans(self, viewer: Viewer) -> Iterator[bytes]:
         if "scans" not in viewer.look.layers:

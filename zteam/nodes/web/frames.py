@@ -8,13 +8,14 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
 from zteam.laser import read_ranges
+from zteam.messages import LaserScan
 
 KIND, VERSION = 1, 1
 POSES, SCAN, DOC, GRID, PATH, POSE_ARRAY, SAMPLES = range(1, 8)
@@ -43,52 +44,13 @@ _SCAN = struct.Struct("<HH7f")
 _LENGTH = struct.Struct("<H")
 
 
-class Frame(NamedTuple):
-    """What the header says."""
+def encode_frame(number: int, tick: int, stamp: float, age: float, blocks: Sequence[bytes]) -> bytes:
+    """A frame of these blocks, each as the functions below make it.
 
-    number: int
-    tick: int
-    stamp: float
-    """Seconds of the clock that the team lives on."""
-    age: float
-    """Host seconds since the newest pose came, when the frame was sent."""
-
-
-class Sweep(NamedTuple):
-    """What a laser saw."""
-
-    sensor: Pose2
-    """Its pose in `map` when it saw this."""
-    angle_min: float
-    angle_increment: float
-    range_min: float
-    range_max: float
-    ranges: NDArray[np.float32]
-
-
-def encode_frame(frame: Frame, blocks: Sequence[bytes]) -> bytes:
-    """A frame of these blocks, each as the functions below make it."""
-    header = _HEADER.pack(KIND, VERSION, len(blocks), frame.number & 0xFFFFFFFF, frame.tick, frame.stamp, frame.age)
+    `stamp` (s) is of the clock that the team lives on; `age`: host seconds from the newest pose until it was sent.
+    """
+    header = _HEADER.pack(KIND, VERSION, len(blocks), number & 0xFFFFFFFF, tick, stamp, age)
     return b"".join((header, *blocks))
-
-
-def decode_frame(data: bytes) -> tuple[Frame, list[tuple[int, int, int, bytes]]]:
-    """The header, and type, flags, id and body of each block. Raises ValueError for anything that is no frame."""
-    try:
-        kind, version, count, *rest = _HEADER.unpack_from(data)
-        blocks, at = [], _HEADER.size
-        for _ in range(count):
-            block, flags, owner, length = _BLOCK.unpack_from(data, at)
-            body = data[at + _BLOCK.size : at + _BLOCK.size + length]
-            if len(body) != length:
-                raise ValueError("a block is longer than the frame")
-            blocks.append((block, flags, owner, body))
-            at += _BLOCK.size + length + -length % 8
-    except struct.error as error:
-        raise ValueError(f"no frame: {error}") from None
-    if (kind, version) != (KIND, VERSION) or at != len(data):
-        raise ValueError("no frame of this version")
-    return Frame(*rest), blocks
 
 
 def _block(kind: int, body: bytes, owner: int = TEAM, flags: int = 0) -> bytes:
@@ -115,20 +77,21 @@ def encode_poses(poses: Mapping[int, Pose2], *, truth: bool = False) -> bytes:
     return _block(POSES, b"".join(parts), flags=FROM_TRUTH if truth else 0)
 
 
-def encode_scan(robot_id: int, index: int, sweep: Sweep, beams: int) -> bytes:
-    """A scan of a robot's `index`-th laser, thinned to at most `beams` of its beams."""
-    stride = max(1, math.ceil(len(sweep.ranges) / max(1, beams)))
-    distances = read_ranges(sweep.ranges[::stride], sweep.range_min, sweep.range_max).distances
+def encode_scan(robot_id: int, index: int, scan: LaserScan, sensor: Pose2, beams: int) -> bytes:
+    """A scan of a robot's `index`-th laser, thinned to at most `beams` of its beams.
+
+    `sensor` is the laser's pose in `map` when it saw this.
+    """
+    stride = max(1, math.ceil(len(scan.ranges) / max(1, beams)))
+    distances = read_ranges(scan.ranges[::stride], scan.range_min, scan.range_max).distances
     step = RANGE_STEP
-    if math.isfinite(sweep.range_max):
-        step = max(step, sweep.range_max / MAX_STEPS)
+    if math.isfinite(scan.range_max):
+        step = max(step, scan.range_max / MAX_STEPS)
     with np.errstate(invalid="ignore"):
         steps = np.minimum(np.rint(distances / np.float32(step)), MAX_STEPS)
     found = np.where(distances > 0.0, steps, INVALID).astype("<u2")
     found[distances >= step * MAX_STEPS] = NO_RETURN
-    head = _SCAN.pack(
-        index, len(found), *sweep.sensor, sweep.angle_min, sweep.angle_increment * stride, sweep.range_max, step
-    )
+    head = _SCAN.pack(index, len(found), *sensor, scan.angle_min, scan.angle_increment * stride, scan.range_max, step)
     return _block(SCAN, head + found.tobytes(), owner=robot_id)
 
 
@@ -144,30 +107,31 @@ def encode_tile(meta: Mapping[str, Any], cells: NDArray[np.int8]) -> bytes:
 
 def encode_path(key: str, points: NDArray[np.float64]) -> bytes:
     """Points (n, 2) in `map`, in metres."""
-    return _block(PATH, _padded(_meta({"key": key}), 4) + points.astype("<f4").tobytes())
+    return _numbers(PATH, {"key": key}, points, "<f4")
 
 
 def encode_pose_array(key: str, poses: NDArray[np.float64]) -> bytes:
     """Poses (n, 3) in `map`: metres and radians."""
-    return _block(POSE_ARRAY, _padded(_meta({"key": key}), 4) + poses.astype("<f4").tobytes())
+    return _numbers(POSE_ARRAY, {"key": key}, poses, "<f4")
 
 
 def encode_samples(topic: str, field: str, pairs: NDArray[np.float64]) -> bytes:
     """Pairs (n, 2) of time in seconds and value."""
-    return _block(SAMPLES, _padded(_meta({"topic": topic, "field": field}), 8) + pairs.astype("<f8").tobytes())
+    return _numbers(SAMPLES, {"topic": topic, "field": field}, pairs, "<f8")
 
 
-def _text(text: str) -> bytes:
-    encoded = text.encode()
-    return _LENGTH.pack(len(encoded)) + encoded
+def _numbers(kind: int, meta: Mapping[str, Any], numbers: NDArray[np.float64], form: str) -> bytes:
+    head, encoded = _meta(meta), numbers.astype(form)
+    return _block(kind, head + bytes(-len(head) % encoded.itemsize) + encoded.tobytes())
 
 
 def _meta(meta: Mapping[str, Any]) -> bytes:
     return _text(json.dumps(meta, separators=(",", ":")))
 
 
-def _padded(body: bytes, size: int) -> bytes:
-    return body + bytes(-len(body) % size)
+def _text(text: str) -> bytes:
+    encoded = text.encode()
+    return _LENGTH.pack(len(encoded)) + encoded
 
 
 def tiles_of(width: int, height: int) -> Iterator[tuple[int, int, int, int]]:

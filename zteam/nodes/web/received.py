@@ -200,23 +200,15 @@ class Drawables:
 
     def __init__(self) -> None:
         self._kinds: dict[str, type[Message] | None] = {}
-        """None: not known yet, a first message will tell."""
-        self._others: set[str] = set()
-        """Keys whose messages are not drawn."""
+        """None: not known yet, a first message will tell. `Message`: nothing that is drawn."""
 
     def take_keys(self, published: Iterable[str]) -> None:
         """These keys are published now."""
         keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP}
         # Replaced as a whole: other threads read it meanwhile.
         kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
-        self._others &= keys
-        for key in sorted(keys)[:MAX_KEYS]:
-            if key not in kinds and key not in self._others:
-                kind = type_of_key(key)
-                if key.startswith("@") or (kind is not None and not _is_drawn(kind)):
-                    self._others.add(key)
-                else:
-                    kinds[key] = kind
+        for key in sorted(keys - kinds.keys())[: MAX_KEYS - len(kinds)]:
+            kinds[key] = Message if key.startswith("@") else type_of_key(key)
         self._kinds = kinds
 
     def unknown(self) -> list[str]:
@@ -225,13 +217,8 @@ class Drawables:
 
     def learn(self, key: str, encoding: str) -> None:
         """A message of a key came, in this encoding."""
-        if key in self._kinds and self._kinds[key] is None:
-            kind = type_of_encoding(encoding)
-            if kind is not None and _is_drawn(kind):
-                self._kinds = {**self._kinds, key: kind}
-            else:
-                self._kinds = {other: kind for other, kind in self._kinds.items() if other != key}
-                self._others.add(key)
+        if self._kinds.get(key, Message) is None:
+            self._kinds = {**self._kinds, key: type_of_encoding(encoding) or Message}
 
     def keys(self, layer: str) -> list[str]:
         """The keys that a layer shows."""
@@ -240,19 +227,11 @@ class Drawables:
     def topics(self, layers: Collection[str]) -> set[Topic]:
         """What to subscribe to for these layers; a key of unknown type until its first message."""
         chosen = [kind for layer in layers for kind in LAYERS.get(layer, ())]
-        if not chosen:
-            return set()
-        found = set()
-        for key, kind in self._kinds.items():
-            if kind is None:
-                found.add(Topic(key, latched=True))
-            elif kind in chosen:
-                found.add(Topic(key, latched=True, every=kind in (Marker, MarkerArray)))
-        return found
-
-
-def _is_drawn(kind: type[Message]) -> bool:
-    return any(kind in kinds for kinds in LAYERS.values())
+        return {
+            Topic(key, latched=True, every=kind in (Marker, MarkerArray))
+            for key, kind in self._kinds.items()
+            if chosen and (kind is None or kind in chosen)
+        }
 
 
 PERIOD, FAST_PERIOD = 0.05, 0.1

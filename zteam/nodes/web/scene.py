@@ -31,22 +31,8 @@ from zteam.services.simulator import RobotShape, SimStatus
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
 
-Outline = list[tuple[float, float]]
-
-
-class Outlines:
-    """The different outlines of a team: robots of a kind have one, and a page reads it once."""
-
-    def __init__(self) -> None:
-        self._places: dict[bytes, int] = {}
-
-    def place(self, outline: Sequence[Outline]) -> int:
-        """Where this one is in the list; -1 for an empty one."""
-        return self._places.setdefault(msgspec.json.encode(outline), len(self._places)) if outline else -1
-
-    def as_list(self) -> list[msgspec.Raw]:
-        """All of them."""
-        return [msgspec.Raw(outline) for outline in self._places]
+Outlines = dict[bytes, int]
+"""The place in a list of each different outline, as JSON: robots of a kind have one, and a page reads it once."""
 
 
 class RobotRow(msgspec.Struct):
@@ -111,41 +97,39 @@ class TeamDocument(msgspec.Struct):
     namespace: str = ""
 
 
-class Heard(msgspec.Struct):
-    """What is known of one robot."""
-
-    alive: bool = False
-    """Whether a process holds its name."""
-    status: RobotStatus | None = None
-    age: float = 0.0
-    """Host seconds since that status came."""
-    base: BaseInfo | None = None
-    shape: RobotShape | None = None
-    """As the simulator tells it."""
-    lease: int | None = None
-
-
-def robot_row(robot_id: int, heard: Heard, outlines: Outlines, *, present: bool) -> RobotRow:
-    """A robot's row."""
-    row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=heard.lease)
-    if heard.shape is not None:
-        row.model = heard.shape.model
-        row.outline = outlines.place(heard.shape.outline)
-    elif heard.base is not None:
-        row.model = heard.base.model
-        row.outline = outlines.place([[(round(p.x, 4), round(p.y, 4)) for p in heard.base.footprint.points]])
-    status = heard.status
+def robot_row(
+    robot_id: int,
+    outlines: Outlines,
+    *,
+    present: bool,
+    alive: bool = False,
+    status: RobotStatus | None = None,
+    age: float = 0.0,
+    base: BaseInfo | None = None,
+    shape: RobotShape | None = None,
+    lease: int | None = None,
+) -> RobotRow:
+    """A robot's row: whether a process holds its name, its newest status and how old that is (host seconds), its base,
+    its shape as the simulator tells it, and the viewer that drives it."""
+    row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=lease)
+    outline: Sequence[object] = ()
+    if shape is not None:
+        row.model, outline = shape.model, shape.outline
+    elif base is not None:
+        row.model, outline = base.model, [[(round(p.x, 4), round(p.y, 4)) for p in base.footprint.points]]
+    if outline:
+        row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
     if status is None:
-        row.reason = "no status yet" if heard.alive else "no process"
+        row.reason = "no status yet" if alive else "no process"
         return row
     row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.followed
-    row.age = round(heard.age, 2)
-    if not heard.alive:
+    row.age = round(age, 2)
+    if not alive:
         row.state = "stopped" if status.state == RobotState.STOPPED else "lost"
         row.driver, row.reason = RobotDriver.NONE, "its process is gone"
         return row
     row.speed = round(status.speed, 3)
-    if heard.age > SILENT_AFTER:
+    if age > SILENT_AFTER:
         row.state, row.reason = "silent", "does not answer"
         return row
     row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
@@ -250,13 +234,9 @@ class Scene:
             index += 1
 
     def _scan(self, robot_id: int, index: int, scan: LaserScan, beams: int) -> bytes:
-        sensor = self._state.places.pose_of(scan.header.frame_id, ns_from_time(scan.header.stamp))
-        if sensor is None:
-            sensor = self._sensor_on_base(robot_id, index)
-        if sensor is None:
-            return b""
-        sweep = frames.Sweep(sensor, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.ranges)
-        return frames.encode_scan(robot_id, index, sweep, beams)
+        seen = self._state.places.pose_of(scan.header.frame_id, ns_from_time(scan.header.stamp))
+        sensor = seen or self._sensor_on_base(robot_id, index)
+        return frames.encode_scan(robot_id, index, scan, sensor, beams) if sensor else b""
 
     def _sensor_on_base(self, robot_id: int, index: int) -> Pose2 | None:
         """Without transforms: where the simulator says that the laser sits."""
@@ -283,17 +263,25 @@ class Scene:
         sim, shapes, outlines = queries.sim, queries.shapes, Outlines()
         rows, speaks = {}, self._newest_data() if sim is None else {}
         for robot_id in sorted(state.robots()):
-            heard = self._hear(robot_id, now)
-            there = (
-                robot_id in sim.robots
-                if sim is not None
-                else heard.alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
+            alive = queries.alive(names.robot_name(robot_id))
+            speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
+            status = self.read(names.robot_key(robot_id, names.STATUS), RobotStatus)
+            base = self.read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
+            rows[robot_id] = robot_row(
+                robot_id,
+                outlines,
+                present=speaks_now if sim is None else robot_id in sim.robots,
+                alive=alive,
+                status=status[1] if status else None,
+                age=now - status[0].time if status else 0.0,
+                base=base[1] if base else None,
+                shape=shapes.robots.get(robot_id) if shapes else None,
+                lease=state.lease_of(robot_id),
             )
-            rows[robot_id] = robot_row(robot_id, heard, outlines, present=there)
         team = self.read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
-            outlines=outlines.as_list(),
+            outlines=[msgspec.Raw(outline) for outline in outlines],
             gate=gate_row(team[1] if team and queries.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
             router=queries.link_up,
@@ -308,19 +296,6 @@ class Scene:
             if target is not None and target[1] not in (names.BASE_INFO, names.STATUS, names.GOAL_POSE):
                 found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
         return found
-
-    def _hear(self, robot_id: int, now: float) -> Heard:
-        queries = self._state.queries
-        status = self.read(names.robot_key(robot_id, names.STATUS), RobotStatus)
-        base = self.read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
-        return Heard(
-            alive=queries.alive(names.robot_name(robot_id)),
-            status=status[1] if status else None,
-            age=now - status[0].time if status else 0.0,
-            base=base[1] if base else None,
-            lease=self._state.lease_of(robot_id),
-            shape=queries.shapes.robots.get(robot_id) if queries.shapes else None,
-        )
 
     def grid(self, key: str) -> list[Tile]:
         """The tiles of a grid; those whose cells are as before keep their version."""

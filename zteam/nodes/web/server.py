@@ -6,16 +6,16 @@ import itertools
 import logging
 import socket
 import threading
-from collections.abc import Awaitable, Callable, MutableMapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
+from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
@@ -249,10 +249,6 @@ class Page:
 
 log = logging.getLogger("zteam")
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-
 BACKLOG = 64
 THREADS = 32
 """For commands."""
@@ -312,31 +308,23 @@ class Guarded:
         self._app, self._gate = app, gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
-        host = headers.get(b"host", "")
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
         if not self._gate.takes_host(host):
-            await self._answer(scope, receive, send, 421, "this server is not known under that name")
+            await PlainTextResponse("this server is not known under that name", 421)(scope, receive, send)
             return
-        if scope["type"] == "websocket" and not self._gate.takes_origin(headers.get(b"origin"), host):
-            await self._answer(scope, receive, send, 403, "a page of another site may not open this socket")
+        if scope["type"] == "websocket" and not self._gate.takes_origin(headers.get("origin"), host):
+            await PlainTextResponse("a page of another site may not open this socket", 403)(scope, receive, send)
             return
 
-        async def send_with_headers(message: MutableMapping[str, Any]) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                said = {name for name, _ in message["headers"]}
-                given = ((name.encode(), value.encode()) for name, value in HEADERS.items())
-                added = [header for header in given if header[0] not in said]
-                message = {**message, "headers": [*message["headers"], *added]}
+                said = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    said.setdefault(name, value)
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
-
-    async def _answer(self, scope: Scope, receive: Receive, send: Send, code: int, text: str) -> None:
-        response = PlainTextResponse(text, code)
-        if scope["type"] == "websocket":
-            await WebSocket(scope, receive, send).send_denial_response(response)
-        else:
-            await response(scope, receive, send)
 
 
 def make_app(pages: Pages, layout: bytes) -> Starlette:

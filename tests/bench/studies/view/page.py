@@ -10,9 +10,10 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from studies.view.frames import decode_frame
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
-from zteam.nodes.web.frames import SCAN, decode_frame
+from zteam.nodes.web.frames import SCAN
 
 
 class FrameFigures(msgspec.Struct):

@@ -8,15 +8,17 @@ import zlib
 import numpy as np
 import pytest
 
+from studies.view.frames import Frame, decode_frame
 from zteam.geometry import Pose2
+from zteam.messages import LaserScan
 from zteam.nodes.web import frames
 
-HEADER = frames.Frame(7, 12, 1.2, 0.003)
+HEADER = Frame(7, 12, 1.2, 0.003)
 
 
 def only_block(block: bytes) -> tuple[int, int, int, bytes]:
     """The one block of a frame that holds it."""
-    header, blocks = frames.decode_frame(frames.encode_frame(HEADER, [block]))
+    header, blocks = decode_frame(frames.encode_frame(*HEADER, [block]))
     assert header == HEADER
     (found,) = blocks
     return found
@@ -31,7 +33,7 @@ def meta_of(body: bytes) -> tuple[dict[str, object], bytes]:
 def test_the_header_has_32_bytes_and_blocks_begin_at_multiples_of_8() -> None:
     """A page reads numbers in place, so every block is padded to eight bytes."""
     blocks = [frames.encode_doc("team", b"{}"), frames.encode_doc("log", b"[1,2,3]")]
-    data = frames.encode_frame(HEADER, blocks)
+    data = frames.encode_frame(*HEADER, blocks)
     assert data[:8] == struct.pack("<BBHI", 1, 1, 2, 7)
     assert all(len(block) % 8 == 0 for block in blocks)
     assert len(data) == 32 + sum(map(len, blocks))
@@ -58,8 +60,8 @@ def test_poses_of_the_simulator_are_marked() -> None:
 def test_a_scan_is_thinned_and_tells_what_it_did_not_see() -> None:
     """No return is 65535, an invalid range 65534, and the increment grows as beams are left out."""
     ranges = np.array([1.0, 9.0, math.inf, 9.0, math.nan, 9.0, 0.01, 9.0, 30.0], np.float32)
-    sweep = frames.Sweep(Pose2(1.0, 2.0, 0.25), -1.0, 0.125, 0.05, 30.0, ranges)
-    kind, _, owner, body = only_block(frames.encode_scan(4, 1, sweep, beams=5))
+    scan = LaserScan(angle_min=-1.0, angle_increment=0.125, range_min=0.05, range_max=30.0, ranges=ranges)
+    kind, _, owner, body = only_block(frames.encode_scan(4, 1, scan, Pose2(1.0, 2.0, 0.25), beams=5))
     assert (kind, owner) == (frames.SCAN, 4)
     index, count, *floats = struct.unpack_from("<HH7f", body)
     assert (index, count) == (1, 5)
@@ -69,8 +71,8 @@ def test_a_scan_is_thinned_and_tells_what_it_did_not_see() -> None:
 
 def test_a_far_sighted_laser_has_larger_steps() -> None:
     """A range of 200 m fits into 16 bits."""
-    sweep = frames.Sweep(Pose2(0.0, 0.0, 0.0), 0.0, 0.1, 0.0, 200.0, np.array([150.0], np.float32))
-    body = only_block(frames.encode_scan(0, 0, sweep, 1))[3]
+    scan = LaserScan(range_max=200.0, ranges=np.array([150.0], np.float32))
+    body = only_block(frames.encode_scan(0, 0, scan, Pose2(0.0, 0.0, 0.0), 1))[3]
     step, steps = struct.unpack_from("<fH", body, 28)
     assert step * steps == pytest.approx(150.0, abs=0.003)
 

@@ -1,18 +1,20 @@
 """The document `team`, as the page's table shows it."""
 
+from typing import Any
+
 import msgspec
 import numpy as np
 
 from zteam.messages import BaseInfo, Point32, Polygon, RobotState, RobotStatus, TeamState, TeamStatus
-from zteam.nodes.web.scene import Heard, Outlines, RobotRow, gate_row, robot_row, sim_row
+from zteam.nodes.web.scene import Outlines, RobotRow, gate_row, robot_row, sim_row
 from zteam.services.simulator import RobotShape, SimStatus
 
 RUNNING = RobotStatus(robot_id=1, state=RobotState.RUNNING, behavior="follow", driver="behavior", leader=0, speed=0.4)
 
 
-def row_of(heard: Heard) -> RobotRow:
+def row_of(**heard: Any) -> RobotRow:
     """The row of a robot that is there."""
-    return robot_row(1, heard, Outlines(), present=True)
+    return robot_row(1, Outlines(), present=True, **heard)
 
 
 def test_a_robots_body_is_that_of_its_world() -> None:
@@ -21,11 +23,11 @@ def test_a_robots_body_is_that_of_its_world() -> None:
     base = BaseInfo(model="real", footprint=Polygon([Point32(*point) for point in square]))
     outlines, two = Outlines(), RobotShape("erratic", [square, square], [(0.1, 0.0, 0.2)])
     rows = [
-        robot_row(1, heard, outlines, present=True)
-        for heard in (Heard(), Heard(base=base, shape=two), Heard(base=base), Heard(shape=two))
+        robot_row(1, outlines, present=True, base=has_base, shape=shape)
+        for has_base, shape in ((None, None), (base, two), (base, None), (None, two))
     ]
     assert [(row.model, row.outline) for row in rows] == [("", -1), ("erratic", 0), ("real", 1), ("erratic", 0)]
-    found = [msgspec.json.decode(outline, type=list[list[tuple[float, float]]]) for outline in outlines.as_list()]
+    found = [msgspec.json.decode(outline, type=list[list[tuple[float, float]]]) for outline in outlines]
     assert found == [[square, square], [square]]
 
 
@@ -33,15 +35,12 @@ def test_states_are_those_of_the_monitor() -> None:
     """A robot is absent, running, silent, lost or stopped, with the reason in words."""
     stopped = RobotStatus(state=RobotState.STOPPED)
     rows = [
-        row_of(heard)
-        for heard in (
-            Heard(),
-            Heard(alive=True),
-            Heard(alive=True, status=RUNNING, age=0.5),
-            Heard(alive=True, status=RUNNING, age=9.0),
-            Heard(status=RUNNING),
-            Heard(status=stopped),
-        )
+        row_of(),
+        row_of(alive=True),
+        row_of(alive=True, status=RUNNING, age=0.5),
+        row_of(alive=True, status=RUNNING, age=9.0),
+        row_of(status=RUNNING),
+        row_of(status=stopped),
     ]
     assert [row.state for row in rows] == ["absent", "absent", "running", "silent", "lost", "stopped"]
     assert [row.reason for row in rows[:2]] == ["no process", "no status yet"]
@@ -51,12 +50,12 @@ def test_states_are_those_of_the_monitor() -> None:
 def test_a_reason_cannot_command_a_page_or_terminal() -> None:
     """Control characters are replaced."""
     status = RobotStatus(state=RobotState.RUNNING, reason="a\x1b[2Jb")
-    assert row_of(Heard(alive=True, status=status)).reason == "a\ufffd[2Jb"
+    assert row_of(alive=True, status=status).reason == "a\ufffd[2Jb"
 
 
 def test_the_gate_tells_what_it_waits_for() -> None:
     """Each missing robot with its reason; GO, and no monitor, as such."""
-    rows = {1: row_of(Heard(alive=True))}
+    rows = {1: row_of(alive=True)}
     status = TeamStatus(team_size=3, ready=np.array([0]), missing=np.array([1, 2]), waiting_for="robot_1, robot_2")
     gate = gate_row(status, rows)
     assert (gate.state, gate.text) == ("waiting", "1 of 3 ready; waiting for robot_1, robot_2")
