@@ -10,8 +10,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, time_from_ns
+from zteam.messages import Time, TransformStamped, time_from_ns
 from zteam.tf import errors
+from zteam.tf.rigid import stamped_transform
 
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""
@@ -41,6 +42,11 @@ class StaticRequest(Change):
     qy: Coordinate = 0.0
     qz: Coordinate = 0.0
     qw: Coordinate = 1.0
+
+    def transform(self) -> TransformStamped:
+        """The transform; names may have a leading slash."""
+        floats = (self.x, self.y, self.z, self.qx, self.qy, self.qz, self.qw)
+        return stamped_transform(Time(), names.strip_slash(self.parent), names.strip_slash(self.child), floats)
 
 
 class StaticReply(msgspec.Struct):
@@ -149,6 +155,5 @@ def _result(lookup: Lookup, reply: LookupReply) -> TransformStamped | errors.Tra
         # A newer aggregator may know exceptions that this process does not.
         kind = getattr(errors, reply.error, errors.TransformException)
         return kind(reply.text)
-    header = Header(time_from_ns(reply.stamp), lookup.target)
-    transform = Transform(Vector3(*reply.translation), Quaternion(*reply.rotation))
-    return TransformStamped(header, lookup.source, transform)
+    floats = (*reply.translation, *reply.rotation)
+    return stamped_transform(time_from_ns(reply.stamp), lookup.target, lookup.source, floats)

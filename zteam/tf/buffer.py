@@ -33,18 +33,18 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.names import strip_slash
-from zteam.tf.do_transform import (
+from zteam.tf.errors import InvalidArgumentException, TransformException
+from zteam.tf.rigid import (
     apply_to_point,
     apply_to_points,
     apply_to_pose,
     apply_to_poses,
     apply_to_vector,
+    compose,
     floats_of,
     scan_points,
     twist_between,
 )
-from zteam.tf.errors import InvalidArgumentException, TransformException
-from zteam.tf.rigid import compose
 from zteam.tf.tree import FrameInfo, Rejection, Tree
 
 log = logging.getLogger("zteam.tf")

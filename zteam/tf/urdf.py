@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 from zteam.errors import ConfigError
 from zteam.geometry import quaternion_from_rpy
-from zteam.messages import Header, JointState, Quaternion, Time, Transform, TransformStamped, Vector3
-from zteam.tf.rigid import Floats, compose
+from zteam.messages import JointState, Time, TransformStamped
+from zteam.tf.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
 _SKIPPED = ("floating", "planar")
@@ -43,7 +43,11 @@ class Description(NamedTuple):
 
     def static_transforms(self) -> list[TransformStamped]:
         """The transforms of the fixed joints."""
-        return [_stamped(joint, Time(), joint.parent_from_joint) for joint in self.joints if joint.kind == "fixed"]
+        return [
+            stamped_transform(Time(), joint.parent, joint.child, joint.parent_from_joint)
+            for joint in self.joints
+            if joint.kind == "fixed"
+        ]
 
     def moving_transforms(self, state: JointState) -> list[TransformStamped]:
         """The transforms of the moving joints whose position is in the message; other names in it are ignored."""
@@ -56,7 +60,7 @@ class Description(NamedTuple):
                 position = multiplier * known[leader] + offset
             if joint.kind != "fixed" and math.isfinite(position):
                 moved = compose(joint.parent_from_joint, _moved(joint, position))
-                found.append(_stamped(joint, state.header.stamp, moved))
+                found.append(stamped_transform(state.header.stamp, joint.parent, joint.child, moved))
         return found
 
 
@@ -67,12 +71,6 @@ def _moved(joint: Joint, position: float) -> Floats:
         return (x * position, y * position, z * position, 0.0, 0.0, 0.0, 1.0)
     sine = math.sin(0.5 * position)
     return (0.0, 0.0, 0.0, x * sine, y * sine, z * sine, math.cos(0.5 * position))
-
-
-def _stamped(joint: Joint, stamp: Time, floats: Floats) -> TransformStamped:
-    x, y, z, i, j, k, w = floats
-    transform = Transform(Vector3(x, y, z), Quaternion(i, j, k, w))
-    return TransformStamped(Header(stamp, joint.parent), joint.child, transform)
 
 
 def read_description(path: Path) -> Description:

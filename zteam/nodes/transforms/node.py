@@ -12,17 +12,7 @@ from zteam import names
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.messages import (
-    Header,
-    JointState,
-    Quaternion,
-    TFMessage,
-    Tick,
-    Transform,
-    TransformStamped,
-    Vector3,
-    ns_from_time,
-)
+from zteam.messages import JointState, TFMessage, Tick, ns_from_time
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
 from zteam.nodes.transforms.queries import serve_queries
 from zteam.process_options import AggregatorOptions
@@ -179,16 +169,10 @@ class Aggregator:
         self._publish_statics()
 
     def _add_static(self, request: StaticRequest) -> StaticReply:
-        rotation = Quaternion(request.qx, request.qy, request.qz, request.qw)
-        transform = TransformStamped(
-            Header(frame_id=names.strip_slash(request.parent)),
-            names.strip_slash(request.child),
-            Transform(Vector3(request.x, request.y, request.z), rotation),
-        )
         with self._node.changed:
             # The request came over the router, so the link is up and missing tokens are gone: their frames are free.
             self._drop_lost(0.0)
-            refused = self._merger.add_static(transform, _caller(request.caller))
+            refused = self._merger.add_static(request.transform(), _caller(request.caller))
             self._publish_statics()
         return StaticReply(refused)
 

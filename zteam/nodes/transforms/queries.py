@@ -20,8 +20,8 @@ from zteam.services.transforms import (
     LookupRequest,
 )
 from zteam.tf import Buffer, FrameInfo, TransformException
-from zteam.tf.do_transform import floats_of
 from zteam.tf.merge import Merger
+from zteam.tf.rigid import floats_of
 
 
 def serve_queries(bus: Bus, merger: Merger, newest: Callable[[], TFMessage]) -> None:
@@ -62,10 +62,7 @@ def _wait_for_all(buffer: Buffer, request: LookupRequest, replies: list[LookupRe
         if replies[i].error:
             legs = [(lookup.target, lookup.source, lookup.time)]
             if lookup.fixed:
-                legs = [
-                    (lookup.fixed, lookup.source, lookup.source_time),
-                    (lookup.target, lookup.fixed, lookup.time),
-                ]
+                legs = [(lookup.fixed, lookup.source, lookup.source_time), (lookup.target, lookup.fixed, lookup.time)]
             with suppress(TransformException):
                 for leg in legs:
                     buffer.wait_for_transform(*leg, max(0.0, end - monotonic()))
