@@ -6,13 +6,12 @@ import sys
 import textwrap
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 
@@ -69,8 +68,6 @@ def check_router(options: BusOptions) -> Finding:
     return ok("router", f"{router} at {endpoint}{pid}, Zenoh {admin.version.partition('-')[0] or '?'}")
 
 
-M = TypeVar("M", bound=Message)
-
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
 _SETTLE = 0.3
@@ -87,46 +84,41 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     after = find_status(bus)
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
-    namer = _namer(nodes, router_id)
+
+    def name_of(sample: RawSample) -> str:
+        # The router stamps the samples of sessions that do not.
+        if sample.source and sample.source == router_id:
+            return "a client without time stamps (plain Zenoh)"
+        return writer_names(nodes, [sample.source], sample.key)[0]
+
+    faults, newest = _decode(heard, name_of)
+    statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
+    team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
     frames = ask_frames(bus)
-    newest_map = _newest(heard, names.MAP, OccupancyGrid)
     return Facts(
         nodes=nodes,
-        writers={key: [namer(session, key) for session in by] for key, by in sorted(heard.items())},
-        faults=_faults(heard, namer),
+        writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
+        faults=faults,
         counts=_counts(bus),
-        statuses=_statuses(heard),
-        team=_message(_newest(heard, names.TEAM_STATUS, TeamStatus), TeamStatus),
+        statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
+        team=team[1] if team and isinstance(team[1], TeamStatus) else None,
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        map=_without_cells(_message(newest_map, OccupancyGrid)),
-        map_writer=namer(newest_map.source, names.MAP) if newest_map else "",
+        map=msgspec.structs.replace(grid, data=NO_INT8) if isinstance(grid, OccupancyGrid) else None,
+        map_writer=name_of(map_sample) if map_sample else "",
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else _at_other_routers(options, router_id),
     )
 
 
-Heard = dict[str, dict[str, RawSample]]
-"""The newest sample of each key and session."""
-Namer = Callable[[str, str], str]
-"""The name of the process that has a session, as a user of a key."""
+def _listen(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[RawSample]]:
+    """Listen to all keys, latched ones included, until every robot that answers has told its status.
 
-
-def _namer(nodes: list[ProcessInfo], router_id: str) -> Namer:
-    def name(session: str, key: str) -> str:
-        # The router stamps the samples of sessions that do not.
-        if session and session == router_id:
-            return "a client without time stamps (plain Zenoh)"
-        return writer_names(nodes, [session], key)[0]
-
-    return name
-
-
-def _listen(bus: Bus, nodes: list[ProcessInfo]) -> Heard:
-    """Listen to all keys, latched ones included, until every robot that answers has told its status."""
-    heard: Heard = defaultdict(dict)
+    The newest sample of each session, by key.
+    """
+    heard: dict[str, dict[str, RawSample]] = defaultdict(dict)
     lock, waiter = threading.Lock(), Waiter()
     robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
@@ -136,12 +128,11 @@ def _listen(bus: Bus, nodes: list[ProcessInfo]) -> Heard:
             heard[sample.key][sample.source] = sample
         waiter.notify()
 
-    subscription = bus.subscribe_raw("**", take, latched=True)
-    waiter.wait(lambda: False, SURVEY, "")
-    waiter.wait(lambda: due <= heard.keys(), LONGER, "")
-    subscription.close()
+    with closing(bus.subscribe_raw("**", take, latched=True)):
+        waiter.wait(lambda: False, SURVEY, "")
+        waiter.wait(lambda: due <= heard.keys(), LONGER, "")
     with lock:
-        return {key: dict(by) for key, by in heard.items()}
+        return {key: list(by.values()) for key, by in sorted(heard.items())}
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
@@ -152,52 +143,28 @@ def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
     return {key.removesuffix("/stats"): counts for key, counts in answers}
 
 
-def _faults(heard: Heard, namer: Namer) -> list[Fault]:
-    found = []
-    for key, by in sorted(heard.items()):
+def _decode(
+    heard: Mapping[str, Sequence[RawSample]], name_of: Callable[[RawSample], str]
+) -> tuple[list[Fault], dict[str, tuple[RawSample, Message]]]:
+    """What is wrong with samples of zteam's own keys, and the newest sample of each that is right, with its message."""
+    faults, newest = [], dict[str, tuple[RawSample, Message]]()
+    for key, samples in heard.items():
         due = type_of_key(key)
-        for source, sample in by.items():
-            reason = _fault_of(sample, due) if due is not None else ""
-            if reason:
-                found.append(Fault(key, namer(source, key), reason))
-    return found
-
-
-def _fault_of(sample: RawSample, due: type[Message]) -> str:
-    """What is wrong with a sample of a key with messages of type `due`; empty if nothing is."""
-    given = type_of_encoding(sample.encoding)
-    if given is not None and given is not due:
-        return f"{given.ros_type}, {due.ros_type} is due"
-    try:
-        decode(due, sample.payload)
-    except DecodeError as error:
-        return f"bytes that are no {due.ros_type}: {error}"
-    return ""
-
-
-def _statuses(heard: Heard) -> dict[int, RobotStatus]:
-    found = {}
-    for key in heard:
-        target = names.split_robot_key(key)
-        if target is not None and target[1] == names.STATUS:
-            status = _message(_newest(heard, key, RobotStatus), RobotStatus)
-            if status is not None:
-                found[target[0]] = status
-    return found
-
-
-def _newest(heard: Heard, key: str, kind: type[Message]) -> RawSample | None:
-    """The newest sample of a key that decodes."""
-    samples = sorted(heard.get(key, {}).values(), key=lambda sample: -sample.timestamp)
-    return next((sample for sample in samples if not _fault_of(sample, kind)), None)
-
-
-def _message(sample: RawSample | None, kind: type[M]) -> M | None:
-    return None if sample is None else decode(kind, sample.payload)
-
-
-def _without_cells(grid: OccupancyGrid | None) -> OccupancyGrid | None:
-    return None if grid is None else msgspec.structs.replace(grid, data=NO_INT8)
+        if due is None:
+            continue
+        for sample in samples:
+            given = type_of_encoding(sample.encoding)
+            if given is not None and given is not due:
+                faults.append(Fault(key, name_of(sample), f"{given.ros_type}, {due.ros_type} is due"))
+                continue
+            try:
+                message = decode(due, sample.payload)
+            except DecodeError as error:
+                faults.append(Fault(key, name_of(sample), f"bytes that are no {due.ros_type}: {error}"))
+                continue
+            if key not in newest or sample.timestamp > newest[key][0].timestamp:
+                newest[key] = sample, message
+    return faults, newest
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:

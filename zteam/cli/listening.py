@@ -1,12 +1,10 @@
-"""What tools that listen share: a bus, a wait, a survey of keys, and the users of a key."""
+"""What tools that listen share: a bus, a wait, and the users of a key."""
 
 import argparse
 import difflib
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
-
-import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
@@ -187,69 +185,6 @@ class Waiter:
         return True
 
 
-class KeySurvey(msgspec.Struct):
-    """The messages received on one key."""
-
-    key: str
-    type: str
-    """ROS name, else the encoding, else empty."""
-    count: int = 0
-    bytes: int = 0
-    latched: bool = False
-    """Whether its message was published before the survey began."""
-    sources: list[str] = []
-    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
-    rate: float = 0.0
-    """Hz during the survey."""
-
-
-class _Survey:
-    """Collects what two subscribers, a live and a latched one, receive on Zenoh's threads."""
-
-    def __init__(self) -> None:
-        self._found: dict[str, KeySurvey] = {}
-        self._latched_keys: set[str] = set()
-        self._times: dict[str, tuple[float, float]] = {}
-        """Of the first and the newest live sample of each key."""
-        self._lock = threading.Lock()
-
-    def take_live(self, sample: RawSample) -> None:
-        """Count a sample published during the survey."""
-        now = monotonic()
-        with self._lock:
-            self._entry(sample).count += 1
-            self._times[sample.key] = (self._times.get(sample.key, (now, now))[0], now)
-
-    def take_latched(self, sample: RawSample) -> None:
-        """Note the latched sample of a key.
-
-        A latched subscriber also receives live samples, which `take_live` counts: only a key's first sample matters
-        here, and only if no live one came before it.
-        """
-        with self._lock:
-            if sample.key not in self._latched_keys:
-                self._latched_keys.add(sample.key)
-                if sample.key not in self._found:
-                    self._entry(sample).latched = True
-
-    def _entry(self, sample: RawSample) -> KeySurvey:
-        kind = kind_of(sample, None)
-        entry = self._found.setdefault(sample.key, KeySurvey(sample.key, kind.ros_type if kind else sample.encoding))
-        entry.bytes = len(sample.payload)
-        if sample.source not in entry.sources:
-            entry.sources.append(sample.source)
-        return entry
-
-    def entries(self, elapsed: float) -> list[KeySurvey]:
-        """All keys, sorted, with their rates; that of a single message over the `elapsed` seconds."""
-        with self._lock:
-            for entry in self._found.values():
-                first, last = self._times.get(entry.key, (0.0, 0.0))
-                entry.rate = (entry.count - 1) / (last - first) if last > first else entry.count / elapsed
-                entry.latched = entry.latched and entry.count == 0
-            return sorted(self._found.values(), key=lambda entry: entry.key)
-
-
 def wait_for_message(
     bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeout: float | None, key: str, *, quiet: bool = False
 ) -> bool:
@@ -272,14 +207,3 @@ def silence(bus: Bus, key: str) -> str:
         return f"{key} is published by {', '.join(publishers)}, but nothing has come yet"
     published = [other for other in users.known_keys() if users.publishers(other)]
     return f"nothing publishes {key}{where_to_look(key, published)}"
-
-
-def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:
-    """Listen to `key_expr` for `seconds`: every key that carries data, latched ones included."""
-    start, found = monotonic(), _Survey()
-    live = bus.subscribe_raw(key_expr, found.take_live)
-    latched = bus.subscribe_raw(key_expr, found.take_latched, latched=True)
-    Waiter().wait(lambda: False, seconds, "data")
-    live.close()
-    latched.close()
-    return found.entries(monotonic() - start)

@@ -6,6 +6,7 @@ import statistics
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -124,8 +125,7 @@ def publish(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.key!r} is a wildcard: give one key")
     words = _Words(kind, args.values)
     times = 1 if args.once else args.times
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
         users = find_key_users(bus)
@@ -145,8 +145,6 @@ def publish(args: argparse.Namespace) -> int:
             wait()
             publisher.put(words.message(clock))
             audience.look()
-    finally:
-        bus.close()
     return 0
 
 
@@ -166,28 +164,21 @@ def _warn_of_others(key: str, users: KeyUsers) -> None:
 def check_type(bus: Bus, key: str, kind: type[Message], users: KeyUsers) -> None:
     """Raise UsageError if the key carries messages of another type, by its name or by what is heard on it."""
     known = type_of_key(key)
-    carried = f"application/cdr;{known.ros_type}" if known is not None else ""
-    if known is None and users.publishers(key):
-        carried = _heard_encoding(bus, key)
-    expected = encoding_of(kind)
-    if carried.startswith("application/cdr;") and carried != expected:
+    carried = encoding_of(known) if known else _heard_encoding(bus, key) if users.publishers(key) else ""
+    if carried.startswith("application/cdr;") and carried != encoding_of(kind):
         raise UsageError(f"{key} carries {carried.partition(';')[2]}, not {kind.ros_type}")
 
 
 def _heard_encoding(bus: Bus, key: str) -> str:
     """The encoding of a message on the key, or of its latched one; empty if none comes."""
-    heard: list[str] = []
-    waiter = Waiter()
+    heard, waiter = list[str](), Waiter()
 
     def take(sample: RawSample) -> None:
         heard.append(sample.encoding)
         waiter.notify()
 
-    subscription = bus.subscribe_raw(key, take, latched=True)
-    try:
+    with closing(bus.subscribe_raw(key, take, latched=True)):
         waiter.wait(lambda: bool(heard), SURVEY, "")
-    finally:
-        subscription.close()
     return heard[0] if heard else ""
 
 
@@ -294,15 +285,14 @@ def _word(value: Any) -> str:
 
 def _echo(args: argparse.Namespace) -> int:
     key, given = check_key(args.key), given_type(args.type)
-    limit, quiet = limit_of(args)
-    bus, waiter = open_bus(bus_options(args)), Waiter()
+    (limit, quiet), waiter = limit_of(args), Waiter()
     queue: deque[RawSample] = deque(maxlen=1000)
 
     def take(sample: RawSample) -> None:
         queue.append(sample)
         waiter.notify()
 
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         bus.subscribe_raw(key, take, latched=True)
         wait: Callable[[Callable[[], bool]], bool] = partial(
             wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
@@ -313,8 +303,6 @@ def _echo(args: argparse.Namespace) -> int:
             if _print_sample(queue.popleft(), given, args) and args.once:
                 return 0
             wait = partial(waiter.wait, timeout=limit, what=f"a message on {key}")
-    finally:
-        bus.close()
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
@@ -337,11 +325,10 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 
 
 def _hz(args: argparse.Namespace) -> int:
-    key = check_key(args.key)
-    bus, waiter = open_bus(bus_options(args)), Waiter()
+    key, waiter = check_key(args.key), Waiter()
     times: deque[float] = deque(maxlen=args.window)
     total = 0
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         clock = open_clock(bus, args.clock)
 
         def take(_sample: RawSample) -> None:
@@ -368,8 +355,6 @@ def _hz(args: argparse.Namespace) -> int:
                 return 0
             enough = total + 2
             waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
-    finally:
-        bus.close()
 
 
 def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:

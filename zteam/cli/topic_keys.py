@@ -1,7 +1,10 @@
 """The output of `zteam topic list` and `info`: keys, what is on them, their publishers and subscribers."""
 
 import argparse
+import threading
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 
 import msgspec
 
@@ -9,43 +12,95 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
 from zteam.bus.topics import type_of_key
-from zteam.bus.transport import matches
-from zteam.cli.listening import NO_KEYS, KeySurvey, KeyUsers, check_key, find_key_users, open_bus, survey, where_to_look
+from zteam.bus.transport import RawSample, matches
+from zteam.cli.listening import (
+    NO_KEYS,
+    SURVEY,
+    KeyUsers,
+    Waiter,
+    check_key,
+    find_key_users,
+    kind_of,
+    open_bus,
+    where_to_look,
+)
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
+from zteam.clock import monotonic
 from zteam.errors import ZteamError
 from zteam.numbers import format_rate
 
 
-class KeyRow(KeySurvey):
-    """A key, the messages received on it, and its users."""
+class KeyRow(msgspec.Struct):
+    """A key, the messages received on it during a survey, and its users."""
 
-    publishers: list[str] = msgspec.field(default_factory=list)
+    key: str
+    type: str
+    """ROS name, else the encoding, else empty."""
+    count: int = 0
+    bytes: int = 0
+    latched: bool = False
+    """Whether its message was published before the survey began."""
+    sources: list[str] = []
+    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
+    rate: float = 0.0
+    """Hz during the survey."""
+    publishers: list[str] = []
     """Names of processes, also of those that publish nothing now."""
-    subscribers: list[str] = msgspec.field(default_factory=list)
+    subscribers: list[str] = []
     """Names of processes; programs that are not zteam's are missing."""
 
 
 def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers]:
     """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
-    users = find_key_users(bus)
-    heard = {entry.key: entry for entry in survey(bus, key_expr)}
-    keys = heard.keys() | {key for key in users.known_keys(heard) if matches(key_expr, key)}
-    return [_row(heard.get(key) or _silent(key), users) for key in sorted(keys)], users
+    users, rows = find_key_users(bus), survey(bus, key_expr)
+    for key in users.known_keys(rows):
+        if key not in rows and matches(key_expr, key):
+            kind = type_of_key(key)
+            rows[key] = KeyRow(key, kind.ros_type if kind else "")
+    for key, row in rows.items():
+        # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+        row.publishers = sorted({*users.publishers(key), *users.name_sessions(row.sources, key)})
+        row.subscribers = users.subscribers(key)
+    return [rows[key] for key in sorted(rows)], users
 
 
-def _silent(key: str) -> KeySurvey:
-    kind = type_of_key(key)
-    return KeySurvey(key, kind.ros_type if kind else "")
+def survey(bus: Bus, key_expr: str) -> dict[str, KeyRow]:
+    """Listen to `key_expr` for a while: every key that carries data, latched ones included."""
+    rows: dict[str, KeyRow] = {}
+    times: dict[str, list[float]] = defaultdict(list)
+    lock = threading.Lock()
+
+    def take(sample: RawSample) -> None:
+        kind = kind_of(sample, None)
+        with lock:
+            row = rows.setdefault(sample.key, KeyRow(sample.key, kind.ros_type if kind else sample.encoding))
+            row.bytes = len(sample.payload)
+            if sample.source not in row.sources:
+                row.sources.append(sample.source)
+
+    def take_live(sample: RawSample) -> None:
+        with lock:
+            times[sample.key].append(monotonic())
+        take(sample)
+
+    start, live = monotonic(), bus.subscribe_raw(key_expr, take_live)
+    # It receives live samples too.
+    latched = bus.subscribe_raw(key_expr, take, latched=True)
+    Waiter().wait(lambda: False, SURVEY, "")
+    latched.close()
+    live.close()
+    for key, row in rows.items():
+        row.count, row.rate = len(times[key]), rate_of(times[key], monotonic() - start)
+        row.latched = row.count == 0
+    return rows
 
 
-def _row(entry: KeySurvey, users: KeyUsers) -> KeyRow:
-    row = KeyRow(**msgspec.structs.asdict(entry))
-    # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
-    row.publishers = sorted({*users.publishers(entry.key), *users.name_sessions(entry.sources, entry.key)})
-    row.subscribers = users.subscribers(entry.key)
-    return row
+def rate_of(times: Sequence[float], elapsed: float) -> float:
+    """Hz between messages that came at `times`; that of a single one over the `elapsed` seconds."""
+    span = times[-1] - times[0] if times else 0.0
+    return (len(times) - 1) / span if span > 0.0 else len(times) / elapsed
 
 
 def _rate(row: KeyRow) -> str:
@@ -57,11 +112,8 @@ def _rate(row: KeyRow) -> str:
 
 def show_list(args: argparse.Namespace) -> int:
     """Print a table of all keys."""
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         rows, _ = find_rows(bus, "**")
-    finally:
-        bus.close()
     if args.json:
         print(msgspec.json.encode(rows).decode())
         return 0
@@ -79,13 +131,10 @@ def _cells(row: KeyRow) -> tuple[str, ...]:
 def show_info(args: argparse.Namespace) -> int:
     """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         rows, users = find_rows(bus, key)
         nodes = find_nodes(bus)
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
-    finally:
-        bus.close()
     if not rows:
         raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, users.known_keys())}")
     for row in rows:
