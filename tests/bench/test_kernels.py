@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zteam.cli.bench_core import free_poses
+from zteam.cli.bench_team import free_poses
 from zteam.kernels.binding import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.resources import find_world
 from zteam.sim.casting import bitmap_of, build_fields, group_shapes, make_polygons

@@ -9,8 +9,7 @@ import pytest
 
 from zteam.behaviors import View
 from zteam.behaviors.registry import BEHAVIORS, describe_behavior
-from zteam.cli.behaviors import format_behavior
-from zteam.cli.parameter_table import default_text, limits_text
+from zteam.cli.behaviors import default_text, format_behavior, limits_text
 from zteam.testing import make_view
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "behaviors.md").read_text()

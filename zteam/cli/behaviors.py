@@ -1,16 +1,28 @@
 """`zteam behaviors [NAME]`: list the behaviours that robots can run, and the parameters of one of them."""
 
 import argparse
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import msgspec
 
-from zteam.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
+from zteam.behaviors.registry import BehaviorInfo, Parameter, behavior_names, describe_behavior, look_in
 from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.parameter_table import format_parameters
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
+
+_SINGLE = {
+    "ge": "at least {}",
+    "gt": "above {}",
+    "le": "at most {}",
+    "lt": "below {}",
+    "multiple_of": "multiples of {}",
+    "pattern": "like {}",
+    "min_length": "at least {} long",
+    "max_length": "at most {} long",
+}
 
 
 def build_parser() -> Parser:
@@ -61,6 +73,43 @@ def format_behavior(info: BehaviorInfo) -> str:
     lines = [f"{info.name}: {info.summary or 'its class has no docstring'}", f"class {info.source}", ""]
     lines.append(format_parameters(info.parameters) if info.parameters else "  no parameters")
     return "\n".join(lines)
+
+
+def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any] | None = None) -> str:
+    """A table of the parameters, indented; with `values` their present values, else their defaults."""
+    rows = [
+        (each.name, default_text(each) if values is None else value_text(values.get(each.name)), *_about(each))
+        for each in parameters
+    ]
+    header = ("parameter", "default" if values is None else "value", "type", "allowed", "description")
+    return format_table(header, rows, "  ", width=terminal_width())
+
+
+def default_text(parameter: Parameter) -> str:
+    """Its default value, or `required`."""
+    return "required" if parameter.required else value_text(parameter.default)
+
+
+def value_text(value: Any) -> str:
+    """A value on one line, numbers without noise digits; `none` for None."""
+    from zteam.toml_values import toml_text
+
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "none" if value is None else toml_text(value)
+
+
+def limits_text(limits: Mapping[str, Any]) -> str:
+    """`0 to 1`, `at least 0`, …; empty without limits."""
+    left = dict(limits)
+    texts = []
+    if "ge" in left and "le" in left:
+        texts.append(f"{value_text(left.pop('ge'))} to {value_text(left.pop('le'))}")
+    return ", ".join([*texts, *(_SINGLE[name].format(value_text(limit)) for name, limit in left.items())])
+
+
+def _about(parameter: Parameter) -> tuple[str, str, str]:
+    return parameter.type, limits_text(parameter.limits), parameter.description
 
 
 main = partial(run_tool, build_parser, _show)

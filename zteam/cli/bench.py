@@ -1,9 +1,9 @@
 """`zteam bench sim | team`: measure zteam here."""
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -17,8 +17,7 @@ from zteam.resources import find_world
 from zteam.simulation_options import PHYSICS, Options
 
 if TYPE_CHECKING:
-    from zteam.cli.bench_core import SimulationFigures
-    from zteam.cli.bench_team import InProcessFigures, TeamFigures
+    from zteam.cli.bench_team import InProcessFigures, SimulationFigures, TeamFigures
 
 
 def build_parser() -> Parser:
@@ -66,7 +65,7 @@ def _bench(args: argparse.Namespace) -> int:
 
 
 def _measure_core(args: argparse.Namespace) -> tuple[Any, str]:
-    from zteam.cli.bench_core import measure_simulation
+    from zteam.cli.bench_team import measure_simulation
     from zteam.world import load_world
 
     world, options = load_world(find_world(args.world)), Options(physics=args.physics)
@@ -92,20 +91,6 @@ def figure(value: float | None) -> str:
     return f"{float(text):,.0f}" if "e+" in text else text
 
 
-class _Column(NamedTuple):
-    heading: str
-    cell: Callable[[Any], str]
-
-
-def _table(columns: Sequence[_Column], rows: Iterable[Any]) -> list[str]:
-    header = [column.heading for column in columns]
-    return format_table(header, [[c.cell(row) for c in columns] for row in rows], numbers_from=1).splitlines()
-
-
-def _pairs(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    return format_table(pairs[0], pairs[1:]).splitlines()
-
-
 def format_simulation(row: "SimulationFigures") -> str:
     """The figures of the core as a table, with units."""
     pairs = [
@@ -115,28 +100,29 @@ def format_simulation(row: "SimulationFigures") -> str:
         ("memory", f"{figure(row.rss_mb)} MB (resident, at its peak)"),
     ]
     title = f"{counted(row.robots, 'robot')} and {row.beams} beams a laser, {row.seconds:g} simulated seconds"
-    return "\n".join([title, *_pairs(pairs)])
+    return "\n".join([title, format_table(pairs[0], pairs[1:])])
 
 
 def format_team(row: "TeamFigures") -> str:
     """The figures of a team as tables, with units, then the parts of a tick."""
     pace = "lock-step, as fast as it runs" if row.lockstep else "real time"
+    first, *others = _run_of(row)
     lines = [
         f"{row.world}: {counted(row.robots, 'robot')} and {row.beams} beams a laser, {pace}",
-        *_pairs(_run_of(row)),
+        format_table(first, others),
     ]
     if row.in_process is not None:
         lines += ["", *_in_process_of(row, row.in_process)]
     if row.timing_ms is not None:
-        parts = [(name, f"{figure(cost)} ms") for name, cost in msgspec.to_builtins(row.timing_ms).items()]
-        lines += ["", "Parts of a tick in the simulator", *_pairs(parts)]
-    columns = [
-        _Column("process", lambda name: name),
-        _Column("CPU, s", lambda name: figure(row.cpu_seconds.get(name))),
-        _Column("inputs, ms/tick", lambda name: figure(row.rounds[name].inputs if name in row.rounds else None)),
-        _Column("acting, ms/tick", lambda name: figure(row.rounds[name].act if name in row.rounds else None)),
-    ]
-    lines += ["", *_table(columns if row.rounds else columns[:2], row.cpu_seconds)]
+        first, *others = ((name, f"{figure(cost)} ms") for name, cost in msgspec.to_builtins(row.timing_ms).items())
+        lines += ["", "Parts of a tick in the simulator", format_table(first, others)]
+    header, cells = ["process", "CPU, s"], [[name, figure(spent)] for name, spent in row.cpu_seconds.items()]
+    if row.rounds:
+        header += ["inputs, ms/tick", "acting, ms/tick"]
+        for cell in cells:
+            part = row.rounds.get(cell[0])
+            cell += [figure(part.inputs if part else None), figure(part.act if part else None)]
+    lines += ["", format_table(header, cells, numbers_from=1)]
     if row.rounds:
         lines.append("inputs: from the tick's arrival until all its inputs are there. acting: its work and the answer.")
     return "\n".join(lines)
@@ -145,14 +131,10 @@ def format_team(row: "TeamFigures") -> str:
 def _in_process_of(row: "TeamFigures", one: "InProcessFigures") -> list[str]:
     """The three ways to run the team, one row each."""
     ways = [("processes", row.rtf), ("one process", one.rtf), ("simulator's core alone", one.core_rtf)]
-    columns = [
-        _Column("the same team in", lambda way: way[0]),
-        _Column("real-time factor", lambda way: figure(way[1])),
-        _Column("to processes", lambda way: figure(way[1] / row.rtf if way[1] and row.rtf else None)),
-    ]
+    cells = [(way, figure(rtf), figure(rtf / row.rtf if rtf and row.rtf else None)) for way, rtf in ways]
     same = "the same in processes and in one" if one.same_trajectory else "NOT the same in one process"
     return [
-        *_table(columns, ways),
+        format_table(("the same team in", "real-time factor", "to processes"), cells, numbers_from=1),
         f"trajectory: {same}; memory of the one process: {figure(one.memory_mb)} MB",
         f"a robot's step with its answer: {figure(one.robot_us)} µs",
     ]

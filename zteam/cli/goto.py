@@ -5,7 +5,6 @@ import math
 import sys
 from contextlib import closing
 from functools import partial
-from types import TracebackType
 from typing import Any
 
 import msgspec
@@ -15,7 +14,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.live_line import PERIOD, Progress
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
@@ -39,52 +38,8 @@ from zteam.services.simulator import absence_of
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
 _LOOK = 0.25
 """Host seconds between two looks at the robot."""
-_PERIOD = 5.0
-"""Host seconds between two lines of progress where one cannot be rewritten."""
 _TELL_AFTER = 2.0
 """Host seconds after which it says what it waits for."""
-
-
-class Progress:
-    """Shows one goal on standard error while it lasts. A context manager."""
-
-    def __init__(self, client: NavigationClient) -> None:
-        self._client = client
-        self._live = LiveLine(sys.stderr) if has_live_line(sys.stderr) else None
-        self._due = Every(_PERIOD)
-        self._due.due()
-        self._since = monotonic()
-        self._told = ""
-
-    def __enter__(self) -> "Progress":
-        if self._live is not None:
-            self._live.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._live is not None:
-            self._live.__exit__(kind, error, trace)
-
-    def say(self, text: str) -> None:
-        """Print a line."""
-        if self._live is None:
-            print(text, file=sys.stderr, flush=True)
-        else:
-            self._live.print(text)
-
-    def show(self, watch: GoalWatch) -> None:
-        """Show how far the robot is, if it is time to."""
-        waits = self._client.waits_for
-        if waits and waits != self._told and monotonic() - self._since > _TELL_AFTER:
-            self._told = waits
-            self.say(f"waiting for {waits} (Ctrl+C to give up)")
-        line = f"{self._client.name}: {progress_text(self._client, watch)}"
-        if self._live is not None:
-            self._live.show(lambda columns: line[:columns])
-        elif watch.status is not None and self._due.due():
-            self.say(line)
 
 
 def build_parser() -> Parser:
@@ -149,7 +104,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     clock, waiter = open_clock(bus, args.clock), Waiter()
     client = NavigationClient(bus, args.robot, clock.now, on_change=waiter.notify)
     begin, watch = clock.steady(), client.send(goal_message(args.pose))
-    with Progress(client) as progress:
+    with Progress() as progress:
         try:
             _follow(args, client, watch, waiter, clock, progress)
         except KeyboardInterrupt:
@@ -175,7 +130,7 @@ def _follow(
     progress: Progress,
 ) -> None:
     """Wait for the end of the goal; with --no-wait until it is sent."""
-    begin, told = monotonic(), False
+    begin, told, waited_for = monotonic(), False, ""
     moved_at, now, nag = begin, clock.steady(), Every(math.inf)
 
     def is_over() -> bool:
@@ -185,7 +140,11 @@ def _follow(
         with waiter.changed:
             wait_until(waiter.changed, is_over, _LOOK)
         client.look()
-        progress.show(watch)
+        if client.waits_for and client.waits_for != waited_for and monotonic() - begin > _TELL_AFTER:
+            waited_for = client.waits_for
+            progress.say(f"waiting for {waited_for} (Ctrl+C to give up)")
+        if progress.is_live or (watch.status is not None and monotonic() - begin > PERIOD):
+            progress.show(f"{client.name}: {progress_text(client, watch)}")
         if client.taker == GO_TO and not told:
             told = True
             progress.say(f"{client.name} has no navigation: its behaviour go_to drives it, by its laser alone")

@@ -8,8 +8,12 @@ from contextlib import ExitStack, redirect_stderr
 from types import TracebackType
 from typing import Any, TextIO, cast
 
+from zteam.clock import Every
+
 _MARGIN = 3
 """Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
+PERIOD = 5.0
+"""Host seconds between two lines of progress where one cannot be rewritten."""
 _COLUMNS = 80
 """Width of a terminal that does not tell its own."""
 
@@ -104,6 +108,39 @@ class LiveLine:
         except (OSError, ValueError):
             # It is not the controlling terminal, so no shell writes on it.
             return True
+
+
+class Progress:
+    """How far something is, on standard error: a live line, or a line now and then. A context manager."""
+
+    def __init__(self) -> None:
+        self._live = LiveLine(sys.stderr) if has_live_line(sys.stderr) else None
+        self.is_live = self._live is not None
+        """Whether a line is rewritten."""
+        self._due = Every(PERIOD)
+
+    def __enter__(self) -> "Progress":
+        if self._live is not None:
+            self._live.__enter__()
+        return self
+
+    def __exit__(self, *how: Any) -> None:
+        if self._live is not None:
+            self._live.__exit__(*how)
+
+    def say(self, text: str) -> None:
+        """Print a line."""
+        if self._live is None:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self._live.print(text)
+
+    def show(self, text: str) -> None:
+        """Show `text` in place of what was shown before; where that cannot be, print it if it is time to."""
+        if self._live is not None:
+            self._live.show(lambda columns: text[:columns])
+        elif self._due.due():
+            self.say(text)
 
 
 class _Above:

@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 
 from zteam import names
+from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
-from zteam.cli.parameter_table import format_parameters
 from zteam.errors import BusError, UsageError, did_you_mean
 from zteam.robot_ids import parse_robot_ids
 from zteam.services.parameters import DescribeReply, ParametersClient
@@ -21,6 +21,7 @@ from zteam.toml_values import parse_value
 
 Robots = dict[str, DescribeReply]
 """What each robot told, by name."""
+Act = Callable[[argparse.Namespace, ParametersClient, Robots], int]
 _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 
@@ -28,26 +29,27 @@ def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam param", description=__doc__)
     parser.takes_negative_numbers = True
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|get|set|dump")
 
-    def verb(name: str, text: str) -> argparse.ArgumentParser:
+    def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         sub.add_argument("--json", action="store_true", help="print JSON")
+        sub.set_defaults(act=act)
         add_bus_options(sub)
         return sub
 
-    verb("list", "list the parameters of robots and their values").add_argument(
+    verb("list", _list, "list the parameters of robots and their values").add_argument(
         "robots", nargs="?", default="*", metavar="NAME", help=f"{_ROBOTS} (default: all)"
     )
-    get = verb("get", "print the value of a parameter")
+    get = verb("get", _get, "print the value of a parameter")
     get.add_argument("robots", metavar="NAME", help=_ROBOTS)
     get.add_argument("parameter", metavar="PARAM")
-    change = verb("set", "set parameters from the robot's next step on: all of them, or none if one is refused")
+    change = verb("set", _set, "set parameters from the robot's next step on: all of them, or none if one is refused")
     change.add_argument("robots", metavar="NAME", help=_ROBOTS)
     change.add_argument(
         "pairs", nargs="+", metavar="PARAM VALUE", help="the value as in a team file: 0.4, true, text, [1, 2]"
     )
-    dump = verb("dump", "print the parameters as TOML, for the robot's table in a team file")
+    dump = verb("dump", _dump, "print the parameters as TOML, for the robot's table in a team file")
     dump.add_argument("robots", metavar="NAME", help="one robot: robot_0 or 0")
     return parser
 
@@ -60,7 +62,8 @@ def _read(args: argparse.Namespace) -> None:
 def _answer(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         client = ParametersClient(bus)
-        return _VERBS[args.verb](args, client, find_robots(client, args.robots))
+        code: int = args.act(args, client, find_robots(client, args.robots))
+        return code
 
 
 def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
@@ -177,14 +180,6 @@ def _exact(value: Any) -> str:
     from zteam.toml_values import toml_text
 
     return "none" if value is None else toml_text(value)
-
-
-_VERBS: dict[str, Callable[[argparse.Namespace, ParametersClient, Robots], int]] = {
-    "list": _list,
-    "get": _get,
-    "set": _set,
-    "dump": _dump,
-}
 
 
 main = partial(run_tool, build_parser, _answer, read=_read)

@@ -1,7 +1,6 @@
 """`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: control the running simulator."""
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -13,9 +12,9 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import parse_speed
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import has_live_line
+from zteam.cli.live_line import Progress
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
-from zteam.clock import Every, monotonic, to_seconds
+from zteam.clock import monotonic, to_seconds
 from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
 from zteam.numbers import parse_number, parse_whole
@@ -26,48 +25,50 @@ T = TypeVar("T")
 
 PATIENCE = 2.0
 """Host seconds after which a step reports its progress."""
-_REPORT_PERIOD = 5.0
-"""Host seconds between two progress lines where one cannot overwrite the other."""
 
 Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
+Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 
 
 def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam sim", description=__doc__)
     parser.takes_negative_numbers = True
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
+    verbs = parser.add_subparsers(
+        dest="verb", required=True, metavar="pause|resume|step|speed|reset|spawn|remove|move|status"
+    )
 
-    def verb(name: str, text: str) -> argparse.ArgumentParser:
+    def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         sub.add_argument("--json", action="store_true", help="print the simulator's reply")
+        sub.set_defaults(act=act)
         add_bus_options(sub)
         return sub
 
-    verb("pause", "pause the world")
-    verb("resume", "continue the world")
-    verb("step", "run N ticks, then pause").add_argument(
+    verb("pause", _pause, "pause the world")
+    verb("resume", _resume, "continue the world")
+    verb("step", _step, "run N ticks, then pause").add_argument(
         "ticks", nargs="?", default="1", metavar="N", help="ticks to run (default: %(default)s)"
     )
-    verb("speed", "set the pace").add_argument(
+    verb("speed", _speed, "set the pace").add_argument(
         "speed", metavar="X|max", help="simulated seconds per host second, or max for as fast as possible"
     )
-    verb("reset", "return to the start: robots, bodies and time")
-    spawn = verb("spawn", "add a robot to the world and print its id")
+    verb("reset", _reset, "return to the start: robots, bodies and time")
+    spawn = verb("spawn", _spawn, "add a robot to the world and print its id")
     spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
     spawn.add_argument("--model", default="erratic", help="a model that the world file defines (default: %(default)s)")
     spawn.add_argument("--id", metavar="N", help="robot id (default: the lowest free one)")
-    verb("remove", "remove robots from the world").add_argument(
+    verb("remove", _remove, "remove robots from the world").add_argument(
         "ids", nargs="+", metavar="ID", help="robot ids, e.g. 3, or 0,2-4"
     )
-    move = verb("move", "put a robot at another pose")
+    move = verb("move", _move, "put a robot at another pose")
     move.add_argument("id", metavar="ID", help="robot id")
     for name, unit in (("x", "metres"), ("y", "metres"), ("yaw", "radians")):
         move.add_argument(name, metavar=name.upper(), help=f"in map: {unit}")
     for sub in (spawn, move):
         sub.add_argument("--force", action="store_true", help="allow a pose in a wall or a robot, or outside the world")
-    verb("status", "print time, pace, lock-step and robots")
+    verb("status", _status, "print time, pace, lock-step and robots")
     return parser
 
 
@@ -89,7 +90,7 @@ def _read(args: argparse.Namespace) -> None:
 
 def _answer(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
-        reply, text = _VERBS[args.verb](SimulatorClient(bus), args)
+        reply, text = args.act(SimulatorClient(bus), args)
     print(msgspec.json.encode(reply).decode() if args.json else text)
     return 0
 
@@ -140,15 +141,27 @@ def _resume(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
 
 
 def _step(client: SimulatorClient, args: argparse.Namespace) -> Answer:
-    progress = _Progress(args.ticks)
-    try:
-        status = client.step(args.ticks, on_progress=progress.report)
-    except KeyboardInterrupt:
-        # The user gave up: cancel the remaining ticks.
-        print(f"\npaused {_format_when(client.pause())}", file=sys.stderr)
-        raise
-    finally:
-        progress.end()
+    begin, first, last = monotonic(), None, None
+    with Progress() as progress:
+
+        def report(status: SimStatus) -> None:
+            nonlocal first, last
+            first = status.tick if first is None else first
+            # Every participant is waited for between two ticks: name one only if it still holds the same tick.
+            held = _format_hold(status) if status.tick == last else ""
+            last = status.tick
+            if monotonic() - begin >= PATIENCE:
+                progress.show(
+                    f"{last - first} of {args.ticks} ticks, now {_format_when(status)}{held}, "
+                    f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
+                )
+
+        try:
+            status = client.step(args.ticks, on_progress=report)
+        except KeyboardInterrupt:
+            # The user gave up: cancel the remaining ticks.
+            progress.say(f"paused {_format_when(client.pause())}")
+            raise
     return status, format_status(status)
 
 
@@ -188,54 +201,6 @@ def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
 def _status(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
     status = client.status()
     return status, format_status(status)
-
-
-_VERBS: dict[str, Callable[[SimulatorClient, argparse.Namespace], Answer]] = {
-    "pause": _pause,
-    "resume": _resume,
-    "step": _step,
-    "speed": _speed,
-    "reset": _reset,
-    "spawn": _spawn,
-    "remove": _remove,
-    "move": _move,
-    "status": _status,
-}
-
-
-class _Progress:
-    """Reports the progress of a long step on stderr; on a terminal each line overwrites the last."""
-
-    def __init__(self, ticks: int) -> None:
-        self._ticks = ticks
-        self._start = monotonic()
-        self._first: int | None = None
-        self._tick: int | None = None
-        self._due = Every(_REPORT_PERIOD)
-        self._overwrites = has_live_line(sys.stderr)
-        self._open = False
-
-    def report(self, status: SimStatus) -> None:
-        """Print the progress if it is time to."""
-        if self._first is None:
-            self._first = status.tick
-        # Every participant is waited for between two ticks: name one only if it still holds the same tick.
-        held = _format_hold(status) if status.tick == self._tick else ""
-        self._tick = status.tick
-        if monotonic() - self._start < PATIENCE or not (self._overwrites or self._due.due()):
-            return
-        text = (
-            f"{status.tick - self._first} of {self._ticks} ticks, now {_format_when(status)}{held}, "
-            f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
-        )
-        self._open = self._overwrites
-        before, after = ("\r\x1b[K", "") if self._overwrites else ("", "\n")
-        print(f"{before}{text}", end=after, file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        """End the progress line, if one is open."""
-        if self._open:
-            print(file=sys.stderr, flush=True)
 
 
 def format_status(status: SimStatus) -> str:

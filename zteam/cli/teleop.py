@@ -2,19 +2,23 @@
 
 import argparse
 import math
+import os
+import select
 import sys
+import termios
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from zteam import names
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.clock import monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.nodes.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, Pilot, drive, parse_script
+from zteam.nodes.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot_ids import parse_robot_ids
 
 if TYPE_CHECKING:
@@ -23,6 +27,11 @@ if TYPE_CHECKING:
     from zteam.messages import RobotStatus, Twist
     from zteam.runtime.shutdown import Stop
     from zteam.runtime.wheels import Wheels
+
+_KEYS_PERIOD = 0.05
+"""Host seconds from one command to the next: the robot and the simulator stop when none comes for a while."""
+_FOCUS_ON, _FOCUS_OFF = "\x1b[?1004h", "\x1b[?1004l"
+"""From then on the terminal tells when it gets and loses the focus."""
 
 
 def build_parser() -> Parser:
@@ -90,7 +99,6 @@ def _teleop(args: argparse.Namespace) -> int:
 
 def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -> int:
     from zteam.cli.live_line import LiveLine, has_live_line
-    from zteam.cli.teleop_terminal import KeyTerminal
 
     print(HELP_TEXT, flush=True)
     with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
@@ -140,7 +148,7 @@ def _drive_by_script(
 def _typed(script: Sequence[str], clock: "AutoClock", stop: "Stop") -> Iterator[tuple[list[str], float]]:
     """The keys, each at its moment of `clock`; the last one counts until the moment after it."""
     from zteam.cli.tool_clock import still_text
-    from zteam.clock import STILL, Every, Rate, monotonic, to_ns, to_seconds
+    from zteam.clock import STILL, Every, Rate, to_ns, to_seconds
 
     stopped = threading.Event()
     stop.on_request(stopped.set)
@@ -184,6 +192,63 @@ def _is_limited(status: "RobotStatus", wheels: "Wheels") -> bool:
 
 def _velocity(command: "Twist") -> str:
     return f"{command.linear.x:.2f} m/s, {command.angular.z:.2f} rad/s"
+
+
+class KeyTerminal:
+    """Standard input, in a context. Ctrl+C remains a signal; Ctrl+Z and Ctrl+\\ are keys like others."""
+
+    def __init__(self, stopping: Callable[[], bool]) -> None:
+        self._stopping = stopping
+        self._input = sys.stdin.fileno()
+        self._before = termios.tcgetattr(self._input)
+
+    def __enter__(self) -> "KeyTerminal":
+        mode = termios.tcgetattr(self._input)
+        # Ctrl+S would stop the output, and with it this process.
+        mode[0] &= ~termios.IXON
+        mode[3] &= ~(termios.ECHO | termios.ICANON)
+        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+        # A process that is suspended or dumps its core cannot stop its robots or restore the terminal.
+        mode[6][termios.VSUSP] = mode[6][termios.VQUIT] = b"\0"
+        # What was typed before must not drive a robot.
+        termios.tcsetattr(self._input, termios.TCSAFLUSH, mode)
+        self._write(_FOCUS_ON)
+        return self
+
+    def __exit__(self, *_how: Any) -> None:
+        try:
+            self._write(_FOCUS_OFF)
+        finally:
+            # A closed terminal cannot be restored.
+            with suppress(termios.error):
+                # The shell must not get the repeats of the last key.
+                termios.tcflush(self._input, termios.TCIFLUSH)
+                termios.tcsetattr(self._input, termios.TCSANOW, self._before)
+
+    def _write(self, text: str) -> None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+
+    def presses(self) -> Iterator[tuple[list[str], float]]:
+        """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
+        decoder, due = KeyDecoder(), monotonic()
+        while not self._stopping():
+            # Host time: neither a key nor the next command may wait for the other.
+            if select.select([self._input], [], [], max(0.0, due - monotonic()))[0]:  # noqa: TID251
+                data = self._read()
+                if not data:
+                    return
+                yield decoder.feed(data), monotonic()
+            else:
+                yield decoder.flush(), monotonic()
+                due = monotonic() + _KEYS_PERIOD
+
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._input, 1024)
+        except OSError:
+            # The terminal is gone.
+            return b""
 
 
 main = partial(run_tool, build_parser, _teleop, name="teleop", read=_read, needs_output=False)

@@ -4,8 +4,7 @@ import msgspec
 import pytest
 
 from zteam.cli.bench import figure, format_simulation, format_team
-from zteam.cli.bench_core import SimulationFigures
-from zteam.cli.bench_team import InProcessFigures, TeamFigures
+from zteam.cli.bench_team import InProcessFigures, SimulationFigures, TeamFigures
 from zteam.runtime.lockstep import RoundTiming
 from zteam.services.simulator import Timing
 

@@ -10,7 +10,7 @@ from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli import goto
+from zteam.cli import goto, live_line
 from zteam.cli import main as zteam
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped, RobotStatus
@@ -123,7 +123,8 @@ def test_progress_is_told_where_a_line_cannot_be_rewritten(
     hub: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A line now and then has the state, metres and time that are left, recoveries, and what keeps the robot."""
-    monkeypatch.setattr(goto, "_PERIOD", 0.0)
+    for module in (goto, live_line):
+        monkeypatch.setattr(module, "PERIOD", 0.0)
     navigation = FakeNavigation(hub, 1)
     run = Goto("1", "3", "4")
     wait_for_goal(navigation)

@@ -12,6 +12,7 @@ from support.limits import ASKED
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import sim
+from zteam.cli.live_line import Progress
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.services import simulator
 from zteam.services.simulator import SimStatus, SimulatorClient, StepRequest
@@ -213,14 +214,14 @@ def test_a_long_step_reports_its_progress(
     monkeypatch.setattr(simulator, "LOOK", 0.01)
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
-    tell = sim._Progress.report
+    show = Progress.show
 
-    def tell_and_free(progress: sim._Progress, status: SimStatus) -> None:
-        tell(progress, status)
+    def show_and_free(progress: Progress, text: str) -> None:
+        show(progress, text)
         if desk.world.tick > 1:
             desk.free.set()
 
-    monkeypatch.setattr(sim._Progress, "report", tell_and_free)
+    monkeypatch.setattr(Progress, "show", show_and_free)
     assert zteam.main(["sim", "step", "400", "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["tick"] == 401
@@ -232,10 +233,11 @@ def test_an_interrupted_step_pauses_the_world(
 ) -> None:
     """Ctrl+C cancels the remaining ticks."""
 
-    def interrupt(_progress: object, _status: SimStatus) -> None:
+    def interrupt(_progress: object, _text: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sim._Progress, "report", interrupt)
+    monkeypatch.setattr(sim, "PATIENCE", 0.0)
+    monkeypatch.setattr(Progress, "show", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
     status = SimulatorClient(desk.bus).stand(ASKED).status

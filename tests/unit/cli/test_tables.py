@@ -1,6 +1,6 @@
 """Tables for people."""
 
-from zteam.cli.parameter_table import limits_text, value_text
+from zteam.cli.behaviors import limits_text, value_text
 from zteam.cli.tables import format_table
 
 
