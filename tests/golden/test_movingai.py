@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from studies.navigation.scenarios import read_cells, read_problems
-from zteam.planning.planner import Field, length_of
+from studies.navigation.ways import length_of, plain_field
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "planning" / "movingai"
 SCENARIOS = sorted(FOLDER.glob("*.scen.xz"))
@@ -19,8 +19,7 @@ EVERY = 31
 def test_lengths_are_the_optimal_ones(path: Path) -> None:
     """To a ten-thousandth, on the first, the last and every so many-th line of a scenario."""
     free = read_cells(path.with_name(path.name.replace(".scen", "")))
-    field = Field(*free.shape)
-    field.set_free(free)
+    field = plain_field(free)
     problems = read_problems(path)
     assert problems
     for start, goal, best in [*problems[::EVERY], problems[-1]]:

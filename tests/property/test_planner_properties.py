@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from studies.navigation.ways import cost_of, length_of, plain_field
 from support import planning_references
 from support.examples import examples
 from support.planning_cases import random_cells, seeds, shares
 from zteam.kernels.binding import measure_lines, shorten
 from zteam.planning.costmap import LETHAL_OBSTACLE
-from zteam.planning.planner import Field, length_of
+from zteam.planning.planner import Field
 
 
 def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], float]:
@@ -47,8 +48,7 @@ def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, shar
     cells = np.argwhere(free)
     start, goal = (tuple(cells[rng.integers(len(cells))].tolist()) for _ in range(2))
     expected = dijkstra(free, start).get(goal)
-    field = Field(*free.shape)
-    field.set_free(free)
+    field = plain_field(free)
     way = field.find_way(start, goal)
     assert (way is None) == (expected is None)
     if way is not None and expected is not None:
@@ -71,8 +71,7 @@ def test_a_way_near_a_goal_ends_at_the_nearest_cell_that_can_be_reached(
     cells = np.argwhere(free)
     start = tuple(cells[rng.integers(len(cells))].tolist())
     goal = tuple(rng.integers(-3, 27, 2).tolist())
-    field = Field(*free.shape)
-    field.set_free(free)
+    field = plain_field(free)
     near = min((math.dist(cell, goal) for cell in dijkstra(free, start)), default=math.inf)
     way = field.find_way(start, goal, tolerance)
     if near > tolerance:
@@ -98,7 +97,7 @@ def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> Non
     if way is None:
         return
     corners = field.shorten(way)
-    assert field.cost_of(corners) <= field.cost_of(way) * (1.0 + 1e-9)
+    assert cost_of(field, corners) <= cost_of(field, way) * (1.0 + 1e-9)
     assert np.array_equal(corners[[0, -1]], way[[0, -1]])
 
 

@@ -131,7 +131,8 @@ class Rounds:
         """The robots that may get a goal."""
         shared = [goal for goal in goals if goal.robot is None]
         own = {i: [goal for goal in goals if goal.robot == i] for i in self.robots}
-        self._counts = {i: len(own[i]) + (len(shared) if i in spread else 0) for i in self.robots}
+        self.counts = {i: len(own[i]) + (len(shared) if i in spread else 0) for i in self.robots}
+        """The number of goals that each robot may get in one round."""
         turns = _rounds_of(shared, rounds)
         # A robot that has no goal of its own left takes those that it shares.
         self._next = {i: chain(_rounds_of(own[i], rounds), turns if i in spread else ()) for i in self.robots}
@@ -139,10 +140,6 @@ class Rounds:
     def take(self, robot_id: int) -> FileGoal | None:
         """The next goal of this robot: its own first, then those that it shares; None if there is none."""
         return next(self._next[robot_id], None)
-
-    def count(self, robot_id: int) -> int:
-        """The number of goals that this robot may get in one round."""
-        return self._counts[robot_id]
 
 
 def _rounds_of(goals: Sequence[FileGoal], rounds: int | None) -> Iterator[FileGoal]:
@@ -175,11 +172,6 @@ class Errand:
         """Goals that were aborted or canceled."""
         self.failures = 0
         """Of them, those since the last goal that was reached."""
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether it has no goal."""
-        return self.watch is None
 
 
 class Dispatcher:
@@ -225,7 +217,7 @@ class Dispatcher:
                 self._end(errand, now)
             if errand.watch is None:
                 self._send_next(errand, now)
-        if all(errand.is_idle for errand in self.errands.values()):
+        if all(errand.watch is None for errand in self.errands.values()):
             self.is_done = True
             self._node.stop.request("all goals have ended")
 
@@ -240,7 +232,7 @@ class Dispatcher:
 
     def _send_next(self, errand: Errand, now: int) -> None:
         robot_id = errand.client.robot_id
-        if errand.failures >= self._rounds.count(robot_id) > 0:
+        if errand.failures >= self._rounds.counts[robot_id] > 0:
             if errand.goal is not None:
                 log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
             errand.goal = None
@@ -253,7 +245,7 @@ class Dispatcher:
     def _cancel_all(self) -> None:
         """The process ends before its goals have: the robots stop."""
         # In a team that ends, navigation may be gone before.
-        under_way = [errand.client for errand in self.errands.values() if not errand.is_idle]
+        under_way = [errand.client for errand in self.errands.values() if errand.watch is not None]
         threads = [client.cancel_later(logging.DEBUG) for client in under_way]
         end = monotonic() + _CANCEL_LIMIT
         for thread in threads:

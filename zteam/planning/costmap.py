@@ -12,8 +12,7 @@ import numpy as np
 
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats, Window, inflate, trace_beams
-from zteam.planning.grid import Frame, GridMap
-from zteam.planning.polygons import cells_of_disc, cells_of_polygon
+from zteam.planning.grid import Frame, GridMap, cells_of_disc, cells_of_polygon
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Costs = Bytes

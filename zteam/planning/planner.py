@@ -31,8 +31,6 @@ from zteam.planning.grid import Frame
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
-OCTILE_STEPS = (985, 1393)
-"""For plain grids: √2 to less than a millionth."""
 
 STRIDE, REACH = 4, 320
 """Lines join every fourth cell of a way from cell to cell, to those up to 320 cells before."""
@@ -72,14 +70,10 @@ class Field:
 
     def __init__(self, rows: int, columns: int) -> None:
         self.shape = rows, columns
-        self.steps = Steps(*OCTILE_STEPS, 1)
-        self._weights = np.zeros((rows + 2, columns + 2), np.uint8)
+        self.steps = Steps(*COSTMAP_STEPS, 1)
+        self.weights = np.zeros((rows + 2, columns + 2), np.uint8)
+        """Of the cells, with a border of 0; 0 cannot be entered."""
         self._costs = np.full((rows + 2, columns + 2), UNREACHED, np.uint32)
-
-    def set_free(self, free: NDArray[np.bool_]) -> None:
-        """A plain grid: cells (rows, columns) can be entered, at the cost of the way, or cannot."""
-        self._weights[1:-1, 1:-1] = free
-        self.steps = Steps(*OCTILE_STEPS, 1)
 
     def set_costs(
         self,
@@ -97,17 +91,17 @@ class Field:
         heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
         if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
             raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self._weights)
+        weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:
         """Whether a cell can be entered; one outside cannot."""
         rows, columns = self.shape
-        return 0 <= row < rows and 0 <= column < columns and bool(self._weights[row + 1, column + 1])
+        return 0 <= row < rows and 0 <= column < columns and bool(self.weights[row + 1, column + 1])
 
     def nearest_free(self, cell: tuple[int, int], tolerance: float) -> tuple[int, int] | None:
         """The cell (row, column) nearest to this one that can be entered, up to `tolerance` cells from it."""
-        found = self._nearest(self._weights, 0, cell, tolerance)
+        found = self._nearest(self.weights, 0, cell, tolerance)
         return None if found is None else (found // (self.shape[1] + 2) - 1, found % (self.shape[1] + 2) - 1)
 
     def find_way(self, start: tuple[int, int], goal: tuple[int, int], tolerance: float = 0.0) -> Cells | None:
@@ -120,14 +114,14 @@ class Field:
             raise ValueError(f"the start, row {start[0]}, column {start[1]}, cannot be entered")
         stride = self.shape[1] + 2
         begin = (start[0] + 1) * stride + start[1] + 1
-        end = self._nearest(self._weights, 0, goal, tolerance)
+        end = self._nearest(self.weights, 0, goal, tolerance)
         if end is None:
             return None
-        found, (low, high, left, right) = search(self._weights, begin, end, self.steps, self._costs)
+        found, (low, high, left, right) = search(self.weights, begin, end, self.steps, self._costs)
         if not found:
             # All that can be reached has been.
             end = self._nearest(self._costs, UNREACHED, goal, tolerance)
-        cells = None if end is None else trace(self._weights, begin, end, self.steps, self._costs)
+        cells = None if end is None else trace(self.weights, begin, end, self.steps, self._costs)
         self._costs[low : high + 1, left : right + 1] = UNREACHED
         if cells is None:
             return None
@@ -150,19 +144,7 @@ class Field:
         """The corners of a way of straight lines (n, 2) that costs no more than a way from cell to cell."""
         if len(way) < 3:
             return way
-        return make_any_angle(self._weights, way + 1, self.steps.least) - 1
-
-    def cost_of(self, corners: Cells) -> float:
-        """Cost of the straight lines between these cells (n, 2): weight times cells; inf where they are blocked."""
-        if len(corners) < 2:
-            return 0.0
-        points = np.ascontiguousarray(corners + 1)
-        return float(measure_lines(self._weights, points[:-1], points[1:]).sum())
-
-
-def length_of(corners: Cells) -> float:
-    """Length of the straight lines between cells, in cells."""
-    return float(np.hypot(*np.diff(corners, axis=0).T).sum())
+        return make_any_angle(self.weights, way + 1, self.steps.least) - 1
 
 
 class AStarOptions(NamedTuple):

@@ -106,7 +106,7 @@ def test_a_robot_gets_its_own_goals_in_their_order() -> None:
     assert rounds.robots == [1, 2]
     assert taken(rounds, 1) == [0, 2, 3]
     assert taken(rounds, 2) == [1]
-    assert (rounds.count(1), rounds.count(2)) == (3, 1)
+    assert (rounds.counts[1], rounds.counts[2]) == (3, 1)
 
 
 def test_rounds_begin_again() -> None:
@@ -123,7 +123,7 @@ def test_shared_goals_go_to_each_robot_that_is_free() -> None:
     assert taken(rounds, 5) == [3, 3]
     assert taken(rounds, 0) == [4, 0, 2, 4]
     assert taken(rounds, 1) == [1]
-    assert (rounds.count(0), rounds.count(1), rounds.count(5)) == (3, 4, 1)
+    assert (rounds.counts[0], rounds.counts[1], rounds.counts[5]) == (3, 4, 1)
 
 
 class Desk:
@@ -215,7 +215,7 @@ def test_a_loop_ends_for_a_robot_that_reaches_nothing(hub: MemoryHub) -> None:
         for count in (1, 2):
             desk.tick_until(lambda count=count: len(desk.places(1)) == count)  # type: ignore[misc]
             desk.reach(1, State.ABORTED)
-        desk.tick_until(lambda: desk.dispatcher.errands[1].is_idle)
+        desk.tick_until(lambda: desk.dispatcher.errands[1].watch is None)
         for count in (1, 2, 3):
             desk.tick_until(lambda count=count: len(desk.places(2)) == count)  # type: ignore[misc]
             desk.reach(2)
@@ -230,7 +230,7 @@ def test_the_end_of_the_process_cancels_what_is_under_way(hub: MemoryHub) -> Non
         desk.greet()
         desk.tick_until(lambda: bool(desk.places(1) and desk.places(2)))
         desk.reach(2)
-        desk.tick_until(lambda: desk.dispatcher.errands[2].is_idle)
+        desk.tick_until(lambda: desk.dispatcher.errands[2].watch is None)
     assert (desk.navigations[1].cancels, desk.navigations[2].cancels) == (1, 0)
 
 

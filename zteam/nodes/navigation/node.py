@@ -99,7 +99,7 @@ class NavigationNode:
         self._listen(inputs, names.STATUS, RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
         self._serve(robot_id, "info", NoRequest, lambda _: info)
-        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.cancel()))
+        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.navigator.cancel()))
         self._serve(
             robot_id,
             GLOBAL_LOCALIZATION,
@@ -189,7 +189,7 @@ class NavigationNode:
     def _halt(self) -> None:
         with self._node.changed:
             for robot in self._robots.values():
-                robot.halt()
+                robot.outputs.stop()
 
 
 def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:

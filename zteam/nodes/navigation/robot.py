@@ -28,7 +28,7 @@ class RobotNavigation:
     def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
         self.inputs = inputs
         self._parameters = parameters
-        self._outputs = outputs
+        self.outputs = outputs
         self._seed = seed
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, make_controller(parameters, inputs.base))
@@ -61,19 +61,11 @@ class RobotNavigation:
     def forget(self) -> None:
         """Time jumped back: nothing of before counts, the goal neither."""
         self.inputs.forget()
-        self._outputs.forget()
+        self.outputs.forget()
         self._command = STOP
         self.navigator.reset()
         if self._grid is not None:
             self._make(None)
-
-    def halt(self) -> None:
-        """The process ends: stop the robot."""
-        self._outputs.stop()
-
-    def cancel(self) -> bool:
-        """Give up the goal at the next step; False without one."""
-        return self.navigator.cancel()
 
     def localize_globally(self) -> str:
         """Spread the particles; why that does not count, if it does not."""
@@ -86,11 +78,11 @@ class RobotNavigation:
         pose = self._localise(now, seconds, robots)
         velocity = self._move(now, seconds, pose)
         self._command = velocity
-        self._outputs.drive(now, velocity, active=self.navigator.active)
+        self.outputs.drive(now, velocity, active=self.navigator.active)
         if self._costmaps is not None:
-            self._outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
-        self._outputs.tell(now, self.navigator)
-        self._outputs.log(self.navigator)
+            self.outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
+        self.outputs.tell(now, self.navigator)
+        self.outputs.log(self.navigator)
 
     def _take_initial_pose(self) -> None:
         message, self.inputs.initial_pose = self.inputs.initial_pose, None
@@ -126,7 +118,7 @@ class RobotNavigation:
         teammates = self.inputs.teammates(now, robots)
         localiser.step(now, self.inputs, scan, teammates)
         # What is published in this tick counts in the next one, and must hold there.
-        self._outputs.localise(now, round(seconds * 1e9), localiser)
+        self.outputs.localise(now, round(seconds * 1e9), localiser)
         pose = localiser.pose
         if pose is None:
             return None

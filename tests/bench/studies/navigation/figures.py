@@ -11,11 +11,12 @@ from studies.navigation.row import NavFigure, Progress
 from studies.navigation.scenarios import measure_scenarios
 from studies.navigation.scene import costmap_of, find_map, find_starts, find_ways, make_robot, outline_of, scan_of
 from studies.navigation.team_rows import TEAM_ROWS
+from studies.navigation.ways import cost_of, length_of
 from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.planning.amcl import Amcl, AmclOptions
 from zteam.planning.costmap import CostmapOptions, make_circle, make_costmap
-from zteam.planning.planner import AStarPlanner, length_of
+from zteam.planning.planner import AStarPlanner
 from zteam.sim import Options
 from zteam.world import World, load_world
 
@@ -83,7 +84,7 @@ def _plan(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
         search.append(_least_ms(lambda a=first, b=last: (planner.prepare(costmap), field.find_way(a, b))))  # type: ignore[misc]
         smooth.append(_least_ms(lambda way=found: field.shorten(way)))  # type: ignore[misc]
         lengths.append(length_of(corners) / length_of(found))
-        costs.append(field.cost_of(corners) / field.cost_of(found))
+        costs.append(cost_of(field, corners) / cost_of(field, found))
         references.append(reference_ms())
     both = np.array(search) + np.array(smooth)
     scene = f"{costmap.costs.size / 1e6:.2f} million cells, {_PAIRS} pairs over {_LEAST:g} m"

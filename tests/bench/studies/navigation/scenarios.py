@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.navigation.ways import length_of, plain_field
 from zteam.errors import UsageError
-from zteam.planning.planner import Field, length_of
 
 _FREE = ".GS"
 """Terrain that can be entered from open ground."""
@@ -44,8 +44,7 @@ def measure_scenarios(folder: Path) -> Iterator[tuple[str, float, str]]:
         raise UsageError(f"{folder} has no scenarios (*.scen or *.scen.xz)")
     for path in paths:
         free = read_cells(path.with_name(path.name.replace(".scen", "")))
-        field = Field(*free.shape)
-        field.set_free(free)
+        field = plain_field(free)
         errors = []
         for start, goal, best in read_problems(path):
             way = field.find_way(start, goal)
