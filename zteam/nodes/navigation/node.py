@@ -10,25 +10,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from zteam import names
+from zteam import messages, names
 from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
 from zteam.errors import DecodeError, UsageError
-from zteam.messages import (
-    BaseInfo,
-    LaserScan,
-    Message,
-    OccupancyGrid,
-    Odometry,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    RobotStatus,
-    Tick,
-    decode,
-    ns_from_time,
-)
 from zteam.nodes.navigation.inputs import Inputs, TeamTransforms
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.robot import RobotNavigation
@@ -72,8 +59,8 @@ class NavigationNode:
         self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
         _warn_of_other_decay(parameters)
-        node.subscribe(names.MAP, OccupancyGrid, self._on_map, latched=True)
-        node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
+        node.subscribe(names.MAP, messages.OccupancyGrid, self._on_map, latched=True)
+        node.subscribe(names.all_robots_key(names.BASE_INFO), messages.BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
         node.on_time_reset(self._forget)
         self._claims = [Claim(node.bus, names.navigation_name(i)) for i in parameters]
@@ -88,15 +75,15 @@ class NavigationNode:
         inputs = Inputs(robot_id, self._transforms, self._bases)
         outputs = Outputs(node, robot_id, parameters)
         robot = RobotNavigation(inputs, parameters, outputs, self._planners[key], seed * 10_000 + robot_id)
-        self._listen(inputs, names.BASE_SCAN, LaserScan, "scan")
-        self._listen(inputs, names.ODOM, Odometry, "odom")
+        self._listen(inputs, names.BASE_SCAN, messages.LaserScan, "scan")
+        self._listen(inputs, names.ODOM, messages.Odometry, "odom")
         if parameters.localizer == "fake":
             inputs.needs_truth = True
-            self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
-        self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
+            self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
+        self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
         _listen_for_unreadable_goals(node, inputs)
-        self._listen(inputs, names.INITIAL_POSE, PoseWithCovarianceStamped, "initial_pose")
-        self._listen(inputs, names.STATUS, RobotStatus, "status")
+        self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
+        self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
         self._serve(robot_id, "info", NoRequest, lambda _: info)
         self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.navigator.cancel()))
@@ -108,10 +95,10 @@ class NavigationNode:
         )
         return robot
 
-    def _listen(self, inputs: Inputs, topic: str, kind: type[Message], field: str) -> None:
+    def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
         def take(_key: str, message: Any) -> None:
             setattr(inputs, field, message)
-            inputs.stamps[topic] = ns_from_time(message.header.stamp)
+            inputs.stamps[topic] = messages.ns_from_time(message.header.stamp)
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
 
@@ -122,7 +109,7 @@ class NavigationNode:
 
         self._node.bus.serve(navigation_query(robot_id, service), request, handle)
 
-    def _on_map(self, _key: str, message: OccupancyGrid) -> None:
+    def _on_map(self, _key: str, message: messages.OccupancyGrid) -> None:
         try:
             grid = map_grid(message)
         except UsageError as error:
@@ -136,7 +123,7 @@ class NavigationNode:
         for robot in self._robots.values():
             robot.set_map(grid)
 
-    def _on_base_info(self, key: str, message: BaseInfo) -> None:
+    def _on_base_info(self, key: str, message: messages.BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])
         if robot_id is None:
             return
@@ -147,11 +134,11 @@ class NavigationNode:
         if changed and robot_id in self._robots:
             self._robots[robot_id].set_base()
 
-    def _lacks(self, tick: Tick) -> list[str]:
+    def _lacks(self, tick: messages.Tick) -> list[str]:
         """Lock-step: what a step waits for besides the transforms."""
         if self._grid is None:
             return [names.MAP]
-        stamp, there = ns_from_time(tick.stamp), set(tick.robots.tolist())
+        stamp, there = messages.ns_from_time(tick.stamp), set(tick.robots.tolist())
         missing = [names.robot_key(i, names.BASE_INFO) for i in sorted(there - self._bases.keys())]
         for robot_id in sorted(there & self._robots.keys()):
             inputs = self._robots[robot_id].inputs
@@ -212,7 +199,7 @@ def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
         if not isinstance(sample.content, bytes):
             return
         try:
-            decode(PoseStamped, sample.content)
+            messages.decode(messages.PoseStamped, sample.content)
         except DecodeError as error:
             with node.changed:
                 inputs.unreadable_goal = str(error)

@@ -5,33 +5,8 @@ import math
 
 import numpy as np
 
-from zteam import names
+from zteam import messages, names
 from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.messages import (
-    Duration,
-    Header,
-    MapMetaData,
-    NavigationState,
-    NavigationStatus,
-    OccupancyGrid,
-    Path,
-    Point32,
-    Polygon,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    Quaternion,
-    TFMessage,
-    Time,
-    Transform,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-    Vector3,
-    time_from_ns,
-)
 from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.localisers import Localiser
 from zteam.nodes.navigation.navigator import STOP, Navigator
@@ -61,8 +36,8 @@ class _ShownCostmap:
 
     def __init__(self, node: Node, key: str, frequency: float) -> None:
         # A latched publisher does not know whether it has any.
-        self._asked = node.publisher(key, OccupancyGrid)
-        self._publisher = node.publisher(key, OccupancyGrid, latched=True)
+        self._asked = node.publisher(key, messages.OccupancyGrid)
+        self._publisher = node.publisher(key, messages.OccupancyGrid, latched=True)
         self._interval = 1.0 / min(_MOST_COSTMAPS, frequency)
         self.due = -math.inf
         """When the next one may be sent, in seconds."""
@@ -73,9 +48,9 @@ class _ShownCostmap:
             self.due = -math.inf
         elif now / 1e9 >= self.due - 1e-6:
             self.due = now / 1e9 + self._interval
-            stamp, frame = time_from_ns(now), costmap.frame
-            info = MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
-            self._publisher.hand_over(OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
+            stamp, frame = messages.time_from_ns(now), costmap.frame
+            info = messages.MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
+            self._publisher.hand_over(messages.OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
 
 
 class Outputs:
@@ -87,14 +62,14 @@ class Outputs:
 
         self._odom = names.robot_frame(robot_id, names.ODOM)
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-        self._command = node.publisher(key(names.CMD_VEL_NAV), TwistStamped)
-        self._tf = node.publisher(key(names.TF), TFMessage)
-        self._status = node.publisher(key(names.NAVIGATION_STATUS), NavigationStatus)
-        self._plan = node.publisher(key(names.PLAN), Path, latched=True)
-        self._local_plan = node.publisher(key(names.LOCAL_PLAN), Path)
-        self._pose = node.publisher(key(names.AMCL_POSE), PoseWithCovarianceStamped, latched=True)
-        self._cloud = node.publisher(key(names.PARTICLE_CLOUD), PoseArray)
-        self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), PolygonStamped)
+        self._command = node.publisher(key(names.CMD_VEL_NAV), messages.TwistStamped)
+        self._tf = node.publisher(key(names.TF), messages.TFMessage)
+        self._status = node.publisher(key(names.NAVIGATION_STATUS), messages.NavigationStatus)
+        self._plan = node.publisher(key(names.PLAN), messages.Path, latched=True)
+        self._local_plan = node.publisher(key(names.LOCAL_PLAN), messages.Path)
+        self._pose = node.publisher(key(names.AMCL_POSE), messages.PoseWithCovarianceStamped, latched=True)
+        self._cloud = node.publisher(key(names.PARTICLE_CLOUD), messages.PoseArray)
+        self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), messages.PolygonStamped)
         self._global = _ShownCostmap(node, key(names.GLOBAL_COSTMAP), parameters.global_window.publish_frequency)
         self._local = _ShownCostmap(node, key(names.LOCAL_COSTMAP), parameters.local_window.publish_frequency)
         self._drives = False
@@ -115,8 +90,9 @@ class Outputs:
     def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
         """Send the command of a robot on its way; when it is there, one zero velocity more, then none."""
         if active or self._drives:
-            twist = Twist(Vector3(velocity.x, velocity.y), Vector3(0.0, 0.0, velocity.turn))
-            self._command.hand_over(TwistStamped(Header(time_from_ns(now), self._base), twist))
+            twist = messages.Twist(messages.Vector3(velocity.x, velocity.y), messages.Vector3(0.0, 0.0, velocity.turn))
+            header = messages.Header(messages.time_from_ns(now), self._base)
+            self._command.hand_over(messages.TwistStamped(header, twist))
         self._drives = active
         if not active:
             self._mean_speed = 0.0
@@ -127,26 +103,26 @@ class Outputs:
     def stop(self) -> None:
         """The process ends: a last zero velocity."""
         if self._drives:
-            self._command.put(TwistStamped(Header(Time(), self._base)))
+            self._command.put(messages.TwistStamped(messages.Header(messages.Time(), self._base)))
 
     def localise(self, now: int, ahead: int, localiser: Localiser) -> None:
         """Send where the robot is; `ahead` is how long from `now` on the transform is to hold."""
         if localiser.map_from_odom is None:
             return
         x, y, yaw = localiser.map_from_odom
-        transform = Transform(Vector3(x, y), Quaternion(*quaternion_from_yaw(yaw)))
-        self._tf.hand_over(TFMessage([TransformStamped(_header(now + ahead), self._odom, transform)]))
+        transform = messages.Transform(messages.Vector3(x, y), messages.Quaternion(*quaternion_from_yaw(yaw)))
+        self._tf.hand_over(messages.TFMessage([messages.TransformStamped(_header(now + ahead), self._odom, transform)]))
         if localiser.pose is None:
             return
         if localiser.updated or not self._placed:
             self._placed = True
             covariance = np.zeros((6, 6))
             covariance[np.ix_((0, 1, 5), (0, 1, 5))] = localiser.covariance
-            estimate = PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
-            self._pose.hand_over(PoseWithCovarianceStamped(_header(now), estimate))
+            estimate = messages.PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
+            self._pose.hand_over(messages.PoseWithCovarianceStamped(_header(now), estimate))
         if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
             poses = [pose_message(Pose2(*row)) for row in localiser.particles().tolist()]
-            self._cloud.hand_over(PoseArray(_header(now), poses))
+            self._cloud.hand_over(messages.PoseArray(_header(now), poses))
         self._clouded = self._cloud.has_subscribers
 
     def show(self, now: int, navigator: Navigator, pose: Pose2 | None, costmaps: Costmaps) -> None:
@@ -161,17 +137,17 @@ class Outputs:
             left = max(1, round(navigator.distance_remaining / costmaps.whole.frame.resolution))
             self._local_plan.hand_over(_path_message(now, navigator.path[-left:][:along]))
         if self._footprint.has_subscribers:
-            corners = [Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
-            self._footprint.hand_over(PolygonStamped(_header(now), Polygon(corners)))
+            corners = [messages.Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
+            self._footprint.hand_over(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
         self._global.show(now, costmaps.whole)
         self._local.show(now, costmaps.local)
 
     def log(self, navigator: Navigator) -> None:
         """Log how it goes, in few lines."""
         news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
-        if news != self._logged and navigator.state is not NavigationState.IDLE:
+        if news != self._logged and navigator.state is not messages.NavigationState.IDLE:
             self._logged = news
-            level = logging.WARNING if navigator.state is NavigationState.ABORTED else logging.INFO
+            level = logging.WARNING if navigator.state is messages.NavigationState.ABORTED else logging.INFO
             log.log(level, "%s: %s", self._name, news)
 
     def tell(self, now: int, navigator: Navigator) -> None:
@@ -184,23 +160,23 @@ class Outputs:
         seconds = remaining / max(self._mean_speed, _LEAST_SPEED) if remaining else 0.0
         whole = int(seconds)
         self._status.hand_over(
-            NavigationStatus(
+            messages.NavigationStatus(
                 _header(now),
                 int(navigator.state),
                 navigator.message,
                 remaining,
-                Duration(whole, int((seconds - whole) * 1e9)),
+                messages.Duration(whole, int((seconds - whole) * 1e9)),
                 navigator.recoveries,
                 navigator.text,
             )
         )
 
 
-def _header(now: int) -> Header:
-    return Header(time_from_ns(now), names.MAP_FRAME)
+def _header(now: int) -> messages.Header:
+    return messages.Header(messages.time_from_ns(now), names.MAP_FRAME)
 
 
-def _path_message(now: int, path: Floats) -> Path:
+def _path_message(now: int, path: Floats) -> messages.Path:
     """Poses (n, 3) as a path."""
     header = _header(now)
-    return Path(header, [PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])
+    return messages.Path(header, [messages.PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])
