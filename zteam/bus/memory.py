@@ -96,25 +96,14 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def subscribe(self, subscriber: _Subscriber, latched: bool) -> tuple[int, list[RawSample]]:
-        """Add a subscriber; its number, and with `latched` what was put before."""
+    def change_subscriber(self, number: int, subscriber: _Subscriber | None) -> None:
+        """Add a subscriber, or remove it."""
         with self.lock:
-            number = self.new_id()
-            self.subscribers[number] = subscriber
+            if subscriber is None:
+                self.subscribers.pop(number)
+            else:
+                self.subscribers[number] = subscriber
             self.version += 1
-            return number, [s for s in self.latched.values() if latched and matches(subscriber.key_expr, s.key)]
-
-    def unsubscribe(self, number: int) -> None:
-        """Remove a subscriber."""
-        with self.lock:
-            self.subscribers.pop(number, None)
-            self.version += 1
-
-    def matching(self, key: str, but_session: str | None) -> tuple[int, list[Receiver]]:
-        """`version`, and what takes samples of a key, without that of one session."""
-        with self.lock:
-            found = [s for s in self.subscribers.values() if s.session != but_session and matches(s.key_expr, key)]
-            return self.version, [subscriber.receiver for subscriber in found]
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -171,12 +160,13 @@ class MemoryTransport:
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
         check_use("subscribe to", key_expr, self._closed)
-        hub = self._hub
-        receiver = Receiver(self._owner, handler)
-        number, history = hub.subscribe(_Subscriber(self.instance, key_expr, receiver), latched)
+        hub, number, receiver = self._hub, self._hub.new_id(), Receiver(self._owner, handler)
+        with hub.lock:
+            hub.change_subscriber(number, _Subscriber(self.instance, key_expr, receiver))
+            history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in history:
             hub.deliver([receiver], sample)
-        return self._keep(lambda: hub.unsubscribe(number))
+        return self._keep(lambda: hub.change_subscriber(number, None))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         check_use("serve", key, self._closed)
@@ -270,9 +260,12 @@ class MemoryPublisher:
 
     def _receivers(self) -> list[Receiver]:
         version, receivers = self._matching
-        if version != self._hub.version:
-            # Set at once: another thread may look in between.
-            self._matching = _, receivers = self._hub.matching(self._key, self._passed_over)
+        hub, but = self._hub, self._passed_over
+        if version != hub.version:
+            with hub.lock:
+                found = [s for s in hub.subscribers.values() if s.session != but and matches(s.key_expr, self._key)]
+                # Set at once: another thread may look in between.
+                self._matching = _, receivers = hub.version, [subscriber.receiver for subscriber in found]
         return receivers
 
     @property

@@ -87,7 +87,6 @@ class Closeable(Protocol):
 
     def close(self) -> None:
         """Take it back; a second call does nothing."""
-        ...
 
 
 class Handle:
@@ -109,26 +108,21 @@ class RawPublisher(Closeable, Protocol):
     @property
     def has_subscribers(self) -> bool:
         """Whether a payload put now has a subscriber; always True for a latched publisher, False once closed."""
-        ...
 
     def find_subscribers(self) -> bool:
         """As `has_subscribers`, which may be told of a change a moment later: this asks the session."""
-        ...
 
     def put(self, payload: bytes) -> None:
         """Send without waiting: a payload that finds no room is dropped."""
-        ...
 
     def put_message(self, message: Message) -> None:
         """Send a message in the same way. What the caller changes in it afterwards is not sent. Raises EncodeError."""
-        ...
 
     def hand_over(self, message: Message) -> None:
         """Send a message that the caller has made for this and does not change any more, nor anything it holds.
 
         Where it is not encoded it is not copied either, and the caller answers for its values (`messages/cdr.py`).
         """
-        ...
 
 
 SampleHandler = Callable[[RawSample], None]
@@ -147,7 +141,6 @@ class Transport(Protocol):
     @property
     def instance(self) -> str:
         """This session's id, unique among all sessions."""
-        ...
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
@@ -157,7 +150,6 @@ class Transport(Protocol):
         With `to_others` it does not reach subscribers of its own session. `source` is the session id that its samples
         carry, if it is not this session's.
         """
-        ...
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
@@ -166,34 +158,27 @@ class Transport(Protocol):
 
         Without `stamped`, samples have neither time nor source: reading those takes as long as the rest.
         """
-        ...
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         """Answer queries on `key`; what `handler` raises goes to the asker as an error text.
 
         An answer that takes its time is made on a thread of its own.
         """
-        ...
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         """Ask and wait for all answers, `timeout` seconds at most; then an error reply says `Timeout`.
 
         With `to_others` the own session is not asked.
         """
-        ...
 
     def declare_token(self, key: str) -> Closeable:
         """A token that lives as long as this session."""
-        ...
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
-        ...
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         """Call `handler(up)` when the link to the router is lost or back."""
-        ...
 
     def close(self) -> None:
         """Undeclare everything and end the session; a second call does nothing."""
-        ...

@@ -59,18 +59,15 @@ class Controller(Protocol):
 
     def set_path(self, path: Floats) -> None:
         """Follow this path (n, 3) from now on: x, y in metres and yaw in radians, in the frame of the map."""
-        ...
 
     def command(self, costmap: Costmap, pose: Pose2, velocity: Velocity, seconds: float) -> Velocity:
         """The velocity for a robot at `pose` that has `velocity`; the next call comes `seconds` later.
 
         Raises BlockedError.
         """
-        ...
 
     def remaining(self) -> float:
         """Metres of the path that lie before the robot."""
-        ...
 
 
 class PursuitOptions(NamedTuple):

@@ -62,7 +62,6 @@ class Planner(Protocol):
 
     def plan(self, costmap: Costmap, start: Pose2, goal: Pose2) -> Plan:
         """A path from `start` to `goal` (poses in the frame of the map). Raises NoPathError."""
-        ...
 
 
 class Field:

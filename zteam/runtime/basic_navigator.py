@@ -23,6 +23,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.runtime.node import Node
+from zteam.services.maps import is_finite
 from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.services.team_clock import team_clock
 
@@ -257,8 +258,7 @@ def _message(place: Place) -> PoseStamped:
         place = goal_message(place)
     if not isinstance(place, PoseStamped):
         raise UsageError(f"a pose is a PoseStamped or a Pose2, not a {type(place).__name__}")
-    point, turn = place.pose.position, place.pose.orientation
-    if not all(map(math.isfinite, (point.x, point.y, point.z, turn.x, turn.y, turn.z, turn.w))):
+    if not is_finite(place.pose):
         raise UsageError("a pose has a value that is no finite number")
     if not place.header.frame_id:
         raise UsageError(f"a pose names no frame: header.frame_id = {names.MAP_FRAME!r}")

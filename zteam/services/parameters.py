@@ -49,10 +49,8 @@ _ALL = "*"
 class ParametersClient:
     """Reads and sets the parameters of the behaviours that run."""
 
-    def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
-        """`answer_limit` is host seconds."""
+    def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._limit = answer_limit
 
     def describe(self, robot: str) -> DescribeReply:
         """The parameters of `robot_N` and their values. Raises BusError if there is no such robot."""
@@ -84,12 +82,12 @@ class ParametersClient:
     ) -> list[tuple[str, T]]:
         key = names.service_key(robot, service)
         try:
-            return self._bus.query(key, reply_type, request, timeout=self._limit)
+            return self._bus.query(key, reply_type, request, timeout=ANSWER_LIMIT)
         except BusError as error:
             why = str(error).removeprefix(f"{key}: ")
             if why == _TIMED_OUT:
                 silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
-                raise BusError(f"{silent} within {self._limit:g} s: see 'zteam doctor'") from None
+                raise BusError(f"{silent} within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
             raise BusError(why if robot == _ALL else f"{robot}: {why}") from None
 
     def _missing(self, robot: str) -> BusError:

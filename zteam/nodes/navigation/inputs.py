@@ -4,20 +4,11 @@ import logging
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from zteam import names
+from zteam import messages, names
 from zteam.base import DEFAULT_BASE, Base
 from zteam.bus import NoRequest
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import (
-    LaserScan,
-    Odometry,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    RobotDriver,
-    RobotState,
-    RobotStatus,
-)
 from zteam.planning.scans import Scan, Teammate
 from zteam.runtime.node import Node, TransformListener
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest
@@ -95,15 +86,15 @@ class Inputs:
 
     def forget(self) -> None:
         """Time jumped back."""
-        self.scan: LaserScan | None = None
-        self.odom: Odometry | None = None
-        self.truth: Odometry | None = None
-        self.status: RobotStatus | None = None
-        self.goal: PoseStamped | None = None
+        self.scan: messages.LaserScan | None = None
+        self.odom: messages.Odometry | None = None
+        self.truth: messages.Odometry | None = None
+        self.status: messages.RobotStatus | None = None
+        self.goal: messages.PoseStamped | None = None
         """A goal that has come since the last step."""
         self.unreadable_goal = ""
         """What is wrong with one that the bus dropped; empty without one."""
-        self.initial_pose: PoseWithCovarianceStamped | None = None
+        self.initial_pose: messages.PoseWithCovarianceStamped | None = None
         """In the same way."""
         self.stamps: dict[str, int] = {}
         """Of the newest message, by topic."""
@@ -159,9 +150,9 @@ class Inputs:
         status = self.status
         if status is None:
             return ""
-        if status.state in (RobotState.BOOT, RobotState.READY):
+        if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
             return "waits for GO"
-        return "teleop drives" if status.driver == RobotDriver.TELEOP else ""
+        return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""
 
     def is_stopped(self) -> bool:
         """Whether something else than its own commands stops the robot, such as its safety layer."""

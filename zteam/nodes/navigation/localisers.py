@@ -60,7 +60,6 @@ class OtherLocaliser(Localiser):
     """`none`: the transforms say where the robot is, whichever process publishes them."""
 
     def step(self, now: int, inputs: Inputs, _scan: Scan | None, _teammates: Sequence[Teammate]) -> None:
-        """See Localiser."""
         place = inputs.find(names.MAP_FRAME, inputs.base_frame)
         self.pose, self.problem = None, ""
         if place is None:
@@ -82,7 +81,6 @@ class FakeLocaliser(Localiser):
         self.covariance = np.diag(np.square([options.noise_xy, options.noise_xy, options.noise_yaw]))
 
     def step(self, now: int, inputs: Inputs, _scan: Scan | None, _teammates: Sequence[Teammate]) -> None:
-        """See Localiser."""
         self.updated = False
         truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
         pose = None if truth is None else planar(truth.pose.pose)
@@ -117,7 +115,6 @@ class AmclLocaliser(Localiser):
             self.set_pose(pose, _USUAL)
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
-        """See Localiser."""
         self.updated = False
         if not self._placed and not self._find_initial_pose(inputs):
             self.problem = (
@@ -149,13 +146,11 @@ class AmclLocaliser(Localiser):
         return self._placed
 
     def set_pose(self, pose: Pose2, deviations: tuple[float, float, float]) -> str:
-        """See Localiser."""
         self._amcl.set_pose(pose, deviations)
         self._placed, self.map_from_odom = True, None
         return ""
 
     def localize_globally(self) -> str:
-        """See Localiser."""
         try:
             self._amcl.localize_globally()
         except ValueError as error:
@@ -164,7 +159,6 @@ class AmclLocaliser(Localiser):
         return ""
 
     def particles(self) -> Floats:
-        """See Localiser."""
         return self._amcl.particles
 
 
