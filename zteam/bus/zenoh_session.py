@@ -34,7 +34,6 @@ from zteam.messages import Message, encode
 log = logging.getLogger("zteam.bus")
 
 T = TypeVar("T")
-D = TypeVar("D", bound="Declared")
 
 _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
@@ -128,14 +127,16 @@ def sample_callback(handler: SampleHandler, stamped: bool) -> Any:
 class Declared:
     """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
 
-    def __init__(self, entity: Any, forget: Callable[["Declared"], None]) -> None:
+    def __init__(self, entity: Any, declared: set["Declared"]) -> None:
+        """It is in the set `declared` until it is closed."""
         self._entity = entity
-        self._forget = forget
+        self._declared = declared
+        declared.add(self)
 
     def close(self) -> None:
         entity, self._entity = self._entity, None
         if entity is not None:
-            self._forget(self)
+            self._declared.discard(self)
             try:
                 entity.undeclare()
             except zenoh.ZError as error:
@@ -148,12 +149,12 @@ class ZenohPublisher(Declared):
     def __init__(
         self,
         entity: Any,
-        forget: Callable[[Declared], None],
+        declared: set[Declared],
         latched: bool,
         stamp: Callable[[], zenoh.Timestamp | None] = lambda: None,
     ) -> None:
         """`stamp()` makes the timestamps of samples; the session does without it."""
-        super().__init__(entity, forget)
+        super().__init__(entity, declared)
         self._matching = True
         self._latched = latched
         self._stamp = stamp
@@ -207,24 +208,21 @@ class TokenWatch(Declared):
     """Tells a handler of tokens that are there, come or go. `take` and `look` are called on one thread."""
 
     def __init__(
-        self, session: zenoh.Session, key_expr: str, handler: TokenHandler, forget: Callable[[Declared], None]
+        self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
     ) -> None:
+        """The handler is called on `thread`. Raises zenoh.ZError."""
         self._session = session
         self._key_expr = key_expr
         self._handler = handler
         self._alive: set[str] = set()
         self._missing: set[str] = set()
         """Those that were alive, and that the last look did not find."""
-        super().__init__(None, forget)
-
-    def declare(self, thread: Aside) -> None:
-        """Watch; the handler is called on `thread`. Raises zenoh.ZError."""
 
         def on_token(sample: zenoh.Sample) -> None:
             self.take(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        liveliness = self._session.liveliness()
-        self._entity = liveliness.declare_subscriber(self._key_expr, thread.callback(on_token), history=True)
+        callback = thread.callback(on_token)
+        super().__init__(session.liveliness().declare_subscriber(key_expr, callback, history=True), declared)
 
     def take(self, key: str, alive: bool) -> None:
         """A token came or went."""
@@ -276,7 +274,7 @@ class ZenohTransport:
         self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
         events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
-        self._keep(Declared(events, self._declared.discard))
+        Declared(events, self._declared)
         # Asked again: a router may have connected before the listener was there.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._deferred = DeferredAnswers()
@@ -286,7 +284,7 @@ class ZenohTransport:
 
     def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
-        return self._keep(Declared(self._make(action, key, declare), self._declared.discard))
+        return Declared(self._make(action, key, declare), self._declared)
 
     def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
         check_use(action, key, self.closed)
@@ -295,10 +293,6 @@ class ZenohTransport:
         except zenoh.ZError as error:
             # Closed since the check.
             raise BusError(f"cannot {action} {key}: {first_line(error)}") from None
-
-    def _keep(self, declared: D) -> D:
-        self._declared.add(declared)
-        return declared
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
@@ -320,7 +314,7 @@ class ZenohTransport:
 
         entity = self._make("publish on", key, declare)
         stamps = [stamping_as(self._session, source)] if source else []
-        return self._keep(ZenohPublisher(entity, self._declared.discard, latched, *stamps))
+        return ZenohPublisher(entity, self._declared, latched, *stamps)
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
@@ -375,9 +369,11 @@ class ZenohTransport:
         return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        watch = TokenWatch(self._session, key_expr, handler, self._declared.discard)
-        self._make("watch", key_expr, lambda: watch.declare(self._presence))
-        return self._keep(watch)
+        session, thread = self._session, self._presence
+        watch: Closeable = self._make(
+            "watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread)
+        )
+        return watch
 
     def _look_at_tokens(self) -> None:
         for declared in list(self._declared):

@@ -110,7 +110,7 @@ def test_an_end_that_was_not_told_is_seen(bus: Bus) -> None:
 def test_a_lost_router_says_nothing_of_tokens(bus: Bus, router: RouterProcess) -> None:
     """Without a router a look takes no token as gone."""
     told = Inbox()
-    watch = TokenWatch(bus.transport._session, "*", told, lambda _: None)
+    watch = TokenWatch(bus.transport._session, "*", told, set(), bus.transport._presence)
     watch.take("a", True)
     router.kill()
     wait_until_true(lambda: not bus.transport.up)
