@@ -19,7 +19,7 @@ from zteam.messages import Twist
 from zteam.robot_ids import format_robot_ids
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.casting import Plans, Scene, prepare_plans
-from zteam.sim.devices import Detections, Devices
+from zteam.sim.devices import Devices
 from zteam.sim.lasers import Lasers, Scans
 from zteam.sim.motion import Odometry, keep_what_is_left, make_bases
 from zteam.sim.observation import Observation, RobotObservation, Snapshot, pose_of
@@ -109,31 +109,24 @@ class RobotArrays:
         if self.bodies.met.any():
             keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
 
-    def observe_bases(self, now: int, tick: int) -> Observation:
-        """What the bases sense at `now` (ns)."""
-        return self._observation(now, tick, Scans([], {}), {})
-
-    def observe(self, now: int, tick: int) -> Observation:
-        """What all robots sense at `now` (ns)."""
+    def observe(self, now: int, tick: int, *, bases_only: bool) -> Observation:
+        """What all robots sense at `now` (ns), or only what their bases sense."""
         poses = self.bodies.poses
-        self._scene.move(poses)
-        return self._observation(now, tick, self._lasers.measure(poses, tick), self._devices.sense(poses))
-
-    def _observation(self, now: int, tick: int, scans: Scans, detections: Mapping[int, Detections]) -> Observation:
+        if not bases_only:
+            self._scene.move(poses)
         snapshot = Snapshot(
             robots=self._robots,
-            scans=scans,
-            poses=self.bodies.poses.tolist(),
+            scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),
+            poses=poses.tolist(),
             odom=self.odometry.poses.tolist(),
             velocity=self.bases.velocity.tolist(),
             stalled=self.bodies.stalled.copy(),
             wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            detections=detections,
+            detections={} if bases_only else self._devices.sense(poses),
         )
         robots = {robot_id: RobotObservation(snapshot, i) for robot_id, i in self.ids.items()}
-        poses = map(pose_of, snapshot.poses[len(self._robots) :])
-        pushed = {obstacle.name: pose for obstacle, pose in zip(self._pushed, poses, strict=True)}
-        return Observation(now, tick, robots, pushed)
+        places = map(pose_of, snapshot.poses[len(self._robots) :])
+        return Observation(now, tick, robots, {o.name: pose for o, pose in zip(self._pushed, places, strict=True)})
 
 
 class Engine:
@@ -172,7 +165,7 @@ class Engine:
         """
         arrays = self._assembled()
         for robot_id, twist in commands.items():
-            i = self._index(arrays, robot_id)
+            i = self._index(robot_id)
             command = twist.linear.x, twist.linear.y, twist.angular.z
             if not all(map(math.isfinite, command)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
@@ -183,21 +176,19 @@ class Engine:
 
     def observe_bases(self) -> Observation:
         """What the bases sense now: no sensor and no other device measures."""
-        return self._assembled().observe_bases(self.now, self.tick)
+        return self._assembled().observe(self.now, self.tick, bases_only=True)
 
     def observe(self) -> Observation:
         """What all robots sense now."""
-        return self._assembled().observe(self.now, self.tick)
+        return self._assembled().observe(self.now, self.tick, bases_only=False)
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
-        arrays = self._assembled()
-        return arrays.odometry.start(self._index(arrays, robot_id))
+        return self._assembled().odometry.start(self._index(robot_id))
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""
-        arrays = self._assembled()
-        return pose_of(arrays.bodies.poses[self._index(arrays, robot_id)].tolist())
+        return pose_of(self._assembled().bodies.poses[self._index(robot_id)].tolist())
 
     def standing(self) -> Standing:
         """How all robots stand."""
@@ -229,7 +220,7 @@ class Engine:
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError if it is not there."""
         if robot_id not in self._robots:
-            raise _no_robot(robot_id, self._robots)
+            raise self._no_robot(robot_id)
         del self._robots[robot_id]
         if self._arrays is not None:
             # Another robot of this id starts anew.
@@ -244,7 +235,7 @@ class Engine:
         if not all(np.isfinite(pose)):
             raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
         arrays = self._assembled()
-        i = self._index(arrays, robot_id)
+        i = self._index(robot_id)
         if checked:
             self._check_room(robot_id, self._robots[robot_id], pose)
         arrays.bodies.place(i, pose)
@@ -266,11 +257,11 @@ class Engine:
             self._outdated = False
         return self._arrays
 
-    def _index(self, arrays: RobotArrays, robot_id: int) -> int:
-        if robot_id not in arrays.ids:
-            raise _no_robot(robot_id, self._robots)
-        return arrays.ids[robot_id]
+    def _index(self, robot_id: int) -> int:
+        """A robot's place in the arrays. Raises UsageError if it is not there."""
+        if robot_id not in self._robots:
+            raise self._no_robot(robot_id)
+        return self._assembled().ids[robot_id]
 
-
-def _no_robot(robot_id: int, present: Collection[int]) -> UsageError:
-    return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(present) or 'none'}")
+    def _no_robot(self, robot_id: int) -> UsageError:
+        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
