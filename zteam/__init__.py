@@ -78,7 +78,8 @@ if TYPE_CHECKING:
     from zteam.services.parameters import ParametersClient
     from zteam.services.simulator import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
-    from zteam.team_file import Team, load_team
+    from zteam.team_file.entries import Team
+    from zteam.team_file.reading import load_team
 
 __all__ = [
     "BasicNavigator",

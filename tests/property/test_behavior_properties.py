@@ -17,7 +17,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
 from zteam.process_options import RobotOptions, from_line, to_line
 from zteam.resources import teams_folder
-from zteam.team_file import Team, behavior_of, load_team, read_team_file, static_transform, team_world
+from zteam.team_file.entries import Team, behavior_of, static_transform
+from zteam.team_file.reading import load_team, read_team_file, team_world
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)

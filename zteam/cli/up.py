@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from zteam.launch.run import TeamRun
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
-    from zteam.team_file import Team
+    from zteam.team_file.entries import Team
 
 log = logging.getLogger("zteam")
 
@@ -123,7 +123,7 @@ def _check_options(args: argparse.Namespace) -> None:
     if "=" in args.team and not Path(args.team).exists():
         raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
     if args.arguments:
-        from zteam.team_file import parse_arguments
+        from zteam.team_file.sources import parse_arguments
 
         parse_arguments(args.arguments)
     if args.speed is not None:
@@ -173,7 +173,8 @@ def _up(args: argparse.Namespace) -> int:
 
 def _print_arguments(args: argparse.Namespace) -> int:
     from zteam.cli.tables import format_table
-    from zteam.team_file import describe_arguments, read_team_file
+    from zteam.team_file.reading import read_team_file
+    from zteam.team_file.sources import describe_arguments
 
     rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
     print(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
@@ -186,7 +187,8 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import check_writable
     from zteam.process_options import ViewOptions
-    from zteam.team_file import parse_arguments, read_team_file
+    from zteam.team_file.reading import read_team_file
+    from zteam.team_file.sources import parse_arguments
 
     if args.report:
         check_writable(Path(args.report))

@@ -17,7 +17,8 @@ from zteam.launch.process import exit_text
 from zteam.launch.report import RunReport
 from zteam.resources import find_team, find_world
 from zteam.runtime.shutdown import Stop, stopping_in_order
-from zteam.team_file import argument_texts, read_team_file
+from zteam.team_file.reading import read_team_file
+from zteam.team_file.sources import argument_texts
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions

@@ -19,7 +19,10 @@ from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file import GROUP_KEYS, RobotEntry, Team, TeamFile, behavior_of, error_of, navigation_of, team_world
+from zteam.team_file.entries import RobotEntry, Team, behavior_of, navigation_of
+from zteam.team_file.groups import GROUP_KEYS
+from zteam.team_file.reading import TeamFile, team_world
+from zteam.team_file.sources import error_of
 from zteam.world import add_robot, load_world
 from zteam.world.devices import KINDS
 from zteam.world.model import Robot, World

@@ -33,7 +33,7 @@ PRELOADS = (
     "zteam.world",
     "zteam.nodes.bodies",
     "zteam.nodes.transforms.node",
-    "zteam.team_file",
+    "zteam.team_file.reading",
     "zteam.tf.urdf",
     "zteam.nodes.monitor.node",
     "zteam.nodes.robot.node",

@@ -24,7 +24,7 @@ from zteam.process_options import (
     SimOptions,
     ViewOptions,
 )
-from zteam.team_file import Team, behavior_of, navigation_of, static_transform
+from zteam.team_file.entries import Team, behavior_of, navigation_of, static_transform
 
 
 class Pace(msgspec.Struct, frozen=True):

@@ -12,7 +12,7 @@ from zteam.launch.kinds import TeamLaunch
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
 from zteam.process_options import FROM_STDIN, to_line
-from zteam.team_file import NodeEntry
+from zteam.team_file.entries import NodeEntry
 
 
 class Plan(msgspec.Struct):

@@ -28,7 +28,8 @@ from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.resources import find_team, find_world
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
-from zteam.team_file import argument_texts, read_team_file, read_team_tables
+from zteam.team_file.reading import read_team_file, read_team_tables
+from zteam.team_file.sources import argument_texts
 from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout, open_in_process
 from zteam.testing.view import RobotView, TeamView
 

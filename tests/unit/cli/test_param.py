@@ -13,7 +13,8 @@ from zteam.cli import param
 from zteam.nodes.robot.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.team_file import behavior_of, load_team
+from zteam.team_file.entries import behavior_of
+from zteam.team_file.reading import load_team
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -18,7 +18,8 @@ from zteam.planning.grid import make_map
 from zteam.planning.map_files import write_map
 from zteam.resources import find_world
 from zteam.runtime.shutdown import Stop
-from zteam.team_file import RobotEntry, Team, load_team
+from zteam.team_file.entries import RobotEntry, Team
+from zteam.team_file.reading import load_team
 
 
 def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from zteam.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.errors import ConfigError
 from zteam.launch.check import check_team, random_parts
 from zteam.resources import find_world, shipped_world
-from zteam.team_file import load_team, read_team_file
+from zteam.team_file.reading import load_team, read_team_file
 from zteam.testing.team import TeamFixture
 from zteam.world import load_world
 
@@ -247,7 +247,7 @@ def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     """The launcher stays small and fast: the check imports neither the engine nor pymunk nor the user's modules."""
     path = write(tmp_path, '[team]\nworld = "office"\n[[robots]]\nid = 0\nbehavior = "my_stopper:Stopper"\n')
     code = (
-        "import sys; from pathlib import Path; from zteam.team_file import read_team_file; "
+        "import sys; from pathlib import Path; from zteam.team_file.reading import read_team_file; "
         f"from zteam.launch.check import check_team; check_team(read_team_file(Path({str(path)!r}))); "
         "print({'zteam.sim.engine', 'pymunk', 'my_stopper'} & set(sys.modules))"
     )

@@ -10,7 +10,7 @@ from zteam.launch import kinds
 from zteam.launch.kinds import KINDS, Kind, Pace, TeamLaunch, kind_of
 from zteam.launch.plan import plan_team, stop_order
 from zteam.process_options import MonitorOptions, SimOptions, from_line
-from zteam.team_file import NodeEntry, RobotEntry, Team
+from zteam.team_file.entries import NodeEntry, RobotEntry, Team
 from zteam.team_file.rules import check_nodes
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward"), RobotEntry(id=12, behavior="forward")])

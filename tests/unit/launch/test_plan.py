@@ -22,7 +22,8 @@ from zteam.process_options import (
     from_line,
 )
 from zteam.resources import shipped_team
-from zteam.team_file import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, load_team, static_transform
+from zteam.team_file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
+from zteam.team_file.reading import load_team
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")

@@ -27,7 +27,7 @@ from zteam.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environ
 from zteam.launch.supervisor import Job
 from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.shutdown import Stop
-from zteam.team_file import RobotEntry, Team
+from zteam.team_file.entries import RobotEntry, Team
 
 WORLD = Path("/w/arena.world")
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])

@@ -7,7 +7,7 @@ from zteam.launch.kinds import TeamLaunch, kind_of
 from zteam.launch.plan import plan_team, stop_order
 from zteam.names import is_view, view_name
 from zteam.process_options import ViewOptions, from_line
-from zteam.team_file import NodeEntry, RobotEntry, Team
+from zteam.team_file.entries import NodeEntry, RobotEntry, Team
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 WORLD = Path("/w/arena.world")

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from zteam.errors import ConfigError, UsageError
-from zteam.team_file import Team, argument_texts, describe_arguments, load_team, parse_arguments, read_team_file
+from zteam.team_file.entries import Team
+from zteam.team_file.reading import load_team, read_team_file
+from zteam.team_file.sources import argument_texts, describe_arguments, parse_arguments
 
 ROBOTS = "[[robots]]\nid = 0\n"
 

@@ -7,7 +7,8 @@ import pytest
 from support.team_files import error_of, load, robots
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2
-from zteam.team_file import RobotEntry, load_team
+from zteam.team_file.entries import RobotEntry
+from zteam.team_file.reading import load_team
 
 
 def test_ids_make_one_robot_each(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from support.pages import DOCS, blocks_of
 from zteam.simulation_options import Options
-from zteam.team_file import GROUP_KEYS, NodeEntry, RobotEntry, StaticTransform, TeamSection
+from zteam.team_file.entries import NodeEntry, RobotEntry, StaticTransform, TeamSection
+from zteam.team_file.groups import GROUP_KEYS
 from zteam.team_file.reading import KEYS
 from zteam.toml_values import parse_value
 

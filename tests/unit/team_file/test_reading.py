@@ -9,8 +9,8 @@ from support.team_files import WHOLE, error_of, load
 from zteam import resources
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2
-from zteam.team_file import RobotEntry, load_team, read_team_file, team_world
-from zteam.team_file.reading import KEYS
+from zteam.team_file.entries import RobotEntry
+from zteam.team_file.reading import KEYS, load_team, read_team_file, team_world
 
 
 def test_a_whole_file(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from support.team_files import error_of, load, robots
-from zteam.team_file import behavior_of
+from zteam.team_file.entries import behavior_of
 
 
 def test_a_circle_of_followers_is_named(tmp_path: Path) -> None:

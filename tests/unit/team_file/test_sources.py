@@ -6,7 +6,8 @@ import pytest
 
 from zteam.errors import ConfigError
 from zteam.resources import shipped_world
-from zteam.team_file import load_team, navigation_of, read_team_file, team_world
+from zteam.team_file.entries import navigation_of
+from zteam.team_file.reading import load_team, read_team_file, team_world
 from zteam.team_file.sources import MAX_FILES
 
 
