@@ -1,5 +1,6 @@
 """Facts of a team that works, for checks to be told one change of them."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -69,6 +70,6 @@ def team_facts(**changes: Any) -> Facts:
     return msgspec.structs.replace(facts, **changes)
 
 
-def problems(findings: list[Finding]) -> list[tuple[str, str, str]]:
+def problems(findings: Iterable[Finding]) -> list[tuple[str, str, str]]:
     """Subject, text and next step of each problem."""
     return [(f.what, f.text, f.next_step) for f in findings if not f.good]

@@ -1,6 +1,6 @@
 """All checks of a team, in the order in which they are told: causes come before what follows from them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from zteam import names
 from zteam.bus.receiving import KeyCount
@@ -13,33 +13,18 @@ from zteam.numbers import counted
 from zteam.robot_ids import format_robot_ids
 
 
-def stands_still(facts: Facts) -> bool:
-    """Whether the simulator sends no data: the world stands, or the simulator does not answer."""
-    sim = facts.sim
-    if sim is None:
-        return names.SIMULATOR in facts.alive
-    return sim.paused or sim.finished or is_held(facts)
-
-
-def is_held(facts: Facts) -> bool:
-    """Whether participants of lock-step hold the world."""
-    sim = facts.sim
-    return sim is not None and sim.lockstep and facts.holds and bool(sim.waiting_for)
-
-
-def check_world(facts: Facts) -> list[Finding]:
+def check_world(facts: Facts) -> Iterator[Finding]:
     """Whether the world stands still, and why."""
     sim = facts.sim
     if sim is None:
-        return []
+        return
     when = f"at {to_seconds(sim.now):.3f} s (tick {sim.tick})"
-    if is_held(facts):
-        return [problem("world", f"lock-step is held {when}: it waits for {sim.waiting_for}", _hold_step(facts))]
-    if sim.finished:
-        return [note("world", f"the run is over {when}: the world stands still", "zteam sim reset")]
-    if sim.paused:
-        return [problem("world", f"the simulator is paused {when}", "zteam sim resume")]
-    return []
+    if facts.is_held:
+        yield problem("world", f"lock-step is held {when}: it waits for {sim.waiting_for}", _hold_step(facts))
+    elif sim.finished:
+        yield note("world", f"the run is over {when}: the world stands still", "zteam sim reset")
+    elif sim.paused:
+        yield problem("world", f"the simulator is paused {when}", "zteam sim resume")
 
 
 def _hold_step(facts: Facts) -> str:
@@ -53,29 +38,27 @@ def _hold_step(facts: Facts) -> str:
     return "start the monitor, and the robots that it waits for"
 
 
-def check_gate(facts: Facts) -> list[Finding]:
+def check_gate(facts: Facts) -> Iterator[Finding]:
     """What the gate waits for, and which robots the monitor has lost."""
     team = facts.team
     if team is None or names.MONITOR not in facts.alive:
-        return []
-    found = []
+        return
     if team.state == TeamState.WAITING:
-        missing = [int(i) for i in team.missing]
+        missing = team.missing.tolist()
         awaited = team.waiting_for or ", ".join(map(names.robot_name, missing))
         awaited = awaited or f"{team.team_size - len(team.ready)} more of any id"
         text = f"the start gate waits for {awaited} ({len(team.ready)} of {team.team_size} ready)"
-        found.append(problem("gate", text, _gate_step(facts, missing)))
-    lost = [int(i) for i in team.lost if int(i) not in facts.robots and (facts.sim is None or i in facts.sim.robots)]
+        yield problem("gate", text, _gate_step(facts, missing))
+    lost = [i for i in team.lost.tolist() if i not in facts.robots and not facts.lacks(i)]
     if lost:
         gone = ", ".join(map(names.robot_name, lost))
         text = f"the process of {gone} was there and is gone: it has ended, or is stopped (Ctrl+Z)"
-        found.append(problem("gate", text, f"start it again: zteam-robot --id {lost[0]}, with its behaviour"))
-    return found
+        yield problem("gate", text, f"start it again: zteam-robot --id {lost[0]}, with its behaviour")
 
 
 def _gate_step(facts: Facts, missing: list[int]) -> str:
     there = None if facts.sim is None else facts.sim.robots
-    lacking = [i for i in missing if there is not None and i not in there]
+    lacking = [i for i in missing if facts.lacks(i)]
     if there is not None and lacking:
         has = format_robot_ids(there)
         return f"the world has no robot {format_robot_ids(lacking)}: zteam-monitor --ids {has.replace(', ', ',')}"
@@ -91,41 +74,34 @@ def _gate_step(facts: Facts, missing: list[int]) -> str:
     return "start further robots: zteam-robot --id N"
 
 
-def check_readiness(facts: Facts) -> list[Finding]:
+def check_readiness(facts: Facts) -> Iterator[Finding]:
     """Robots that are not ready, with what they wait for, and robots that failed."""
-    found = []
     for robot_id, status in sorted(facts.statuses.items()):
-        lacks_body = facts.sim is not None and robot_id not in facts.sim.robots
         name = names.robot_name(robot_id)
-        if name not in facts.alive or lacks_body:
+        if name not in facts.alive or facts.lacks(robot_id):
             # Both are told already, and are the cause.
             continue
         if status.state == RobotState.BOOT:
             text = f"{name} is not ready (boot): {status.text or 'it says no reason'}"
-            found.append(problem("robots", text, _boot_step(facts, status)))
+            yield problem("robots", text, _boot_step(facts, status))
         elif status.state == RobotState.FAULT:
-            found.append(
-                problem("robots", f"{name} has failed: {status.text}", f"see its log, then start {name} again")
-            )
+            yield problem("robots", f"{name} has failed: {status.text}", f"see its log, then start {name} again")
         elif status.state == RobotState.RUNNING and (reason := status.reason or status.text):
-            found.append(note("robots", f"{name} stands: {reason}"))
-    return found
+            yield note("robots", f"{name} stands: {reason}")
 
 
-def check_frames(facts: Facts) -> list[Finding]:
+def check_frames(facts: Facts) -> Iterator[Finding]:
     """Robots that stand and have no pose in `map`, with the transform that lacks."""
-    found = []
     for robot_id in facts.robots if facts.frames is not None else ():
         status = facts.statuses.get(robot_id)
         gap = _gap(facts.frames or {}, robot_id)
-        if gap is None or (status is not None and status.speed) or (facts.sim and robot_id not in facts.sim.robots):
+        if gap is None or (status is not None and status.speed) or facts.lacks(robot_id):
             continue
         parent, child = gap
         tf, fixed = (names.robot_key(robot_id, topic) for topic in (names.TF, names.TF_STATIC))
         said = f"{fixed} or {tf}" if parent == names.MAP_FRAME else tf
         text = f"{names.robot_name(robot_id)} has no pose in map: no process says {parent} -> {child}"
-        found.append(problem("transforms", text, f"it is due on {said}: see 'zteam topic info {said.split()[0]}'"))
-    return found
+        yield problem("transforms", text, f"it is due on {said}: see 'zteam topic info {said.split()[0]}'")
 
 
 def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
@@ -141,45 +117,38 @@ def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
 def _boot_step(facts: Facts, status: RobotStatus) -> str:
     if "pose" in status.text and names.AGGREGATOR not in facts.alive:
         return "zteam-tf"
-    if stands_still(facts):
+    if facts.stands_still:
         return "its data comes when the world goes on"
     if facts.sim is None:
         return "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
     return f"'zteam topic info {names.scan_key(status.robot_id, 0)}' names the publishers of its scans"
 
 
-def check_silence(facts: Facts) -> list[Finding]:
+def check_silence(facts: Facts) -> Iterator[Finding]:
     """Robots whose processes answer, but whose main loops publish nothing."""
-    found = []
     for node in facts.nodes:
         robot_id = names.robot_id_of(node.name)
-        if robot_id is None or not node.pid or robot_id in facts.statuses:
-            continue
-        text = f"{node.name} is alive but publishes no status: its behaviour hangs"
-        found.append(problem("process", text, f"look at its behaviour, then end process {node.pid} on {node.host}"))
-    return found
+        if robot_id is not None and node.pid and robot_id not in facts.statuses:
+            text = f"{node.name} is alive but publishes no status: its behaviour hangs"
+            yield problem("process", text, f"look at its behaviour, then end process {node.pid} on {node.host}")
 
 
 _SHOWN = 6
 """Processes of another namespace or router that are named."""
 
 
-def check_elsewhere(facts: Facts) -> list[Finding]:
+def check_elsewhere(facts: Facts) -> Iterator[Finding]:
     """Whether processes that are missing here run in another namespace, or at another router of this machine."""
-    found = [] if facts.nodes or not facts.elsewhere else [_of_namespaces(facts)]
+    if facts.elsewhere and not facts.nodes:
+        places = [f"{_place(name)}: {_listed(found)}" for name, found in sorted(facts.elsewhere.items())]
+        text = f"no process is {_place(facts.namespace)}; there are processes {'; '.join(places)}"
+        first = min(facts.elsewhere)
+        step = f"--namespace {first}" if first else "--namespace '' (and unset ZTEAM_NAMESPACE)"
+        yield problem("namespace", text, step)
     tell = note if facts.nodes or facts.elsewhere else problem
     for endpoint, processes in sorted(facts.routers.items()):
         text = f"another router of this machine, at {endpoint}, has processes: {_listed(processes)}"
-        found.append(tell("router", text, f"--connect {endpoint} (or export ZTEAM_CONNECT={endpoint})"))
-    return found
-
-
-def _of_namespaces(facts: Facts) -> Finding:
-    here = f"in the namespace {facts.namespace!r}" if facts.namespace else "outside of namespaces"
-    places = [f"{_place(name)}: {_listed(found)}" for name, found in sorted(facts.elsewhere.items())]
-    first = min(facts.elsewhere)
-    step = f"--namespace {first}" if first else "--namespace '' (and unset ZTEAM_NAMESPACE)"
-    return problem("namespace", f"no process is {here}; there are processes {'; '.join(places)}", step)
+        yield tell("router", text, f"--connect {endpoint} (or export ZTEAM_CONNECT={endpoint})")
 
 
 def _place(namespace: str) -> str:
@@ -192,16 +161,15 @@ def _listed(found: Sequence[str]) -> str:
     return ", ".join(items[:_SHOWN]) + more
 
 
-def check_processes(facts: Facts) -> list[Finding]:
+def check_processes(facts: Facts) -> Iterator[Finding]:
     """One finding per kind of process, and one for every process that does not answer."""
     findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.beside]
-    findings = [finding for finding in findings if finding.good or finding.next_step]
+    yield from (finding for finding in findings if finding.good or finding.next_step)
     for node in facts.nodes:
         if not node.pid:
             text = f"{node.name} is alive but does not answer: it is stopped (Ctrl+Z, SIGSTOP) or hangs"
             step = "continue it ('fg', 'kill -CONT PID') or end it; its name is free when its lease has run out"
-            findings.append(problem("process", text, step))
-    return findings
+            yield problem("process", text, step)
 
 
 def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:
@@ -236,53 +204,42 @@ def _followers(facts: Facts) -> str:
     return f": {', '.join(pairs)} and cannot without transforms" if pairs else ""
 
 
-def check_robots_of_world(facts: Facts) -> list[Finding]:
+def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
     """Processes of robots that the world lacks, and robots of the world without one."""
     if facts.sim is None:
-        return []
+        return
     there = facts.sim.robots
     known = format_robot_ids(there) or "none"
-    found = []
-    for robot_id in sorted(set(facts.robots) - set(there)):
-        text = (
-            f"robot_{robot_id} has a process, but the world {facts.sim.world} has no robot {robot_id} (it has {known})"
-        )
-        step = f"zteam sim spawn --id {robot_id} --pose X Y YAW, or start zteam-robot with an id of the world"
-        found.append(problem("robots", text, step))
+    for i in filter(facts.lacks, facts.robots):
+        text = f"robot_{i} has a process, but the world {facts.sim.world} has no robot {i} (it has {known})"
+        step = f"zteam sim spawn --id {i} --pose X Y YAW, or start zteam-robot with an id of the world"
+        yield problem("robots", text, step)
     idle = [i for i in there if i not in facts.robots and names.robot_key(i, names.CMD_VEL) not in facts.writers]
     if idle and facts.alive & {names.MONITOR, *map(names.robot_name, there)}:
         noun = "robot" if len(idle) == 1 else "robots"
         text = f"no process drives {noun} {format_robot_ids(idle)} of the world"
-        found.append(note("robots", text, f"zteam-robot --id {idle[0]}"))
-    return found
+        yield note("robots", text, f"zteam-robot --id {idle[0]}")
 
 
-def check_data(facts: Facts) -> list[Finding]:
+def check_data(facts: Facts) -> Iterator[Finding]:
     """Whether keys carry data, and whether each robot's process gets scans."""
-    count = len(facts.writers)
-    if not count:
-        return [problem("data", "no key carries data", "start a simulator or a robot")]
-    found = [ok("data", f"data on {counted(count, 'key')}")]
-    if stands_still(facts):
-        return found
-    for robot_id in facts.robots:
-        if facts.sim is not None and robot_id not in facts.sim.robots:
-            continue
-        if names.scan_key(robot_id, 0) not in facts.writers:
+    if not facts.writers:
+        yield problem("data", "no key carries data", "start a simulator or a robot")
+        return
+    yield ok("data", f"data on {counted(len(facts.writers), 'key')}")
+    for robot_id in facts.robots if not facts.stands_still else ():
+        if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
             step = f"has the world a robot {robot_id} with a laser? see 'zteam topic list'"
-            found.append(problem("data", f"{names.robot_name(robot_id)} gets no scan", step))
-    return found
+            yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
 
 
-def check_writers(facts: Facts) -> list[Finding]:
+def check_writers(facts: Facts) -> Iterator[Finding]:
     """Robots that get commands from more than one process."""
-    found = []
     for key, writers in sorted(facts.writers.items()):
         target = names.split_robot_key(key)
         if target is not None and target[1] == names.CMD_VEL and len(writers) > 1:
             text = f"{key} has {len(writers)} writers: {', '.join(writers)}"
-            found.append(problem("commands", text, "end all but one: their commands take turns"))
-    return found
+            yield problem("commands", text, "end all but one: their commands take turns")
 
 
 HISTORY_AFTER = 60.0
@@ -313,41 +270,36 @@ def format_age(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200.0 else f"{seconds / 3600:.0f} h"
 
 
-def check_refusals(facts: Facts) -> list[Finding]:
+def check_refusals(facts: Facts) -> Iterator[Finding]:
     """One problem for every key on which messages are refused now, with cause and writer; one note for all history."""
-    rows = [(key, name, count) for name, key, count in _refusals(facts.counts)]
+    rows = [
+        (key, name, count)
+        for name, per_key in sorted(facts.counts.items())
+        for key, count in per_key.items()
+        if count.dropped
+    ]
     if not rows and not facts.faults:
-        return [ok("refusals", "no message was refused")]
+        yield ok("refusals", "no message was refused")
     recent = [row for row in rows if is_recent(row[2]) and not _lacks_its_robot(facts, row[0])]
     faults = {fault.key: fault for fault in reversed(facts.faults)}
-    found = [_of_fault(fault, [r for r in recent if r[0] == key]) for key, fault in sorted(faults.items())]
+    for key, fault in sorted(faults.items()):
+        yield _of_fault(fault, [name for refused, name, _ in recent if refused == key])
     unexplained = {row[0]: row for row in reversed(recent) if row[0] not in faults}
-    found += [_of_count(facts, *row) for _, row in sorted(unexplained.items())]
+    for _, row in sorted(unexplained.items()):
+        yield _of_count(facts, *row)
     past = [row for row in rows if not is_recent(row[2])]
     if past:
-        found.append(_of_history(past))
-    return found
+        yield _of_history(past)
 
 
 def _lacks_its_robot(facts: Facts, key: str) -> bool:
     """Whether the world lacks the robot of a key that has a process: that is told already, as the cause."""
     target = names.split_robot_key(key)
-    return (
-        target is not None and facts.sim is not None and target[0] in facts.robots and target[0] not in facts.sim.robots
-    )
+    return target is not None and target[0] in facts.robots and facts.lacks(target[0])
 
 
-def _refusals(counts: Mapping[str, Mapping[str, KeyCount]]) -> list[tuple[str, str, KeyCount]]:
-    return [
-        (name, key, count)
-        for name, per_key in sorted(counts.items())
-        for key, count in per_key.items()
-        if count.dropped
-    ]
-
-
-def _of_fault(fault: Fault, refusals: list[tuple[str, str, KeyCount]]) -> Finding:
-    by = f"; refused by {', '.join(name for _, name, _ in refusals)}" if refusals else ""
+def _of_fault(fault: Fault, receivers: list[str]) -> Finding:
+    by = f"; refused by {', '.join(receivers)}" if receivers else ""
     text = f"{fault.key}: {fault.writer} sends {fault.reason}{by}"
     return problem("refusals", text, "end or mend what sends it: 'zteam node list' has the processes")
 
@@ -382,7 +334,7 @@ _CHECKS = (
 
 def check_team(facts: Facts) -> list[Finding]:
     """What is good and what is wrong with the team; only where the processes are if none is here."""
-    found = check_elsewhere(facts)
+    found = list(check_elsewhere(facts))
     if found and not facts.nodes:
         return found
     return [*found, *(finding for check in _CHECKS for finding in check(facts))]

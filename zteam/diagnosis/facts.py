@@ -91,3 +91,19 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     def robots(self) -> list[int]:
         """Ids of the robots that have a process."""
         return sorted({i for i in map(names.robot_id_of, self.alive) if i is not None})
+
+    def lacks(self, robot_id: int) -> bool:
+        """Whether the simulator's world lacks this robot."""
+        return self.sim is not None and robot_id not in self.sim.robots
+
+    @property
+    def is_held(self) -> bool:
+        """Whether participants of lock-step hold the world."""
+        return self.sim is not None and self.sim.lockstep and self.holds and bool(self.sim.waiting_for)
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the simulator sends no data: the world stands, or the simulator does not answer."""
+        if self.sim is None:
+            return names.SIMULATOR in self.alive
+        return self.sim.paused or self.sim.finished or self.is_held

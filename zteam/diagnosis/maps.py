@@ -1,7 +1,7 @@
 """Whether a map lies where the world is that the team drives in."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import msgspec
 
@@ -16,21 +16,22 @@ _RESOLUTION = 1e-3
 """Share by which a resolution may differ: it travels as a 32-bit number."""
 
 
-def check_map(facts: Facts) -> list[Finding]:
+def check_map(facts: Facts) -> Iterator[Finding]:
     """Whether there is a map for those that need one; compare what a subscriber gets with the simulator's world."""
     message, sim = facts.map, facts.sim
     waiting = sorted(name for name in facts.alive if names.navigated_robot_of(name) is not None)
     if message is None and waiting:
         text = f"nothing publishes '{names.MAP}', without which {', '.join(waiting)} cannot work"
-        return [problem("map", text, "zteam-map MAP.yaml")]
+        yield problem("map", text, "zteam-map MAP.yaml")
     if message is None or sim is None or sim.map is None:
-        return []
+        return
     others = [writer for writer in facts.writers.get(names.MAP, ()) if writer != facts.map_writer]
     name = f"'{names.MAP}' of {facts.map_writer}" + (f" (newer than that of {', '.join(others)})" if others else "")
     if message.header.frame_id != names.MAP_FRAME:
         text = f"{name} is in the frame {message.header.frame_id!r}, not in {names.MAP_FRAME!r}"
-        return [problem("map", text, f"let {facts.map_writer} publish it in the frame {names.MAP_FRAME!r}")]
-    return [compare_with_world(name, map_info(message.info), sim.map, sim.world)]
+        yield problem("map", text, f"let {facts.map_writer} publish it in the frame {names.MAP_FRAME!r}")
+    else:
+        yield compare_with_world(name, map_info(message.info), sim.map, sim.world)
 
 
 def check_map_file(name: str, found: MapInfo, sim: SimStatus | None) -> Finding:

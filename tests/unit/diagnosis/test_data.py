@@ -12,8 +12,8 @@ def test_no_data_at_all() -> None:
 
 def test_keys_are_counted_with_the_right_plural() -> None:
     """One key is not `1 keys`."""
-    assert check_data(Facts(writers={"clock": ["sim"]}))[0].text == "data on 1 key"
-    assert check_data(team_facts())[0].text == "data on 7 keys"
+    assert next(check_data(Facts(writers={"clock": ["sim"]}))).text == "data on 1 key"
+    assert next(check_data(team_facts())).text == "data on 7 keys"
 
 
 def test_a_robot_without_scans_is_named() -> None:
