@@ -25,7 +25,7 @@ from zteam.cli.arguments import (
 from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
-from zteam.names import LAUNCHER, VIEW
+from zteam.names import VIEW
 from zteam.numbers import MAX_SECONDS, counted
 from zteam.resources import find_team, find_world, names, teams_folder
 
@@ -263,7 +263,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     ):
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        with passing_lines(line, LAUNCHER), InProcessRun(launch, stop, line, outside=outside) as team_run:
+        with passing_lines(line), InProcessRun(launch, stop, line, outside=outside) as team_run:
             # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
             # Code of a behaviour that does not return holds the whole process.

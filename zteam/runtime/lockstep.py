@@ -3,8 +3,8 @@
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import msgspec
 
@@ -27,19 +27,6 @@ TICKLESS = 2.0
 """Host seconds of newer and newer data without a tick after which this is real time."""
 
 
-class _Mode(msgspec.Struct):
-    """What counts here of the answer to `sim/status`."""
-
-    lockstep: bool = False
-    instance: str = ""
-    """Session of the simulator that answers."""
-
-
-class _Early(NamedTuple):
-    source: str
-    tick: Tick
-
-
 class Ticks:
     """Calls `take(tick)` under `node.changed` for each tick of a simulator in lock-step, and for no other sender's.
 
@@ -52,8 +39,8 @@ class Ticks:
         self._take = take
         self._lockstep: dict[str, bool | None] = {}
         """Of each living simulator, by session: whether it works in lock-step; None until it has said so."""
-        self._early: _Early | None = None
-        """The newest tick of a session that is not known to be a simulator in lock-step."""
+        self._early: tuple[str, Tick] | None = None
+        """The newest tick of a session that is not known to be a simulator in lock-step, and that session."""
         self._settling = False
         self._asking = 0
         """Questions that are under way."""
@@ -100,22 +87,22 @@ class Ticks:
         """Ask the simulator of this session, and take the tick that came before the answer. Not for handlers."""
         with self._node.changed:
             self._asking += 1
-        answers: list[tuple[str, _Mode]] = []
+        answers: list[tuple[str, dict[str, Any]]] = []
         try:
-            answers = self._node.bus.query(names.service_key(names.SIMULATOR, "status"), _Mode)
+            answers = self._node.bus.query(names.service_key(names.SIMULATOR, "status"), dict[str, Any])
         except BusError as error:
             log.debug("%s", error)
-        modes = [mode for _, mode in answers if mode.instance in ("", instance)]
+        told = [status for _, status in answers if status.get("instance", "") in ("", instance)]
         with self._node.changed:
             self._asking -= 1
             self._node.changed.notify_all()
-            if not modes or instance not in self._lockstep:
+            if not told or instance not in self._lockstep:
                 return
-            self._lockstep[instance] = any(mode.lockstep for mode in modes)
+            self._lockstep[instance] = any(status.get("lockstep") is True for status in told)
             early = self._early
-            if early is not None and early.source == instance and self._lockstep[instance]:
+            if early is not None and early[0] == instance and self._lockstep[instance]:
                 self._early = None
-                self._take(early.tick)
+                self._take(early[1])
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
         with self._node.lock:
@@ -123,7 +110,7 @@ class Ticks:
                 self._take(tick)
                 return
             # Its token, or the answer, may be on its way.
-            self._early = _Early(source, tick)
+            self._early = source, tick
             if not self._settling:
                 self._settling = True
                 threading.Thread(target=self._settle, name="ticks", daemon=True).start()
@@ -133,21 +120,21 @@ class Ticks:
         node = self._node
         with node.changed:
             node.changed.wait_until(lambda: self._early is None or self._owes_an_answer or node.stopping, GRACE)
-            instance = self._early.source if self._early is not None and self._owes_an_answer else None
+            instance = self._early[0] if self._early is not None and self._owes_an_answer else None
         if instance is not None:
             # It did not answer when it came.
             self._ask(instance)
         with node.changed:
             self._settling = False
             early, self._early = self._early, None
-            if early is not None and not self._lockstep.get(early.source, False) and not node.stopping:
+            if early is not None and not self._lockstep.get(early[0], False) and not node.stopping:
                 node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
 
     @property
     def _owes_an_answer(self) -> bool:
         """Whether the tick that came early is of a simulator that did not answer, and is not being asked."""
         early = self._early
-        return early is not None and not self._asking and self._lockstep.get(early.source, False) is None
+        return early is not None and not self._asking and self._lockstep.get(early[0], False) is None
 
 
 class RoundTiming(msgspec.Struct):
@@ -164,11 +151,6 @@ class Lacking(msgspec.Struct):
     """Answer to `<name>/lacking`: the keys whose message of the open tick has not come."""
 
     keys: list[str]
-
-
-def _timing(inputs: Collection[float], acts: Collection[float]) -> RoundTiming:
-    count = max(1, len(acts))
-    return RoundTiming(len(acts), 1e3 * sum(inputs) / count, 1e3 * sum(acts) / count)
 
 
 class Participant:
@@ -222,7 +204,7 @@ class Participant:
         self._answer = Done()
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
-        node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: _timing(self._inputs, self._acts))
+        node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         self._send = self._done.hand_over if gives_away else self._done.put
@@ -283,6 +265,10 @@ class Participant:
             self._node.take_time_from_clock()
             self._ticks.doubt()
             self._node.wake()
+
+    def _timing(self) -> RoundTiming:
+        count = max(1, len(self._acts))
+        return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
 
     def _lacking(self) -> Lacking:
         tick = self._open

@@ -118,25 +118,18 @@ class LogKeeper:
             return
         try:
             # Without the lock: the arguments' own code makes the text.
-            text = _text_of(record)
+            text, file, function = _text_of(record), _encodable(record.pathname), record.funcName or ""
+            level = max(0, min(record.levelno, 255))
             with self._lock:
-                line = self._keep(record, text)
+                now = wall_ns()
+                # Equal lines differ in their time: readers take what they know for a repetition.
+                self._last = self._last + 1 if now <= self._last < now + KEPT else now
+                line = LogLine(self._last, node_of(record), level, text, file, function, record.lineno)
+                self._kept.append(line)
             self._pass(line)
         except Exception:
             # Its handlers still get the record; a line about this one would fail as well.
             return
-
-    def _keep(self, record: logging.LogRecord, text: str) -> LogLine:
-        now = wall_ns()
-        # Equal lines differ in their time: readers take what they know for a repetition.
-        self._last = self._last + 1 if now <= self._last < now + KEPT else now
-        level = max(0, min(record.levelno, 255))
-        function = record.funcName or ""
-        line = LogLine(
-            self._last, getattr(record, "node", ""), level, text, _encodable(record.pathname), function, record.lineno
-        )
-        self._kept.append(line)
-        return line
 
     def _pass(self, line: LogLine) -> None:
         """Give the line to the sinks; not a line that a sink logs itself, which would have no end."""
@@ -182,42 +175,47 @@ def node_of(record: logging.LogRecord) -> str:
     return getattr(record, "node", "")
 
 
-class _Format(logging.Formatter):
-    """Lines of the process `name`, as text or as JSON."""
+class _Output(logging.Handler):
+    """Writes lines of the process, as text or as JSON, to whatever is stderr at the time: the live table redirects it,
+    so that lines scroll by above."""
 
-    def __init__(self, name: str, *, as_json: bool) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._name, self._as_json = name, as_json
+        self.process, self.as_json = "", False
+        self.write: Callable[[str, str], None] | None = None
+        """Takes the lines of the nodes in this process instead."""
 
     def format(self, record: logging.LogRecord) -> str:
-        process, level, text = node_of(record) or self._name, record.levelname.lower(), record.getMessage()
-        error = self.formatException(record.exc_info) if record.exc_info else ""
-        if self._as_json:
+        process, level, text = node_of(record) or self.process, record.levelname.lower(), record.getMessage()
+        error = logging.Formatter().formatException(record.exc_info) if record.exc_info else ""
+        if self.as_json:
             entry = {"time_ns": wall_ns(), "process": process, "level": level, "text": text}
             return msgspec.json.encode({**entry, "exception": error} if error else entry).decode()
         told = "" if record.levelno == logging.INFO else f"{level}: "
         return f"{local_time_text()} [{process}] {told}{text}" + (f"\n{error}" if error else "")
 
-
-class _Stderr(logging.Handler):
-    """Writes to whatever is stderr at the time: the live table redirects it, so that lines scroll by above."""
-
     def emit(self, record: logging.LogRecord) -> None:
         try:
+            node = node_of(record)
+            if self.write is not None and node not in ("", self.process):
+                self.write(node, self.format(record))
+                return
             sys.stderr.write(self.format(record) + "\n")
             sys.stderr.flush()
         except Exception:
             self.handleError(record)
 
 
+_OUTPUT = _Output()
+
+
 def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     """Send the log of zteam and of a user's modules to stderr under the process's name, and begin to keep its lines."""
-    handler = _Stderr()
-    handler.setFormatter(_Format(name, as_json=form == "json"))
+    _OUTPUT.process, _OUTPUT.as_json = name, form == "json"
     own, everything = logging.getLogger("zteam"), logging.getLogger()
-    own.handlers[:] = [handler]
+    own.handlers[:] = [_OUTPUT]
     own.propagate = False
-    everything.handlers[:] = [*(other for other in everything.handlers if not isinstance(other, _Stderr)), handler]
+    everything.handlers[:] = [*(other for other in everything.handlers if other is not _OUTPUT), _OUTPUT]
     for logger in (own, everything):
         logger.setLevel(level.upper())
     # Its debug lines are thousands.
@@ -225,34 +223,11 @@ def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     KEEPER.begin()
 
 
-class _Lines(logging.Handler):
-    """Passes on the lines of the nodes in this process; those of the process itself go where they went before."""
-
-    def __init__(self, write: Callable[[str, str], None], before: logging.Handler, own: str) -> None:
-        super().__init__()
-        self._write, self._before, self._own = write, before, own
-        self.formatter = before.formatter
-
-    def emit(self, record: logging.LogRecord) -> None:
-        node = node_of(record)
-        if node in ("", self._own):
-            self._before.emit(record)
-            return
-        try:
-            self._write(node, self.format(record))
-        except Exception:
-            self.handleError(record)
-
-
 @contextmanager
-def passing_lines(write: Callable[[str, str], None], own: str) -> Iterator[None]:
-    """Within, `write(node, text)` gets the lines of the nodes in this process, which is called `own`."""
-    loggers = [logging.getLogger("zteam"), logging.getLogger()]
-    before = [logger.handlers[:] for logger in loggers]
-    for logger in loggers:
-        logger.handlers[:] = [_Lines(write, h, own) if isinstance(h, _Stderr) else h for h in logger.handlers]
+def passing_lines(write: Callable[[str, str], None]) -> Iterator[None]:
+    """Within, `write(node, text)` gets the lines of the nodes in this process."""
+    _OUTPUT.write = write
     try:
         yield
     finally:
-        for logger, handlers in zip(loggers, before, strict=True):
-            logger.handlers[:] = handlers
+        _OUTPUT.write = None

@@ -4,8 +4,8 @@ import gc
 import logging
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from typing import Literal, TypeVar
 
@@ -349,34 +349,6 @@ def message_of(process: str, line: LogLine) -> Log:
 N = TypeVar("N", bound=ProcessNode)
 
 
-@contextmanager
-def open_node(
-    name: str, open_bus: Callable[[], Bus], stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
-) -> Iterator[N]:
-    """Open a session, make a node on it with `make`, and close it on every way out."""
-    with ExitStack() as ends:
-        ends.callback(KEEPER.begin())
-        bus = open_bus()
-        try:
-            # Its log is all that a process without its name publishes: readers are to see why it does not start.
-            lines = LogPublisher(bus, name)
-            ends.callback(lines.close)
-            bus.holding.begin()
-            node = make(name, bus, stop, clock)
-        except BaseException:
-            bus.close()
-            raise
-        node.claim.under_name.append(lines)
-        node.on_present(lines.catch_up)
-        try:
-            yield node
-        finally:
-            # From here on the hard exit watches: closing must not hang.
-            stop.request("the process ends")
-            lines.catch_up()
-            node.close()
-
-
 def run_node(
     name: str,
     options: BusOptions,
@@ -413,20 +385,29 @@ def run_body(
 
     The process stays as its caller set it up: log, switch interval and garbage collector are untouched.
     """
-    try:
-        with open_node(name, open_bus, stop, clock, make) as node:
-            try:
-                body(node)
-            except ZteamError as error:
-                return 0 if stop.requested else _say(error)
-            except Exception as error:
-                # Before the node closes, which may log more.
-                return log_fault(error)
-    except ZteamError as error:
-        return 0 if stop.requested else _say(error)
+    with ExitStack() as ends:
+        ends.callback(KEEPER.begin())
+        try:
+            bus = open_bus()
+            ends.callback(bus.close)
+            # Its log is all that a process without its name publishes: readers are to see why it does not start.
+            lines = LogPublisher(bus, name)
+            ends.callback(lines.close)
+            bus.holding.begin()
+            node = make(name, bus, stop, clock)
+            node.claim.under_name.append(lines)
+            node.on_present(lines.catch_up)
+            ends.callback(node.close)
+            ends.callback(lines.catch_up)
+            # First of all: from here on the hard exit watches, because closing must not hang.
+            ends.callback(stop.request, "the process ends")
+            body(node)
+        except ZteamError as error:
+            if stop.requested:
+                return 0
+            log.error("%s", error)
+            return error.exit_code
+        except Exception as error:
+            # Before the node closes, which may log more.
+            return log_fault(error)
     return node.exit_code
-
-
-def _say(error: ZteamError) -> int:
-    log.error("%s", error)
-    return error.exit_code

@@ -1,7 +1,5 @@
 """Which processes are there, and which of them command robots. Pure."""
 
-from collections.abc import Iterator
-
 GRACE = 0.25
 """Host seconds that a vanished token is held back."""
 RETURN_GRACE = 2.0
@@ -12,51 +10,27 @@ _MAX_SESSIONS = 64
 """Of one robot: a sender can invent sessions."""
 
 
-class TokenSet:
+class TokenSet(dict[str, set[str]]):
     """Instances (sessions) alive, by process name. Pure: fed with presence tokens; the caller holds a lock."""
-
-    def __init__(self) -> None:
-        self._instances: dict[str, set[str]] = {}
 
     def take(self, name: str, instance: str, alive: bool) -> bool:
         """A token came or went; True if with it the name got its first holder or lost its last one.
 
         A token that comes twice changes nothing, nor does the loss of an unknown one.
         """
-        held = self._instances.get(name)
-        if alive:
-            if held is not None:
-                held.add(instance)
-                return False
-            self._instances[name] = {instance}
-            return True
-        if held is None:
-            return False
-        held.discard(instance)
-        if held:
-            return False
-        del self._instances[name]
-        return True
-
-    def __contains__(self, name: object) -> bool:
-        """Whether a process holds this name."""
-        return name in self._instances
-
-    def __iter__(self) -> Iterator[str]:
-        """The names that are held."""
-        return iter(self._instances)
-
-    def __len__(self) -> int:
-        """How many names are held."""
-        return len(self._instances)
+        was_held, held = name in self, self.setdefault(name, set())
+        (held.add if alive else held.discard)(instance)
+        if not held:
+            del self[name]
+        return (name in self) != was_held
 
     def instances(self, name: str) -> frozenset[str]:
         """The sessions that hold this name."""
-        return frozenset(self._instances.get(name, ()))
+        return frozenset(self.get(name, ()))
 
     def name_of(self, instance: str) -> str | None:
         """A name that this session holds; None if it holds none."""
-        return next((name for name, held in self._instances.items() if instance in held), None)
+        return next((name for name, held in self.items() if instance in held), None)
 
 
 class TokenLossFilter:
