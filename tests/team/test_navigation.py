@@ -8,7 +8,6 @@ import pytest
 
 from support.navigated_team import DONE, FAKE, NavigatedTeam
 from zteam import names
-from zteam.bus.topics import is_latched
 from zteam.messages import (
     Message,
     NavigationState,
@@ -19,6 +18,7 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.messages import Path as PathMessage
+from zteam.messages.topics import is_latched
 from zteam.services.navigation import (
     GLOBAL_LOCALIZATION,
     GlobalLocalizationReply,

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from numbers import Real
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -14,7 +13,7 @@ from zteam.base import DEFAULT_BASE, Base
 from zteam.counter_random import uniform
 from zteam.errors import BehaviorError, UsageError
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist, Vector3
+from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist
 
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
@@ -144,8 +143,8 @@ def check_inputs(inputs: Any) -> None:
 def _check_input(topic: Any, kind: Any) -> None:
     # Imported here, because most behaviours declare nothing.
     from zteam.bus.bus import check_message_type
-    from zteam.bus.topics import type_of_key
     from zteam.bus.transport import problem_of
+    from zteam.messages.topics import type_of_key
 
     if not isinstance(topic, str) or not topic:
         raise UsageError(f"{topic!r} is no topic, such as 'goal_pose'")
@@ -163,19 +162,6 @@ def _check_input(topic: Any, kind: Any) -> None:
 
 class NoParams(msgspec.Struct, forbid_unknown_fields=True):
     """The parameters of a behaviour that has none."""
-
-
-def checked_command(command: Any, what: str) -> Twist:
-    """`command`, returned by `what`. Raises BehaviorError if it is no velocity."""
-    if isinstance(command, Twist):
-        if isinstance(command.linear, Vector3) and isinstance(command.angular, Vector3):
-            for speed in (command.linear.x, command.angular.z):
-                if not isinstance(speed, (float, Real)):
-                    raise BehaviorError(f"{what} returned the speed {speed!r}; give numbers, m/s and rad/s")
-            return command
-        raise BehaviorError(f"{what} returned {command!r}; return a Twist(Vector3(forward), Vector3(z=turn))")
-    shown = "None" if command is None else f"a {type(command).__name__}"
-    raise BehaviorError(f"{what} returned {shown}; return a Twist")
 
 
 class Behavior:

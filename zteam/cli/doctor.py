@@ -22,7 +22,6 @@ from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
@@ -37,6 +36,7 @@ from zteam.errors import BusError, DecodeError
 from zteam.launch import kinds
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import NO_INT8
+from zteam.messages.topics import type_of_key
 from zteam.numbers import counted
 from zteam.services.simulator import MapInfo, find_status
 

@@ -9,13 +9,13 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, message_type, type_of_encoding
+from zteam.messages.topics import type_of_key
 from zteam.names import strip_slash
 from zteam.numbers import MAX_SECONDS
 

@@ -15,7 +15,6 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.bus import Publisher
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.listening import (
@@ -50,6 +49,7 @@ from zteam.messages import (
     type_of_encoding,
 )
 from zteam.messages.jsonform import from_words
+from zteam.messages.topics import type_of_key
 from zteam.numbers import counted, format_rate
 from zteam.robot_ids import format_robot_ids
 

@@ -11,7 +11,6 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample, matches
 from zteam.cli.listening import (
     NO_KEYS,
@@ -29,6 +28,7 @@ from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.errors import ZteamError
+from zteam.messages.topics import type_of_key
 from zteam.numbers import format_rate
 
 

@@ -7,7 +7,6 @@ from itertools import count
 from typing import Any, TypeVar
 
 from zteam import names
-from zteam.behaviors.behavior import checked_command
 from zteam.bus import Bus, BusOptions, Publisher, connect
 from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
@@ -26,6 +25,7 @@ from zteam.messages import (
     Twist,
     ns_from_time,
 )
+from zteam.messages.velocity import checked_command
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ClockMode, ProcessNode, run_body
 from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
@@ -160,7 +160,7 @@ class Node(ProcessNode):
 
         Raises UsageError for a wildcard, and for a type that a key of zteam does not carry.
         """
-        from zteam.bus.topics import type_of_key
+        from zteam.messages.topics import type_of_key
 
         _check_single(key)
         carried = type_of_key(key)

@@ -1,7 +1,8 @@
 """Sensors of robots: one row each for its place in world files, its key, its message and its frame.
 
-`KINDS` feeds the parser, the simulator's publishers, the robots' static transforms, `zteam.bus.topics` and
-`zteam world`. How a sensor senses is a row of `zteam.sim.devices`. The defaults are Stage's.
+`KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`;
+`zteam.messages.topics` has the types of their messages. How a sensor senses is a row of `zteam.sim.devices`. The
+defaults are Stage's.
 """
 
 import math
@@ -9,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
-from zteam.messages import Blobs, Bool, Bumper, Fiducials, JointState, LaserScan, Message, Odometry, Range
+from zteam.messages import Message
+from zteam.messages.topics import SENSORS
 from zteam.world.model import Device, Ranger, Robot
 from zteam.world.properties import Pose3, Reader, Size3
 
@@ -196,7 +198,6 @@ class DeviceKind(NamedTuple):
     """One row: what is measured of a robot, and how it is published."""
 
     topic: str
-    message: type[Message]
     of: Callable[[Robot], Sequence[Any]]
     """The robot's devices of this kind, in file order; a message each, unless they are `joined`."""
     link: str = ""
@@ -209,6 +210,11 @@ class DeviceKind(NamedTuple):
     """By the type in world files."""
     latched: bool = False
     """Whether late subscribers get the last message."""
+
+    @property
+    def message(self) -> type[Message]:
+        """The type of its messages."""
+        return SENSORS[self.topic]
 
     def count(self, robot: Robot) -> int:
         """Messages a tick of a robot."""
@@ -235,10 +241,9 @@ def _base(robot: Robot) -> Sequence[Robot]:
 KINDS: dict[str, DeviceKind] = {
     kind.topic: kind
     for kind in (
-        DeviceKind(names.ODOM, Odometry, _base),
+        DeviceKind(names.ODOM, _base),
         DeviceKind(
             names.BASE_SCAN,
-            LaserScan,
             lambda robot: [ranger for ranger in robot.rangers if ranger.is_laser],
             link=names.BASE_LASER_LINK,
             title="laser",
@@ -248,13 +253,12 @@ KINDS: dict[str, DeviceKind] = {
                 "laser": DeviceModel(read_rangers, {"range", "range_min", "range_max", "fov", "samples", "noise"}),
             },
         ),
-        DeviceKind(names.GROUND_TRUTH, Odometry, _base),
-        DeviceKind(names.STALL, Bool, _base),
-        DeviceKind(names.JOINT_STATES, JointState, _base),
+        DeviceKind(names.GROUND_TRUTH, _base),
+        DeviceKind(names.STALL, _base),
+        DeviceKind(names.JOINT_STATES, _base),
         # Rangers of one ray.
         DeviceKind(
             names.SONAR,
-            Range,
             lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
             link="sonar",
             numbers="from 0",
@@ -262,7 +266,6 @@ KINDS: dict[str, DeviceKind] = {
         ),
         DeviceKind(
             names.FIDUCIALS,
-            Fiducials,
             lambda robot: robot.devices_of(Finder),
             link="fiducial_link",
             title="fiducial finder",
@@ -272,7 +275,6 @@ KINDS: dict[str, DeviceKind] = {
         ),
         DeviceKind(
             names.BUMPER,
-            Bumper,
             lambda robot: robot.devices_of(BumperPiece),
             numbers="joined",
             title="bumper",
@@ -280,7 +282,6 @@ KINDS: dict[str, DeviceKind] = {
         ),
         DeviceKind(
             names.BLOBS,
-            Blobs,
             lambda robot: robot.devices_of(Blobfinder),
             link="blobfinder_link",
             title="blob finder",

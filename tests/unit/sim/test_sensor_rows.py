@@ -1,4 +1,5 @@
-"""A new sensor is three pieces: a message type, a row in `zteam.world.devices` and a row in `zteam.sim.to_messages`."""
+"""A new sensor is a message type, and a row each in `zteam.messages.topics`, `zteam.world.devices` and
+`zteam.sim.to_messages`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,9 +9,9 @@ import msgspec
 import pytest
 
 from zteam.bus import MemoryHub
-from zteam.bus.topics import type_of_key
-from zteam.messages import Header, Message, TFMessage
+from zteam.messages import Header, Message, TFMessage, topics
 from zteam.messages.message import all_types, float64
+from zteam.messages.topics import type_of_key
 from zteam.nodes.simulator.outputs import TeamOutputs
 from zteam.sim import Engine, Observation, to_messages
 from zteam.sim import devices as sensing
@@ -51,7 +52,6 @@ class Temperature(Message):
 
 KIND = parsing.DeviceKind(
     "temperature",
-    Temperature,
     lambda robot: robot.devices_of(Thermometer),
     link="thermometer_link",
     title="thermometers",
@@ -67,7 +67,8 @@ def temperature_message(observation: Observation, robot_id: int, index: int) -> 
 
 @pytest.fixture
 def rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The two rows of the sensor, for one test."""
+    """The rows of the sensor, for one test."""
+    monkeypatch.setitem(topics.SENSORS, KIND.topic, Temperature)
     monkeypatch.setitem(parsing.KINDS, KIND.topic, KIND)
     monkeypatch.setitem(to_messages.SENSORS, KIND.topic, sensing.Sensor(KIND, temperature_message, prepare))
 
@@ -102,7 +103,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
 
 def test_every_row_has_a_type_a_builder_and_a_key() -> None:
     """Each kind of device has one sensor row under the same topic, and tools know the type of its key."""
-    assert parsing.KINDS.keys() == to_messages.SENSORS.keys()
+    assert parsing.KINDS.keys() == to_messages.SENSORS.keys() == topics.SENSORS.keys()
     for topic, sensor in to_messages.SENSORS.items():
         assert sensor.kind is parsing.KINDS[topic]
         assert type_of_key(sensor.kind.key(7, 0)) is type_of_key(sensor.kind.key(7, 3)) is sensor.kind.message

@@ -7,7 +7,7 @@ with the cause.
 
 from zteam import names
 from zteam.base import Base
-from zteam.behaviors.behavior import NO_POSE, Behavior, View, checked_command
+from zteam.behaviors.behavior import NO_POSE, Behavior, View
 from zteam.behaviors.safety.motion import (
     NO_NUMBER,
     STANDING,
@@ -22,6 +22,7 @@ from zteam.behaviors.safety.motion import (
 from zteam.behaviors.safety.surroundings import GAP as TEAMMATE_GAP
 from zteam.behaviors.safety.surroundings import STALE_AFTER, Surroundings, TeammateTracker
 from zteam.messages import Twist, ns_from_time
+from zteam.messages.velocity import checked_command
 
 GAP = 0.15
 """Metres that a robot stops before what it would drive into."""

@@ -12,7 +12,6 @@ from itertools import count
 from zteam import names
 from zteam.behaviors import Behavior
 from zteam.behaviors.behavior import declared_inputs
-from zteam.bus.topics import is_latched
 from zteam.clock import Every, monotonic, to_ns
 from zteam.errors import BusError
 from zteam.messages import (
@@ -27,6 +26,7 @@ from zteam.messages import (
     Tick,
     Twist,
 )
+from zteam.messages.topics import is_latched
 from zteam.nodes.robot.driver import ALONE, Driver, StepInput
 from zteam.nodes.robot.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.nodes.robot.parameters import BehaviorParameters

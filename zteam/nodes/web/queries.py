@@ -10,11 +10,11 @@ import msgspec
 from zteam import names
 from zteam.bus import Change
 from zteam.bus.receiving import KeyCount
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import Closeable, Declaration, matches
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
+from zteam.messages.topics import type_of_key
 from zteam.nodes.web.received import Sampled
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet

@@ -9,7 +9,6 @@ from typing import NamedTuple, TypeVar
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.topics import type_of_key
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import monotonic
 from zteam.errors import BusError, DecodeError
@@ -32,6 +31,7 @@ from zteam.messages import (
     decode,
     type_of_encoding,
 )
+from zteam.messages.topics import type_of_key
 from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Watch
 
 M = TypeVar("M", bound=Message)

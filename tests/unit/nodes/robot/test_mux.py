@@ -5,8 +5,8 @@ from functools import partial
 from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors.straight import Forward
-from zteam.bus.topics import type_of_key
 from zteam.messages import Header, RobotDriver, Twist, TwistStamped, Vector3, time_from_ns
+from zteam.messages.topics import type_of_key
 from zteam.nodes.robot.inputs import SOURCES, Mux
 from zteam.runtime.tick_messages import HeldMessage, TickMessages
 

@@ -1,7 +1,6 @@
 """Which message goes over which key, for tools that receive a payload without an encoding."""
 
 from zteam import messages, names
-from zteam.world.devices import KINDS
 
 _TEAM: dict[str, type[messages.Message]] = {
     names.CLOCK: messages.Clock,
@@ -31,7 +30,20 @@ _ROBOT: dict[str, type[messages.Message]] = {
     names.TF: messages.TFMessage,
     names.TF_STATIC: messages.TFMessage,
 }
-"""What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
+"""What a robot publishes or receives besides what its sensors measure."""
+
+SENSORS: dict[str, type[messages.Message]] = {
+    names.BASE_SCAN: messages.LaserScan,
+    names.BLOBS: messages.Blobs,
+    names.BUMPER: messages.Bumper,
+    names.FIDUCIALS: messages.Fiducials,
+    names.GROUND_TRUTH: messages.Odometry,
+    names.JOINT_STATES: messages.JointState,
+    names.ODOM: messages.Odometry,
+    names.SONAR: messages.Range,
+    names.STALL: messages.Bool,
+}
+"""What is measured of a robot; the second laser scans on `base_scan_1`. `zteam.world.devices` has a row for each."""
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
 _LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
@@ -57,6 +69,4 @@ def type_of_key(key: str) -> type[messages.Message] | None:
     if topic in _ROBOT:
         return _ROBOT[topic]
     stem, _, number = topic.rpartition("_")
-    # base_scan_1, sonar_3: numbered devices.
-    kind = KINDS.get(topic) or (KINDS.get(stem) if number.isdigit() else None)
-    return kind.message if kind is not None else None
+    return SENSORS.get(topic) or (SENSORS.get(stem) if number.isdigit() else None)

@@ -3,8 +3,8 @@
 import pytest
 
 from zteam import names
-from zteam.bus.topics import type_of_key
 from zteam.messages import Done, Log
+from zteam.messages.topics import type_of_key
 
 
 @pytest.mark.parametrize("name", ["robot_0", "sim", "planner"])
