@@ -36,4 +36,4 @@ def test_all_robots_assign_alike(pairs: list[tuple[tuple[float, float], tuple[fl
     one, other = Assignment(), Assignment()
     one.look(0, members, slots)
     other.look(0, {robot: members[robot] for robot in shuffled}, slots)
-    assert [one.slot_of(robot) for robot in members] == [other.slot_of(robot) for robot in members]
+    assert [one.slots.get(robot) for robot in members] == [other.slots.get(robot) for robot in members]

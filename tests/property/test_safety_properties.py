@@ -152,7 +152,7 @@ def test_no_command_leads_into_what_is_seen(
     motion = Motion(command.linear.x, command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
     seconds = dt + 0.5 * BaseLimits(base).stop_time(motion)
-    outline, arc = outline_of(base), Motion(*motion)
+    outline, arc = outline_of(base.footprint), Motion(*motion)
     for x, y in hits_of(scan, LASER):
         nearest = min(margin_of(outline, arc), distance(outline, Pose2(0.0, 0.0, 0.0), x, y)) - 2e-3
         for step in range(1, 31):
@@ -199,7 +199,7 @@ def walk(script: Script, places: Sequence[tuple[float, float]], base: Base) -> C
     for x, y in places:
         corners = [(x - 0.1, y - 0.1), (x + 0.1, y - 0.1), (x + 0.1, y + 0.1), (x - 0.1, y + 0.1)]
         walls += [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    outline, layer, pose, now, travelled = outline_of(base), SafetyLayer(), Pose2(0.0, 0.0, 0.0), NOW, 0.0
+    outline, layer, pose, now, travelled = outline_of(base.footprint), SafetyLayer(), Pose2(0.0, 0.0, 0.0), NOW, 0.0
     shape, looks = points_of(walls), []
     for speed, turn in (command for command, ticks in script for _ in range(ticks)):
         looks.append(Look(travelled, pose.compose(LASER), cast(pose.compose(LASER), walls)))

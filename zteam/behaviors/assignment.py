@@ -15,7 +15,26 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     row_of = [0] * (count + 1)
     for row in range(1, count + 1):
         row_of[0] = row
-        column, before = _find_free_column(costs, row_prices, column_prices, row_of)
+        # The free column at the end of the cheapest chain of changes, and the column before each one in such chains.
+        column, before, slack, is_used = 0, [0] * (count + 1), [math.inf] * (count + 1), [False] * (count + 1)
+        while row_of[column]:
+            is_used[column] = True
+            chosen, least, nearest = row_of[column], math.inf, 0
+            for other in range(1, count + 1):
+                if is_used[other]:
+                    continue
+                cost = costs[chosen - 1][other - 1] - row_prices[chosen] - column_prices[other]
+                if cost < slack[other]:
+                    slack[other], before[other] = cost, column
+                if slack[other] < least:
+                    least, nearest = slack[other], other
+            for other in range(count + 1):
+                if is_used[other]:
+                    row_prices[row_of[other]] += least
+                    column_prices[other] -= least
+                else:
+                    slack[other] -= least
+            column = nearest
         while column:
             row_of[column] = row_of[before[column]]
             column = before[column]
@@ -23,34 +42,6 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     for column, row in enumerate(row_of[1:]):
         columns[row - 1] = column
     return columns
-
-
-def _find_free_column(
-    costs: Sequence[Sequence[float]], row_prices: list[float], column_prices: list[float], row_of: list[int]
-) -> tuple[int, list[int]]:
-    """The free column at the end of the cheapest chain of changes, and the column before each one in such chains."""
-    count = len(costs)
-    before, slack, is_used = [0] * (count + 1), [math.inf] * (count + 1), [False] * (count + 1)
-    column = 0
-    while row_of[column]:
-        is_used[column] = True
-        row, least, nearest = row_of[column], math.inf, 0
-        for other in range(1, count + 1):
-            if is_used[other]:
-                continue
-            cost = costs[row - 1][other - 1] - row_prices[row] - column_prices[other]
-            if cost < slack[other]:
-                slack[other], before[other] = cost, column
-            if slack[other] < least:
-                least, nearest = slack[other], other
-        for other in range(count + 1):
-            if is_used[other]:
-                row_prices[row_of[other]] += least
-                column_prices[other] -= least
-            else:
-                slack[other] -= least
-        column = nearest
-    return column, before
 
 
 _PERIOD = 500_000_000
@@ -63,20 +54,13 @@ class Assignment:
     """The slots of the members of one formation, by robot id."""
 
     def __init__(self) -> None:
-        self._slots: dict[int, int] = {}
+        self.slots: dict[int, int] = {}
+        """The number of each member's slot."""
         self._looked = -1
-
-    def forget(self) -> None:
-        """Assign anew at the next look."""
-        self._slots = {}
-
-    def slot_of(self, robot: int) -> int | None:
-        """The number of a member's slot; None for a robot that has none."""
-        return self._slots.get(robot)
 
     def is_due(self, now: int, members: Mapping[int, object]) -> bool:
         """Whether to look at time `now` (ns): when members have come or gone, and from time to time."""
-        return self._slots.keys() != members.keys() or now // _PERIOD != self._looked
+        return self.slots.keys() != members.keys() or now // _PERIOD != self._looked
 
     def look(self, now: int, members: Mapping[int, Sequence[float]], places: Sequence[tuple[float, float]]) -> None:
         """Assign the slots at these places (as many as members) with the least sum of squared distances.
@@ -87,8 +71,8 @@ class Assignment:
         robots = sorted(members)
         costs = [[math.dist(members[robot], place) ** 2 for place in places] for robot in robots]
         best = assign(costs)
-        if self._slots.keys() == members.keys():
-            present = sum(costs[row][self._slots[robot]] for row, robot in enumerate(robots))
+        if self.slots.keys() == members.keys():
+            present = sum(costs[row][self.slots[robot]] for row, robot in enumerate(robots))
             if sum(costs[row][column] for row, column in enumerate(best)) > _BETTER * present:
                 return
-        self._slots = dict(zip(robots, best, strict=True))
+        self.slots = dict(zip(robots, best, strict=True))

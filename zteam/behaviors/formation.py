@@ -168,7 +168,8 @@ class Formation(Behavior):
         if self.params.leader != self.leader:
             self.leader = self.params.leader
             self._trail.forget()
-        self._assignment.forget()
+        # Assign anew at the next look.
+        self._assignment.slots = {}
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""
@@ -241,7 +242,7 @@ class Formation(Behavior):
             # Not squeezed: each robot squeezes for itself, and all have to assign alike.
             places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
             assignment.look(view.now, places, [self._place(slot)[:2] for slot in slots])
-        rank = assignment.slot_of(view.robot_id) or 0
+        rank = assignment.slots.get(view.robot_id, 0)
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, *reach_of(slots))

@@ -26,21 +26,6 @@ def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
 
     A goal in another frame is taken to `map` with the newest transform.
     """
-    pose, refusal = _planar(message)
-    if pose is None:
-        return None, refusal
-    frame = message.header.frame_id.lstrip("/")
-    if not frame:
-        return None, f"{REFUSED}it names no frame; use {names.MAP_FRAME}"
-    if frame == names.MAP_FRAME:
-        return pose, ""
-    found = view.lookup(names.MAP_FRAME, frame)
-    if found is None or not all(map(math.isfinite, found[0])):
-        return None, f"{REFUSED}its frame {frame} has no transform to {names.MAP_FRAME}"
-    return found[0].compose(pose), ""
-
-
-def _planar(message: PoseStamped) -> tuple[Pose2 | None, str]:
     place, turn = message.pose.position, message.pose.orientation
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, (place.x, place.y, norm))):
@@ -50,7 +35,16 @@ def _planar(message: PoseStamped) -> tuple[Pose2 | None, str]:
     if norm < _LEAST_NORM:
         return None, f"{REFUSED}its orientation is zero; use w = 1 for none"
     yaw = yaw_from_quaternion(*(part / norm for part in (turn.x, turn.y, turn.z, turn.w)))
-    return Pose2(place.x, place.y, yaw), ""
+    pose = Pose2(place.x, place.y, yaw)
+    frame = message.header.frame_id.lstrip("/")
+    if not frame:
+        return None, f"{REFUSED}it names no frame; use {names.MAP_FRAME}"
+    if frame == names.MAP_FRAME:
+        return pose, ""
+    found = view.lookup(names.MAP_FRAME, frame)
+    if found is None or not all(map(math.isfinite, found[0])):
+        return None, f"{REFUSED}its frame {frame} has no transform to {names.MAP_FRAME}"
+    return found[0].compose(pose), ""
 
 
 REACH = 0.6
@@ -264,7 +258,9 @@ class GoTo(Behavior):
         distance = self.navigation.distance_remaining = math.hypot(goal.x, goal.y)
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
         if self._is_there:
-            return self._escape.free(view, self._turn_to(goal.yaw))
+            is_done = abs(goal.yaw) <= self.params.yaw_goal_tolerance
+            self.reason = GOAL_REACHED if is_done else ""
+            return self._escape.free(view, Twist(angular=Vector3(z=0.0 if is_done else self._turn_rate(goal.yaw))))
         heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
         if heading is None:
             return Twist()
@@ -286,13 +282,6 @@ class GoTo(Behavior):
             self._is_there, self._boundary = False, None
         self._goal = goal
 
-    def _turn_to(self, yaw: float) -> Twist:
-        if abs(yaw) <= self.params.yaw_goal_tolerance:
-            self.reason = GOAL_REACHED
-            return Twist()
-        self.reason = ""
-        return Twist(angular=Vector3(z=self._turn_rate(yaw)))
-
     def _way(self, view: View, own: Pose2, bearing: float, distance: float) -> float | None:
         """The heading to take (rad), or None where there is none; `reason` says why."""
         self.reason = ""
@@ -306,9 +295,6 @@ class GoTo(Behavior):
             boundary = self._boundary = meet(scan, half_width, bearing, distance, own)
         if boundary is None:
             return bearing
-        return self._follow(boundary, scan, half_width, own)
-
-    def _follow(self, boundary: Boundary, scan: LaserScan, half_width: float, own: Pose2) -> float | None:
         if boundary.is_closed:
             self.reason = NO_WAY
             return None

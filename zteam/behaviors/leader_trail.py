@@ -73,10 +73,6 @@ class LeaderTrail:
         """Whether the leader stands, as far as can be told."""
         return abs(self.speed) < _STANDING + _PER_NOISE * (self._noise - _LEAST_NOISE)
 
-    @property
-    def _reach(self) -> float:
-        return min(_MOST_REACH, _REACH + 10.0 * (self._noise - _LEAST_NOISE))
-
     def forget(self) -> None:
         """Begin anew with the next pose."""
         self.path = Polyline()
@@ -96,18 +92,17 @@ class LeaderTrail:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
         if self.is_far(leader):
             self.begin(leader, stamp)
-        else:
-            self.go_on(leader, stamp, keep)
-
-    def go_on(self, leader: Pose2, stamp: int, keep: float) -> None:
-        """As `take`, of a leader that is not far."""
+            return
         seconds = (stamp - self.stamp) / 1e9
         if seconds <= 0.0:
             return
         self.leader, self.stamp = leader, stamp
         self._estimate(self._measure(leader), seconds)
         self._grow(leader)
-        self._shorten(min(keep, _LONGEST))
+        keep = min(keep, _LONGEST)
+        if self.place - self.path.start > keep + 1.0:
+            self._first = self.at(self.place - keep)
+            self.path.drop_before(self.place - keep)
 
     def at(self, place: float) -> Pose2:
         """The pose that the leader had at this place; extrapolated straight behind the beginning and ahead."""
@@ -169,7 +164,7 @@ class LeaderTrail:
             samples.append(Sample(self.place, leader))
         if self.place < path.end + _SPACING + _REACH:
             return
-        reach = self._reach
+        reach = min(_MOST_REACH, _REACH + 10.0 * (self._noise - _LEAST_NOISE))
         while self.place >= path.end + _SPACING + reach:
             place = path.end + _SPACING
             while len(samples) > 1 and samples[1].place < place - _MOST_REACH:
@@ -179,13 +174,6 @@ class LeaderTrail:
             self._has_turned = False
             if path.end == before:
                 break
-
-    def _shorten(self, keep: float) -> None:
-        path = self.path
-        if self.place - path.start > keep + 1.0:
-            begin = self.place - keep
-            self._first = self.at(begin)
-            path.drop_before(begin)
 
 
 def fit(samples: Sequence[Sample], place: float, reach: float) -> tuple[float, float]:

@@ -76,10 +76,12 @@ class FollowPath(Behavior):
             return Twist()
         place = self._place = self._find_place(own)
         if self.params.loop:
-            self._keep_ahead(place)
+            path.drop_before(place)
+            while path.end < place + _WINDOW + LOOK_AHEAD:
+                self._add_lap()
             left = math.inf
         else:
-            left = max(path.end - place, _distance(own, path.at(path.end)))
+            left = max(path.end - place, math.dist(own[:2], path.point(path.end)))
             self._is_done = self._is_done or left <= self.params.xy_goal_tolerance
         if self._is_done:
             self.reason = "end of the path"
@@ -100,20 +102,11 @@ class FollowPath(Behavior):
         window = (last, last + _WINDOW) if last is not None else ()
         place = path.project(own.x, own.y, *window)
         # Where the path turns back on itself the point to drive to would be where the robot is.
-        while place + LOOK_AHEAD < path.end and _distance(own, path.at(place + LOOK_AHEAD)) < 0.5 * LOOK_AHEAD:
+        while place + LOOK_AHEAD < path.end and math.dist(own[:2], path.point(place + LOOK_AHEAD)) < 0.5 * LOOK_AHEAD:
             place += 0.5 * LOOK_AHEAD
         return place
-
-    def _keep_ahead(self, place: float) -> None:
-        self._path.drop_before(place)
-        while self._path.end < place + _WINDOW + LOOK_AHEAD:
-            self._add_lap()
 
     def _add_lap(self) -> None:
         """From the last waypoint on to the first, and round to the last."""
         for x, y in self.params.waypoints:
             self._path.append(x, y)
-
-
-def _distance(a: Pose2, b: Pose2) -> float:
-    return math.hypot(a.x - b.x, a.y - b.y)

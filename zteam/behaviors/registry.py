@@ -222,7 +222,7 @@ def find_behavior(spec: str) -> type[Behavior]:
     found = load_offered(GROUP, spec)
     if found is not None:
         return _checked(spec, found)
-    known = [*BEHAVIORS, *offered(GROUP)]
+    known = behavior_names()
     raise UsageError(f"no behaviour {spec!r}{_suggestion(spec, known)}: use {', '.join(known)} or package.module:Class")
 
 

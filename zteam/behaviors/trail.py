@@ -251,7 +251,7 @@ class Trail:
         elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
             way = [own, *places_of(view, before[:-1])]
         else:
-            trail.go_on(head.pose, stamp, trail.place - self._place + KEPT)
+            trail.take(head.pose, stamp, trail.place - self._place + KEPT)
             return
         trail.begin(head.pose, stamp, way)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None

@@ -2,9 +2,10 @@
 
 import queue
 import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
@@ -38,28 +39,30 @@ from zteam.trials.subject import (
 )
 from zteam.trials.worlds import PLACES, SECONDS, Start, TrialDrive
 
-MakeSubject = Callable[..., Subject]
-"""`make(name=value, …)`: a new object of the behaviour with these parameters besides."""
+
+class TrialRun:
+    """One run of a trial: makes its subjects, and keeps what it came to."""
+
+    def __init__(self, candidate: Candidate, watch: StepWatch, blame: Callable[[Fault], None]) -> None:
+        self.candidate, self.blame, self._watch = candidate, blame, watch
+        self.moment = ViewMaker(candidate.kind.inputs)
+        self.note = ""
+        """What else a person may want to know."""
+
+    def make(self, **params: Any) -> Subject:
+        """A new object of the behaviour, with these parameters besides."""
+        return Subject(self.candidate, self._watch, self.blame, **params)
+
+    def look(self, views: Iterable[View]) -> list[Answer]:
+        """What a new object answers to these views."""
+        subject, answers = self.make(), []
+        for view in views:
+            subject.prepare(view)
+            answers.append(subject.step(view))
+        return answers
 
 
-class TrialRun(NamedTuple):
-    """One run of a trial."""
-
-    make: MakeSubject
-    moment: ViewMaker
-    blame: Callable[[Fault], None]
-    candidate: Candidate
-
-
-class Outcome(NamedTuple):
-    """What a run came to."""
-
-    answers: list[Answer]
-    note: str = ""
-    """What else a person may want to know."""
-
-
-Trial = Callable[[TrialRun], Outcome]
+Trial = Callable[[TrialRun], list[Answer]]
 
 
 def all_trials(candidate: Candidate) -> dict[str, Trial]:
@@ -74,49 +77,40 @@ def all_trials(candidate: Candidate) -> dict[str, Trial]:
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
-def _look(views: Callable[[ViewMaker], Iterator[View]], run: TrialRun) -> Outcome:
-    return Outcome(_answers(run.make(), views(run.moment)))
+def _look(views: Callable[[ViewMaker], Iterable[View]], run: TrialRun) -> list[Answer]:
+    return run.look(views(run.moment))
 
 
-def _answers(subject: Subject, views: Iterator[View]) -> list[Answer]:
-    answers = []
-    for view in views:
-        subject.prepare(view)
-        answers.append(subject.step(view))
-    return answers
-
-
-def _before_anything(run: TrialRun) -> Outcome:
+def _before_anything(run: TrialRun) -> list[Answer]:
     """No robot asks for a step before its first scan, so an error there is a remark."""
-    view = nothing(run.moment)
-    subject = run.make()
+    view, subject = nothing(run.moment), run.make()
     subject.prepare(view)
     subject.step_anyhow(view)
-    return Outcome([])
+    return []
 
 
-def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> Outcome:
+def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> list[Answer]:
     """Robots that differ in nothing but old poses: if they drive differently, they drive by these.
 
     One that drives without these poses too is not meant: to keep clear of where another robot was is no fault.
     """
+    own, kind = ages[0] > 0.0, run.candidate.kind
     here, again, *there = (
-        _answers(run.make(), run.moment.views(poses=poses, ages=ages))
-        for poses in (POSES, POSES, *elsewhere(own=ages[0] > 0.0))
+        run.look(run.moment.views(poses=poses, ages=ages)) for poses in (POSES, POSES, *elsewhere(own=own))
     )
     depends = any(_motions(answers) != _motions(here) for answers in there)
-    if depends and _motions(here) == _motions(again) and _stands_without(run, own=ages[0] > 0.0):
+    if depends and _motions(here) == _motions(again) and _stands_without(run, own=own):
         text = f"it drives by poses that are {max(ages):g} s old"
-        hint = "stand unless view.is_fresh(stamp, 0.5)" + ("; set uses_tf = True" if ages[0] else "")
-        run.blame(Fault("old", text, hint, place_of_step(run.candidate.kind)))
-    return Outcome(here)
+        hint = "stand unless view.is_fresh(stamp, 0.5)" + ("; set uses_tf = True" if own else "")
+        run.blame(Fault("old", text, hint, place_of_step(kind)))
+    return here
 
 
 def _stands_without(run: TrialRun, *, own: bool) -> bool:
     """Whether it stands, or fails, while the others' poses are unknown, and its `own` one if asked for."""
-    subject = Subject(run.candidate, ROBOT, StepWatch(run.candidate.kind), lambda _: None)
+    unwatched = TrialRun(run.candidate, StepWatch(run.candidate.kind), lambda _: None)
     try:
-        answers = _answers(subject, run.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
+        answers = unwatched.look(run.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
     except TrialOver:
         return True
     return not any(any(answer.motion) for answer in answers)
@@ -126,7 +120,7 @@ def _motions(answers: list[Answer]) -> list[Motion]:
     return [answer.motion for answer in answers]
 
 
-def _try_bounds(run: TrialRun) -> Outcome:
+def _try_bounds(run: TrialRun) -> list[Answer]:
     answers = []
     for name, value in bounds(run.candidate.kind):
         try:
@@ -138,11 +132,11 @@ def _try_bounds(run: TrialRun) -> Outcome:
             if step == 1:
                 changed.set_params(**{name: value})
             answers += [subject.step(view), changed.step(view)]
-    return Outcome(answers)
+    return answers
 
 
-def _drive(place: Start, run: TrialRun) -> Outcome:
-    drive = TrialDrive(run.make(), place, run.moment.no_messages())
+def _drive(place: Start, run: TrialRun) -> list[Answer]:
+    drive = TrialDrive(run.make(), place, run.moment.messages())
     try:
         drive.run()
     finally:
@@ -151,8 +145,9 @@ def _drive(place: Start, run: TrialRun) -> Outcome:
             text = f"it drove against something for {drive.contact:.1f} s, at x {x:.1f}, y {y:.1f}"
             hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
             run.blame(Fault("touched", text, hint, place_of_step(run.candidate.kind)))
-    note = f"{drive.travelled:.1f} m in {SECONDS:g} s"
-    return Outcome(drive.answers, note + (f"; the safety layer held it for {drive.cut:.1f} s" if drive.cut else ""))
+    run.note = f"{drive.travelled:.1f} m in {SECONDS:g} s"
+    run.note += f"; the safety layer held it for {drive.cut:.1f} s" if drive.cut else ""
+    return drive.answers
 
 
 _LOOK_EVERY = 0.02
@@ -211,7 +206,7 @@ def run_trials(
         except queue.Empty:
             hanging = judge.watch.look()
             if hanging is not None:
-                yield judge.abandon(hanging)
+                yield judge.end_trial(hanging)
                 return
             continue
         if result is None:
@@ -249,49 +244,37 @@ class _Judge:
         """What comes of a trial."""
         self._name, self._faults, self._began = name, {}, monotonic()
         note = ""
-        try:
+        # The fault that ends a trial is noted.
+        with suppress(TrialOver):
             note = self._compare(trial)
-        except TrialOver:
-            # Its fault is noted.
-            pass
-        self._take(self.watch.slowness())
-        return self._result(note)
+        return self.end_trial(self.watch.slowness(), note)
 
-    def abandon(self, fault: Fault) -> TrialResult:
-        """The result of a trial that will not end."""
-        self._take(fault)
-        return self._result("")
-
-    def _result(self, note: str) -> TrialResult:
+    def end_trial(self, fault: Fault | None, note: str = "") -> TrialResult:
+        """The result of the trial that runs; `fault` is a last one."""
+        if fault is not None:
+            self._take(fault)
         return TrialResult(self._name, [*self._faults.values()], note, monotonic() - self._began)
 
-    def _take(self, fault: Fault | None) -> None:
-        if fault is not None:
-            self._faults.setdefault((fault.kind, fault.place), fault)
+    def _take(self, fault: Fault) -> None:
+        self._faults.setdefault((fault.kind, fault.place), fault)
 
     def _compare(self, trial: Trial) -> str:
         kind = self._candidate.kind
-        before = shared_state(kind)
-        first = self._run(trial)
+        before, run = shared_state(kind), TrialRun(self._candidate, self.watch, self._take)
+        first = trial(run)
         kept = [name for name, value in shared_state(kind).items() if before.get(name) != value]
         heard = self.watch.heard = HeardCalls(kind)
         try:
-            second = self._run(trial)
+            second = trial(TrialRun(self._candidate, self.watch, self._take))
         finally:
             self.watch.heard = None
         for name, place in heard.clocks.items():
             hint = "go by view.now and view.dt, and never wait: simulated time is faster, slower, or stands still"
             self._take(Fault("clock", f"step calls {name}, by the host's clock", hint, place))
-        difference = _difference(first.answers, second.answers)
+        difference = _difference(first, second)
         if difference:
             self._take(self._why(difference, kept, heard))
-        return first.note
-
-    def _run(self, trial: Trial) -> Outcome:
-        def make(**params: Any) -> Subject:
-            return Subject(self._candidate, ROBOT, self.watch, self._take, **params)
-
-        return trial(TrialRun(make, ViewMaker(self._candidate.kind.inputs), self._take, self._candidate))
+        return run.note
 
     def _why(self, difference: str, kept: list[str], heard: HeardCalls) -> Fault:
         """The fault behind two runs that differ."""

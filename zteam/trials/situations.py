@@ -1,7 +1,7 @@
 """Trials by hand: what a robot knows in awkward moments, as views; and values at the bounds of parameters."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from zteam import names
 from zteam.base import DEFAULT_BASE
 from zteam.behaviors.behavior import Behavior, FindPose, View, declared_inputs
-from zteam.behaviors.registry import Parameter, parameters_of
+from zteam.behaviors.registry import parameters_of
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -116,7 +116,7 @@ class ViewMaker:
             lookup=lookup,
             team=tuple(sorted(POSES)),
             bases=dict.fromkeys(POSES, DEFAULT_BASE),
-            inputs=self._messages() if has_messages else self.no_messages(),
+            inputs=self.messages((LEADER, 2) if has_messages else ()),
         )
 
     def views(self, ranges: np.ndarray | None = None, poses: Poses = POSES, **more: Any) -> Iterator[View]:
@@ -124,15 +124,12 @@ class ViewMaker:
         for step in range(STEPS):
             yield self.view(1.0 + step * _DT, _DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
 
-    def no_messages(self) -> Mapping[str, Any]:
-        """What a view holds of its inputs before a message has come."""
-        return MappingProxyType({d.name: MappingProxyType({}) if d.of_all_robots else None for d in self._declared})
-
-    def _messages(self) -> Mapping[str, Any]:
+    def messages(self, robots: Collection[int] = ()) -> Mapping[str, Any]:
+        """What a view holds of its inputs when empty messages have come from these robots; without any, none at all."""
         found: dict[str, Any] = {}
         for declared in self._declared:
-            each = {i: declared.type() for i in (LEADER, 2)}
-            found[declared.name] = MappingProxyType(each) if declared.of_all_robots else declared.type()
+            each, own = {robot: declared.type() for robot in robots}, declared.type() if robots else None
+            found[declared.name] = MappingProxyType(each) if declared.of_all_robots else own
         return MappingProxyType(found)
 
 
@@ -216,35 +213,25 @@ def nothing(moment: ViewMaker) -> View:
 
 _INSIDE = 1e-3
 """How far inside a bound that does not belong to the allowed values, relative to 1 or to the bound."""
-_SIGNS = {"ge": 0.0, "gt": 1.0, "le": 0.0, "lt": -1.0}
+_SIGNS = {"ge": 0, "gt": 1, "le": 0, "lt": -1}
 
 
 def bounds(kind: type[Behavior]) -> Iterator[tuple[str, Any]]:
     """(parameter, value) for each bound that a number has, and both values of a switch."""
     for parameter in parameters_of(kind.Params):
-        for value in _extremes(parameter):
-            yield parameter.name, value
-
-
-def _extremes(parameter: Parameter) -> list[Any]:
-    if parameter.type == "bool":
-        return [False, True]
-    return [
-        _inside(bound, _SIGNS[limit], parameter.type == "int")
-        for limit, bound in parameter.limits.items()
-        if limit in _SIGNS
-    ]
-
-
-def _inside(bound: float, sign: float, is_whole: bool) -> float:
-    return int(bound + sign) if is_whole else bound + sign * _INSIDE * max(1.0, abs(bound))
+        if parameter.type == "bool":
+            yield from ((parameter.name, value) for value in (False, True))
+        for limit, bound in parameter.limits.items():
+            if limit in _SIGNS:
+                step = 1 if parameter.type == "int" else _INSIDE * max(1.0, abs(bound))
+                yield parameter.name, bound + _SIGNS[limit] * step
 
 
 def given_params(spec: str, kind: type[Behavior], params: dict[str, Any]) -> dict[str, Any]:
     """`params`, and the leader if the behaviour needs one. Raises UsageError where another one is missing."""
-    needed = [p.name for p in parameters_of(kind.Params) if p.required and p.name not in params]
-    given = {"leader": LEADER, **params} if "leader" in needed else dict(params)
-    missing = [name for name in needed if name not in given]
+    required = [parameter.name for parameter in parameters_of(kind.Params) if parameter.required]
+    given = {"leader": LEADER, **params} if "leader" in required else dict(params)
+    missing = [name for name in required if name not in given]
     if missing:
         raise UsageError(f"behaviour {spec} needs {', '.join(missing)}: give --param {missing[0]}=VALUE")
     return given

@@ -26,6 +26,7 @@ from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist
 from zteam.messages.cdr import encode
+from zteam.trials.situations import ROBOT
 
 Kind = Literal[
     "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "clock", "random", "state", "old",
@@ -129,17 +130,14 @@ def shared_state(kind: type[Behavior]) -> dict[str, bytes]:
 
     By name, as bytes that differ when a value does.
     """
-    return {name: _pickled(value) for name, value in _shared(kind)}
-
-
-def _shared(kind: type[Behavior]) -> Iterator[tuple[str, Any]]:
-    for owner in kind.__mro__[: kind.__mro__.index(Behavior)]:
-        for name, value in vars(owner).items():
-            if _is_state(name, value):
-                yield f"{owner.__name__}.{name}", value
-    for name, value in vars(sys.modules.get(kind.__module__, kind)).items():
-        if _is_state(name, value):
-            yield name, value
+    classes = kind.__mro__[: kind.__mro__.index(Behavior)]
+    owners = [*((f"{each.__name__}.", each) for each in classes), ("", sys.modules.get(kind.__module__, kind))]
+    return {
+        prefix + name: _pickled(value)
+        for prefix, owner in owners
+        for name, value in vars(owner).items()
+        if _is_state(name, value)
+    }
 
 
 def _is_state(name: str, value: Any) -> bool:
@@ -258,12 +256,9 @@ class Candidate(NamedTuple):
 class Subject:
     """An object of the behaviour. Its faults go to `blame`; it raises TrialOver after one that ends a robot."""
 
-    def __init__(
-        self, candidate: Candidate, robot_id: int, watch: StepWatch, blame: Callable[[Fault], None], **params: Any
-    ) -> None:
+    def __init__(self, candidate: Candidate, watch: StepWatch, blame: Callable[[Fault], None], **params: Any) -> None:
         """With these `params` besides those of the candidate. Raises UsageError if it does not take them."""
-        self._candidate, self._robot_id = candidate, robot_id
-        self._watch, self._blame = watch, blame
+        self._candidate, self._watch, self._blame = candidate, watch, blame
         self._label = ""
         """What stands behind the text of its faults: the parameters that are not the candidate's."""
         given = self._read(**params)
@@ -272,7 +267,7 @@ class Subject:
     def _read(self, **params: Any) -> Any:
         spec, kind, given = self._candidate
         self._label = "".join(f", with {name} = {value}" for name, value in params.items())
-        return read_params(spec, kind, {**given, **params}, self._robot_id)
+        return read_params(spec, kind, {**given, **params}, ROBOT)
 
     def set_params(self, **params: Any) -> None:
         """Set parameters as `zteam param set` does. Raises UsageError."""

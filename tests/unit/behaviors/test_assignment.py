@@ -11,7 +11,7 @@ def look(assignment: Assignment, now: int, *xs: float) -> list[int | None]:
     members = {robot: (x, 0.0) for robot, x in enumerate(xs, 1)}
     if assignment.is_due(now, members):
         assignment.look(now, members, SLOTS)
-    return [assignment.slot_of(robot) for robot in members]
+    return [assignment.slots.get(robot) for robot in members]
 
 
 def test_slots_change_hands_only_where_that_helps_much() -> None:
@@ -31,7 +31,7 @@ def test_it_looks_at_the_same_times_in_all_robots() -> None:
     assert not assignment.is_due(499_999_999, members)
     assert assignment.is_due(500_000_000, members)
     assert assignment.is_due(400_000_000, {**members, 2: (1.0, 0.0)})
-    assert assignment.slot_of(2) is None
+    assert assignment.slots.get(2) is None
 
 
 def test_a_slot_goes_with_its_robot() -> None:
@@ -41,4 +41,4 @@ def test_a_slot_goes_with_its_robot() -> None:
     members = {2: (1.0, 0.0)}
     assert assignment.is_due(0, members)
     assignment.look(0, members, SLOTS[:1])
-    assert (assignment.slot_of(1), assignment.slot_of(2)) == (None, 0)
+    assert (assignment.slots.get(1), assignment.slots.get(2)) == (None, 0)

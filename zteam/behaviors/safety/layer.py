@@ -61,7 +61,7 @@ class SafetyLayer:
         then brakes evenly.
         """
         if view.base is not self._base:
-            self._base, self._outline, self._limits = view.base, outline_of(view.base), limits_of(view.base)
+            self._base, self._outline, self._limits = view.base, outline_of(view.base.footprint), limits_of(view.base)
             self._around = Surroundings()
         trouble, asked = old_scan(view), self._limits.motion_of(wanted)
         seconds, self._reaction = (max(view.dt, SHORTEST),) * 2 if view.dt else (FIRST_TICK, FIRST)

@@ -82,12 +82,8 @@ class Outline:
         return max([math.hypot(x - turn * up, y + turn * along) for along, up in self._tips])
 
 
-_outline_of = lru_cache(maxsize=256)(Outline)
-
-
-def outline_of(base: Base) -> Outline:
-    """The outline of a base: the same object for equal footprints."""
-    return _outline_of(base.footprint)
+outline_of = lru_cache(maxsize=256)(Outline)
+"""The outline of a footprint: the same object for equal ones."""
 
 
 def _border(corners: Floats) -> Floats:

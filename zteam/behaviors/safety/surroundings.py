@@ -145,7 +145,7 @@ class _TrackedTeammate:
 
     def __init__(self, robot_id: int, base: Base) -> None:
         self.robot_id, self.base, self.frame = robot_id, base, names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-        self.outline, self.braking = outline_of(base), limits_of(base).least_braking
+        self.outline, self.braking = outline_of(base.footprint), limits_of(base).least_braking
         self._too_fast = TOO_FAST * max(base.max_vel_x, base.max_vel_y)
         self.pose: Pose2 | None = None
         """In `map`."""

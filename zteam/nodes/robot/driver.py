@@ -49,17 +49,11 @@ class SafetyLog:
         """Whether a line has said that it was stopped, and not only slowed."""
         self._free: int | None = None
         """Time since which the robot may drive again (ns)."""
-        self._stopped: int | None = None
-        """Time of the newest step that was stopped (ns)."""
-
-    def stopped_at(self, now: int) -> bool:
-        """Whether the step of time `now` (ns) was stopped."""
-        return self._stopped == now
 
     def take(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
         """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
-            self._free, self._stopped = None, view.now
+            self._free = None
             stands = not trouble.startswith(UNSEEN_CAUSE)
             if self._began is None or (stands and not self._stands):
                 self._began, self._stands = self._began or view.now, stands
@@ -199,7 +193,8 @@ class Driver:
             driver, wanted, reason = *given.choice, ""
         command, trouble = self._layer.limit(wanted, given.view, reason)
         # A behaviour that old data keeps from wanting anything is not stopped.
-        if not trouble or trouble != reason:
+        is_stopped = trouble not in ("", reason)
+        if is_stopped or not trouble:
             self._safety.take(driver, wanted, trouble, given.view)
         reason = trouble or reason
         if reason:
@@ -211,7 +206,7 @@ class Driver:
             self._tell_place()
             self.status.take(driver, command)
             # What the safety layer stops has lines of its own.
-            self.status.tell(logged=not self._safety.stopped_at(given.view.now))
+            self.status.tell(logged=not is_stopped)
         return command
 
     def pass_gate(self, given: StepInput) -> None:

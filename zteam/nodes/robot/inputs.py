@@ -70,23 +70,19 @@ class Mux:
     """
 
     def __init__(self) -> None:
-        self._newest: dict[str, Choice] = {}
-        """By the source's driver."""
-        self._stamps: dict[str, int] = {}
+        self._newest: dict[str, tuple[Choice, int]] = {}
+        """What came and its stamp, by the source's driver."""
 
     def take(self, source: MuxSource, _key: str, message: Any, stamp: int) -> None:
         """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent."""
-        self._newest[source.driver], self._stamps[source.driver] = (
-            Choice(source.driver, source.velocity(message)),
-            stamp,
-        )
+        self._newest[source.driver] = Choice(source.driver, source.velocity(message)), stamp
 
     def choose(self, now: int) -> Choice | None:
         """What drives at time `now` (ns) instead of the behaviour; None if nothing does."""
         for source in SOURCES:
-            driver = source.driver
-            if driver in self._newest and abs(now - self._stamps[driver]) <= source.timeout:
-                return self._newest[driver]
+            choice, stamp = self._newest.get(source.driver, (None, 0))
+            if choice is not None and abs(now - stamp) <= source.timeout:
+                return choice
         return None
 
     def forget(self) -> None:
@@ -145,12 +141,11 @@ class DeclaredInputs:
 
     def view(self) -> Mapping[str, Any]:
         """What counts, by the input's name: a copy, as a behaviour may look at it while messages come."""
-        return MappingProxyType(
-            {
-                name: MappingProxyType(dict(sorted(newest.items()))) if isinstance(newest, dict) else newest
-                for name, newest in self._newest.items()
-            }
-        )
+        found = dict(self._newest)
+        for name, newest in found.items():
+            if isinstance(newest, dict):
+                found[name] = MappingProxyType(dict(sorted(newest.items())))
+        return MappingProxyType(found)
 
     def forget(self) -> None:
         """Time jumped back."""

@@ -44,17 +44,14 @@ class BehaviorParameters:
             given = {**self.given, **request.parameters}
             try:
                 values = values_of(self.read(given))
-                self._check_names(request.parameters, values)
+                unknown = [name for name in request.parameters if name not in values]
+                if unknown:
+                    # `Params` lacks it and does not forbid it: at the start it is ignored.
+                    takes = ", ".join(values) or "no parameters"
+                    raise UsageError(f"behaviour {self._name}: {unknown[0]}: unknown key; {self._name} takes {takes}")
             except UsageError as error:
                 return SetReply(before, refused=str(error))
             self.given = given
         for name in request.parameters:
             log.info("parameter %s is %r, was %r", name, values[name], before[name])
         return SetReply(values)
-
-    def _check_names(self, asked: dict[str, Any], known: dict[str, Any]) -> None:
-        """Raise UsageError for names that `Params` lacks and does not forbid: at the start they are ignored."""
-        unknown = [name for name in asked if name not in known]
-        if unknown:
-            takes = ", ".join(known) or "no parameters"
-            raise UsageError(f"behaviour {self._name}: {unknown[0]}: unknown key; {self._name} takes {takes}")

@@ -161,7 +161,7 @@ def test_the_turn_that_is_left_of_an_arc_is_judged_by_memory_too() -> None:
     assert robot.reason == "obstacle ahead"
     assert robot.command[0] == 0.0
     face = [robot.pose.inverse().compose(Pose2(1.525, 0.01 * y, 0.0)) for y in range(-85, -64)]
-    away = outline_of(robot.base).distances(np.array([(x, y) for x, y, _ in face]).T)
+    away = outline_of(robot.base.footprint).distances(np.array([(x, y) for x, y, _ in face]).T)
     assert away.min() == pytest.approx(0.01, abs=1e-3)
 
 

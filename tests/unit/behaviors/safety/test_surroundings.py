@@ -151,7 +151,7 @@ def near(*places: Pose2, reach: float = 1.0, age: float = 0.0) -> NearTeammate |
     mates, found = TeammateTracker(), []
     for tick, place in enumerate(places):
         mates.look(view(place, age, tick))
-        found = mates.near(0.0, 0.0, reach + outline_of(DEFAULT_BASE).radius, 0.1)
+        found = mates.near(0.0, 0.0, reach + outline_of(DEFAULT_BASE.footprint).radius, 0.1)
     return found[0] if found else None
 
 
