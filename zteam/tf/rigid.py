@@ -4,6 +4,7 @@ And what they do to points, poses and scans, and the velocity between two of the
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +107,7 @@ def apply_to_pose(target_from_source: Transform, pose: Pose) -> Pose:
 
 def apply_to_point(target_from_source: Transform, point: Point) -> Point:
     """A point in `source` as one in `target`."""
-    x, y, z, *_ = compose(floats_of(target_from_source), (point.x, point.y, point.z, 0.0, 0.0, 0.0, 1.0))
-    return Point(x, y, z)
+    return apply_to_pose(target_from_source, Pose(point)).position
 
 
 def apply_to_vector(target_from_source: Transform, vector: Vector3) -> Vector3:
@@ -120,18 +120,14 @@ def apply_to_vector(target_from_source: Transform, vector: Vector3) -> Vector3:
 def apply_to_points(target_from_source: Transform, points: Array) -> Array:
     """(N, 3) points in `source` as points in `target`, all at once."""
     x, y, z, *rotation = floats_of(target_from_source)
-    return np.asarray(points @ _matrix(*rotation).T + (x, y, z))
+    return np.asarray(points @ _matrix(rotation).T + (x, y, z))
 
 
-def _matrix(i: float, j: float, k: float, w: float) -> Array:
+def _matrix(rotation: Sequence[float]) -> Array:
     """The rotation matrix of a unit quaternion."""
-    return np.array(
-        [
-            [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-            [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-            [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-        ]
-    )
+    i, j, k, w = rotation
+    axes = np.eye(3).tolist()
+    return np.array([compose((0.0, 0.0, 0.0, i, j, k, w), (x, y, z, 0.0, 0.0, 0.0, 1.0))[:3] for x, y, z in axes]).T
 
 
 def apply_to_poses(target_from_source: Transform, poses: Array) -> Array:
@@ -140,7 +136,7 @@ def apply_to_poses(target_from_source: Transform, poses: Array) -> Array:
     Yaws are in [-pi, pi]. If the transform tilts, the heading of each pose is projected onto the plane.
     """
     x, y, _, *rotation = floats_of(target_from_source)
-    matrix = _matrix(*rotation)
+    matrix = _matrix(rotation)
     flat = np.asarray(poses, np.float64)
     ahead = np.stack((np.cos(flat[:, 2]), np.sin(flat[:, 2])), axis=1) @ matrix[:2, :2].T
     moved = flat[:, :2] @ matrix[:2, :2].T + (x, y)

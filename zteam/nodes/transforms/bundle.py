@@ -1,5 +1,6 @@
 """The bundle that is being filled, without a bus: which robots' transforms it has, and whether it may leave."""
 
+from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
 PATIENCE = 0.03
@@ -14,7 +15,9 @@ class Bundle:
     PATIENCE once, and is then not waited for until it speaks again. In lock-step it waits for every robot of the world.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, placed: Iterable[int] = ()) -> None:
+        self.placed = set(placed)
+        """Robots that have sent their fixed transforms."""
         self.stamp = 0
         """The bundle's tick: its newest stamp."""
         self._opened: float | None = None
@@ -25,8 +28,6 @@ class Bundle:
         """Lock-step: robots that have spoken for `stamp`."""
         self._left: set[int] = set()
         """Lock-step: robots whose transforms of `stamp` have left."""
-        self._placed: set[int] = set()
-        """Robots that have sent their fixed transforms."""
 
     @property
     def is_open(self) -> bool:
@@ -67,21 +68,10 @@ class Bundle:
         if stamp == self.stamp:
             self._fresh.add(robot_id)
 
-    def place(self, robot_id: int) -> None:
-        """A robot's fixed transforms have come."""
-        self._placed.add(robot_id)
-
     def has_all(self, robots: AbstractSet[int]) -> bool:
         """Lock-step: whether all these robots have spoken for `stamp`, and their fixed transforms have come."""
-        return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self._placed
+        return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self.placed
 
     def may_leave(self, robots: AbstractSet[int]) -> bool:
         """Lock-step: whether it is complete and has not left yet."""
         return self.has_all(robots) and self._fresh != self._left
-
-    def restart(self) -> None:
-        """Time jumped back: begin with an empty bundle. The robots' fixed transforms stay."""
-        self._spoken.clear()
-        self._fresh.clear()
-        self._left.clear()
-        self._opened, self.stamp = None, 0

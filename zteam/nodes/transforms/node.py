@@ -136,7 +136,7 @@ class Aggregator:
             with self._node.changed:
                 self._merger.take_static(target[0], message, _SESSION + sample.source, sample.timestamp)
                 self._publish_statics()
-                self._bundle.place(target[0])
+                self._bundle.placed.add(target[0])
                 self._part.advance()
                 self._node.changed.look()
 
@@ -179,7 +179,7 @@ class Aggregator:
     def _on_jump_back(self, old: int, new: int) -> None:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
         self._merger.jump_back()
-        self._bundle.restart()
+        self._bundle = Bundle(self._bundle.placed)
 
     def _flush_late(self) -> None:
         """Send the bundle as it is; do not wait for robots that have not spoken for its tick until they speak again."""

@@ -59,9 +59,9 @@ def test_a_bundle_grows_old_from_its_first_transform_on() -> None:
 
 def test_lockstep_waits_for_every_robot_of_the_world() -> None:
     """A tick is complete when all its robots have spoken for it; what they sent for the tick before does not count."""
-    bundle, robots = Bundle(), {0, 1}
+    robots = {0, 1}
+    bundle = Bundle(robots)
     for robot_id in robots:
-        bundle.place(robot_id)
         bundle.take_in_lockstep(robot_id, 1)
     assert bundle.has_all(robots)
     bundle.take_in_lockstep(0, 2)
@@ -75,9 +75,8 @@ def test_lockstep_waits_for_every_robot_of_the_world() -> None:
 
 def test_lockstep_counts_the_worlds_own_robots_only() -> None:
     """A robot of another world does not stand in for a missing one."""
-    bundle = Bundle()
+    bundle = Bundle((0, 7))
     for robot_id in (0, 7):
-        bundle.place(robot_id)
         bundle.take_in_lockstep(robot_id, 1)
     assert not bundle.has_all({0, 1})
     assert bundle.has_all({0})
@@ -88,15 +87,13 @@ def test_lockstep_waits_for_fixed_transforms() -> None:
     bundle = Bundle()
     bundle.take_in_lockstep(0, 1)
     assert not bundle.has_all({0})
-    bundle.place(0)
+    bundle.placed.add(0)
     assert bundle.has_all({0})
 
 
 def test_a_bundle_of_lockstep_leaves_once() -> None:
     """What comes for a tick whose bundle has left waits for the next one; a robot that is new in the tick does not."""
-    bundle = Bundle()
-    for robot_id in (0, 1):
-        bundle.place(robot_id)
+    bundle = Bundle((0, 1))
     bundle.take_in_lockstep(0, 1)
     assert bundle.may_leave({0})
     bundle.close()
@@ -109,15 +106,3 @@ def test_a_bundle_of_lockstep_leaves_once() -> None:
     assert not bundle.may_leave({0, 1})
     bundle.take_in_lockstep(1, 2)
     assert bundle.may_leave({0, 1})
-
-
-def test_after_a_jump_back_a_bundle_begins_anew() -> None:
-    """Earlier stamps count again, no robot is waited for, and fixed transforms need not come again."""
-    bundle = spoken(0, 1, stamp=500)
-    bundle.place(0)
-    bundle.restart()
-    assert bundle.take(0, 1, 0.0)
-    assert bundle.stamp == 1
-    bundle.restart()
-    bundle.take_in_lockstep(0, 1)
-    assert bundle.has_all({0})
