@@ -73,7 +73,8 @@ if TYPE_CHECKING:
     from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.basic_navigator import BasicNavigator
-    from zteam.runtime.node import Node, TransformListener, run
+    from zteam.runtime.listener import TransformListener
+    from zteam.runtime.node import Node, run
     from zteam.services.navigation import TaskResult
     from zteam.services.parameters import ParametersClient
     from zteam.services.simulator import SimulatorClient
@@ -131,7 +132,7 @@ _HOMES = {
     "TaskResult": "services.navigation",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms",
-    "TransformListener": "runtime.node",
+    "TransformListener": "runtime.listener",
     "View": "behaviors.behavior",
     "ZteamError": "errors",
     "connect": "bus.connection",

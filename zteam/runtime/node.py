@@ -12,16 +12,13 @@ from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
 from zteam.messages import (
     Message,
     NavigationStatus,
     RobotDriver,
     RobotStatus,
     TeamStatus,
-    TFMessage,
     Tick,
-    TransformStamped,
     Twist,
     ns_from_time,
 )
@@ -32,7 +29,6 @@ from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
 from zteam.runtime.shutdown import Stop, stopping_in_order
 from zteam.runtime.step_watch import StepWatch
 from zteam.runtime.tick_messages import HeldMessage, TickInputs, TickMessages, stamp_of_tick
-from zteam.tf import Buffer
 
 log = logging.getLogger("zteam")
 
@@ -318,53 +314,6 @@ class Node(ProcessNode):
         command = self._ask_step(now)
         self._held = now if tick.epoch == 0 else -1, command
         return command
-
-
-class TransformListener:
-    """A transform buffer of a node's own, fed by `tf` and `tf_static`. Make it before `node.run(step)`.
-
-    In lock-step `step` waits for the transforms of its tick. Look-ups do not use the bus, so `step` and callbacks may
-    make them. They raise tf2's exceptions (`zteam.tf`). Times are in ns, 0 = the latest common time. `buffer` has all
-    other calls of tf2's buffer.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self.buffer = Buffer()
-        self._connected: set[int] = set()
-        """Robots that have been seen in `map`."""
-        node.on_time_reset(self.buffer.clear)
-        node.subscribe(names.TF, TFMessage, self._take, every_tick=True)
-        node.subscribe(names.TF_STATIC, TFMessage, self._take_static, latched=True)
-        node.need(self._lacks)
-
-    def _take(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_transforms(message.transforms, names.TF)
-
-    def _take_static(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_all_static(message.transforms, names.TF)
-
-    def _lacks(self, tick: Tick) -> list[str]:
-        """The key of the fixed transforms until they have come too, which may take longer than the first bundle."""
-        if names.AGGREGATOR not in tick.participants:
-            return []
-        for robot_id in sorted({*tick.robots.tolist()} - self._connected):
-            base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-            if self.buffer.latest_common_time(names.MAP_FRAME, base) is None:
-                return [names.TF_STATIC]
-            self._connected.add(robot_id)
-        return []
-
-    def lookup_transform(self, target_frame: str, source_frame: str, time: int = 0) -> TransformStamped:
-        """The pose of `source_frame` in `target_frame`. Raises tf2's exceptions."""
-        return self.buffer.lookup_transform(target_frame, source_frame, time)
-
-    def lookup_pose2(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[Pose2, int]:
-        """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
-        return self.buffer.lookup_pose2(target_frame, source_frame, time)
-
-    def can_transform(self, target_frame: str, source_frame: str, time: int = 0) -> tuple[bool, str]:
-        """Whether `lookup_transform` would answer; if not, also its error text."""
-        return self.buffer.can_transform(target_frame, source_frame, time)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:

@@ -26,13 +26,13 @@ from zteam.messages import (
     RobotStatus,
     time_from_ns,
 )
+from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.maps import pose_message
 
 log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
-CANCEL = "cancel"
 GLOBAL_LOCALIZATION = "global_localization"
 CANCEL_LIMIT = 2.0
 """Host seconds for the answer to a request to cancel."""
@@ -42,22 +42,6 @@ GONE = 3.0
 """Host seconds for which what took a goal may be away: a router that ends takes all presence tokens along."""
 SETTLED = to_ns(1.0)
 """After this time (ns) a status is about a new goal for certain."""
-
-
-def navigation_query(robot_id: int, service: str) -> str:
-    """Key of a query of the navigation of robot `robot_id`; `info` tells which process it is."""
-    return names.service_key(names.robot_key(robot_id, names.NAVIGATION), service)
-
-
-class CancelRequest(Change):
-    """Give up the goal: the robot stops."""
-
-
-class CancelReply(msgspec.Struct):
-    """What became of the request. It counts from the next step on; the status then says `canceled`."""
-
-    canceled: bool
-    """Whether there was a goal to give up."""
 
 
 class GlobalLocalizationRequest(Change):

@@ -10,7 +10,8 @@ from zteam.bus import NoRequest
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.planning.scans import Scan, Teammate
-from zteam.runtime.node import Node, TransformListener
+from zteam.runtime.listener import TransformListener
+from zteam.runtime.node import Node
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest
 from zteam.tf import FrameInfo, TransformException
 

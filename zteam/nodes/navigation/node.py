@@ -23,16 +23,9 @@ from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters, make_planner
 from zteam.planning.planner import Planner
 from zteam.runtime.node import Node
+from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.maps import map_grid
-from zteam.services.navigation import (
-    CANCEL,
-    GLOBAL_LOCALIZATION,
-    CancelReply,
-    CancelRequest,
-    GlobalLocalizationReply,
-    GlobalLocalizationRequest,
-    navigation_query,
-)
+from zteam.services.navigation import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 
 log = logging.getLogger("zteam")
 

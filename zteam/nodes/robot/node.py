@@ -36,7 +36,7 @@ from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
 from zteam.runtime.tick_messages import HeldMessage, stamp_of
 from zteam.runtime.tokens import TokenSet
-from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.simulator import absence_text, read_status
 from zteam.tf.bases import bases_stamp
 
