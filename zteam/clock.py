@@ -38,20 +38,15 @@ limits on old data nor the time-out of lock-step."""
 monotonic: Callable[[], float] = time.monotonic
 """Seconds on the host's monotonic clock. Every tick asks for it often, so there is no function around it."""
 
+thread_time: Callable[[], float] = time.thread_time
+"""Processor time of this thread, in seconds."""
+process_time: Callable[[], float] = time.process_time
+"""CPU seconds of this process: benchmarks use them because other load affects them little."""
+
 
 def monotonic_times() -> Iterator[int]:
     """Nanoseconds on the host's monotonic clock, one at each `next`, from any thread."""
     return iter(time.monotonic_ns, None)
-
-
-def thread_time() -> float:
-    """Processor time of this thread, in seconds."""
-    return time.thread_time()
-
-
-def process_time() -> float:
-    """CPU seconds of this process: benchmarks use them because other load affects them little."""
-    return time.process_time()
 
 
 def wall_ns() -> int:

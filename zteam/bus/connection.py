@@ -280,7 +280,7 @@ def _links(session: zenoh.Session) -> set[tuple[str, str]]:
 
 def _cut(links: set[tuple[str, str]]) -> None:
     """End TCP connections, given as Zenoh's endpoints of both ends: it offers no way to end the link of a session."""
-    wanted = {(_of(src), _of(dst)) for src, dst in links}
+    wanted = {(src.partition("/")[2], dst.partition("/")[2]) for src, dst in links}
     for descriptor in range(_MAX_DESCRIPTORS):
         try:
             connection = socket.socket(fileno=descriptor)
@@ -296,10 +296,6 @@ def _cut(links: set[tuple[str, str]]) -> None:
         finally:
             # Zenoh's own: it closes it.
             connection.detach()
-
-
-def _of(endpoint: str) -> str:
-    return endpoint.partition("/")[2]
 
 
 def _address(name: object) -> str:

@@ -8,7 +8,7 @@ are views into the payload. On the wire everything is little endian; both are re
 
 import struct
 import typing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -255,7 +255,9 @@ def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
         if kind == "number":
             code, is_bool, must_be_finite = detail
             run.append((code, value))
-            checks += _bool_checks(value, place) if is_bool else []
+            if is_bool:
+                checks.append(f"if {value} > 1: raise DecodeError('{place} is neither true nor false')")
+                checks.append(f"{value} = {value} == 1")
             finite += [value] if must_be_finite else []
         else:
             if kind != "numbers" or detail[1] is None:
@@ -269,15 +271,10 @@ def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
                 _read_list(source, value, detail, order)
     flush()
     if finite:
-        source.add(_finite_check(finite))
+        # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
+        zeros = " + ".join("0.0 * " + value for value in finite)
+        source.add(f"if {zeros} != 0.0: raise DecodeError('a number is not finite')")
     return values
-
-
-def _finite_check(values: Sequence[str]) -> str:
-    """A line that raises DecodeError if a number in one of these variables is not finite."""
-    # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
-    zeros = " + ".join("0.0 * " + value for value in values)
-    return f"if {zeros} != 0.0: raise DecodeError('a number is not finite')"
 
 
 def _read_text(source: _Source, value: str) -> None:
@@ -286,13 +283,6 @@ def _read_text(source: _Source, value: str) -> None:
     source.add(f"if n == 0: {value} = ''")
     source.add("elif buf[p + n - 1] != 0: raise DecodeError('a text without its final NUL')")
     source.add(f"else: {value} = str(buf[p:p + n - 1], 'utf-8'); p += n")
-
-
-def _bool_checks(value: str, place: str) -> list[str]:
-    return [
-        f"if {value} > 1: raise DecodeError('{place} is neither true nor false')",
-        f"{value} = {value} == 1",
-    ]
 
 
 def _read_numbers(source: _Source, value: str, dtype: str, count: int | None, order: str) -> None:

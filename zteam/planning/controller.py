@@ -227,7 +227,8 @@ class RegulatedPurePursuit:
         full = options.desired_linear_vel
         in_bend = by_cost = full
         if options.use_regulated_linear_velocity_scaling:
-            in_bend = full * _bend(options, curvature)
+            # Radius / least radius, up to 1.
+            in_bend = full * min(1.0, 1.0 / max(abs(curvature) * options.regulated_linear_scaling_min_radius, 1e-9))
         cost = costmap.cost_at(pose.x, pose.y)
         factor = options.inflation_cost_scaling_factor
         factor = costmap.options.cost_scaling_factor if factor is None else factor
@@ -272,11 +273,6 @@ def _badness(carrot: tuple[float, float], command: Velocity, seconds: float) -> 
     length = command.x * seconds
     dx, dy = carrot[0] - length * math.cos(half), carrot[1] - length * math.sin(half)
     return math.hypot(dx, dy) + 0.5 * abs(normalize_angle(math.atan2(dy, dx) - 2.0 * half))
-
-
-def _bend(options: PursuitOptions, curvature: float) -> float:
-    """Share of the speed in a bend: radius / least radius, up to 1."""
-    return min(1.0, 1.0 / max(abs(curvature) * options.regulated_linear_scaling_min_radius, 1e-9))
 
 
 class GoalOptions(NamedTuple):

@@ -178,7 +178,10 @@ class AStarPlanner:
         """A path from `start` to `goal`, or to the nearest point up to `tolerance` from it. Raises NoPathError."""
         frame, options = costmap.frame, self.options
         for what, pose in (("start", start), ("goal", goal)):
-            _check_pose(frame, what, pose)
+            if not all(map(math.isfinite, pose)):
+                raise NoPathError(f"the {what} is not finite: {tuple(pose)}")
+            if not frame.holds(*frame.cell_at(pose.x, pose.y)):
+                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map")
         field = self.prepare(costmap)
         first = self._leave(field, frame, start)
         last = frame.cell_at(goal.x, goal.y)
@@ -188,7 +191,9 @@ class AStarPlanner:
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
         corners = field.shorten(way) if options.any_angle else way
         points = frame.points_from_cells(corners.astype(np.float64) + 0.5)
-        points = np.concatenate(([[start.x, start.y]], points[1:] if first == _cell(frame, start) else points))
+        points = np.concatenate(
+            ([[start.x, start.y]], points[1:] if first == frame.cell_at(start.x, start.y) else points)
+        )
         if reached:
             points = np.concatenate((points[:-1] if len(points) > 1 else points, [[goal.x, goal.y]]))
         missing = 0.0 if reached else math.dist(points[-1], (goal.x, goal.y))
@@ -214,25 +219,13 @@ class AStarPlanner:
 
     def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
         """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""
-        cell = _cell(frame, start)
-        found = field.nearest_free(cell, self.options.escape / frame.resolution)
+        found = field.nearest_free(frame.cell_at(start.x, start.y), self.options.escape / frame.resolution)
         if found is None:
             raise NoPathError(
                 f"the start ({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within "
                 f"{self.options.escape:g} m is free: drive the robot away from it, or clear the costmap"
             )
         return found
-
-
-def _cell(frame: Frame, pose: Pose2) -> tuple[int, int]:
-    return frame.cell_at(pose.x, pose.y)
-
-
-def _check_pose(frame: Frame, what: str, pose: Pose2) -> None:
-    if not all(map(math.isfinite, pose)):
-        raise NoPathError(f"the {what} is not finite: {tuple(pose)}")
-    if not frame.holds(*frame.cell_at(pose.x, pose.y)):
-        raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map")
 
 
 def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:

@@ -25,7 +25,7 @@ _TOLD = 0.2, 0.2, 0.1
 
 
 class Localiser:
-    """What localisers have in common; those without particles have no more than `step`."""
+    """`none`: the transforms say where the robot is, whichever process publishes them. The base of the others."""
 
     def __init__(self) -> None:
         self.pose: Pose2 | None = None
@@ -41,7 +41,15 @@ class Localiser:
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         """Take in what has come until `now` (ns). `teammates` are in `map`."""
-        raise NotImplementedError
+        place = inputs.find(names.MAP_FRAME, inputs.base_frame)
+        self.pose, self.problem = None, ""
+        if place is None:
+            self.problem = f"no transforms from map to {inputs.base_frame}: nothing localises the robot"
+        elif now - place.stamp > OLD:
+            age = (now - place.stamp) / 1e9
+            self.problem = f"the pose of {inputs.base_frame} in map is {age:.1f} s old"
+        else:
+            self.pose = place.pose
 
     def set_pose(self, _pose: Pose2, _deviations: tuple[float, float, float]) -> str:
         """The robot is about here; why that does not count, if it does not."""
@@ -56,21 +64,6 @@ class Localiser:
         return np.array([self.pose]) if self.pose is not None else np.empty((0, 3))
 
 
-class OtherLocaliser(Localiser):
-    """`none`: the transforms say where the robot is, whichever process publishes them."""
-
-    def step(self, now: int, inputs: Inputs, _scan: Scan | None, _teammates: Sequence[Teammate]) -> None:
-        place = inputs.find(names.MAP_FRAME, inputs.base_frame)
-        self.pose, self.problem = None, ""
-        if place is None:
-            self.problem = f"no transforms from map to {inputs.base_frame}: nothing localises the robot"
-        elif now - place.stamp > OLD:
-            age = (now - place.stamp) / 1e9
-            self.problem = f"the pose of {inputs.base_frame} in map is {age:.1f} s old"
-        else:
-            self.pose = place.pose
-
-
 class FakeLocaliser(Localiser):
     """`fake`: the simulator's ground truth, with errors of one's choice."""
 
@@ -80,7 +73,7 @@ class FakeLocaliser(Localiser):
         self._seed = seed
         self.covariance = np.diag(np.square([options.noise_xy, options.noise_xy, options.noise_yaw]))
 
-    def step(self, now: int, inputs: Inputs, _scan: Scan | None, _teammates: Sequence[Teammate]) -> None:
+    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         self.updated = False
         truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
         pose = None if truth is None else planar(truth.pose.pose)
@@ -175,6 +168,4 @@ def make_localiser(grid: GridMap, parameters: Parameters, seed: int, pose: Pose2
     """The localiser that the parameters name. Raises ValueError for its parameters."""
     if parameters.localizer == "fake":
         return FakeLocaliser(parameters.fake, seed)
-    if parameters.localizer == "none":
-        return OtherLocaliser()
-    return AmclLocaliser(grid, parameters, seed, pose)
+    return Localiser() if parameters.localizer == "none" else AmclLocaliser(grid, parameters, seed, pose)
