@@ -191,9 +191,9 @@ class AStarPlanner:
         reached = (int(way[-1, 1]), int(way[-1, 0])) == last
         corners = field.shorten(way) if options.any_angle else way
         points = frame.points_from_cells(corners.astype(np.float64) + 0.5)
-        points = np.concatenate(
-            ([[start.x, start.y]], points[1:] if first == frame.cell_at(start.x, start.y) else points)
-        )
+        # The middle of the first cell is left out where the start lies in that cell.
+        on = points[1:] if first == frame.cell_at(start.x, start.y) else points
+        points = np.concatenate(([[start.x, start.y]], on))
         if reached:
             points = np.concatenate((points[:-1] if len(points) > 1 else points, [[goal.x, goal.y]]))
         missing = 0.0 if reached else math.dist(points[-1], (goal.x, goal.y))
