@@ -34,7 +34,7 @@ from zteam.sim.casting import is_occupied
 from zteam.sim.occupancy_grid import map_message
 from zteam.simulation_options import Options
 from zteam.toml_values import toml_text
-from zteam.world import Ranger, Robot, World, add_robot, load_world
+from zteam.world import Ranger, World, add_robot, load_world
 
 GAP = 0.8
 """Metres along the way between neighbours at the start."""
@@ -289,7 +289,10 @@ def measure_simulation(
 ) -> SimulationFigures:
     """Run `robots` robots with a laser of `beams` beams for `seconds` simulated seconds."""
     laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
-    team = {i: _robot(world, i, pose, laser) for i, pose in enumerate(free_poses(world, robots, seed))}
+    team = {
+        i: msgspec.structs.replace(add_robot(world, "erratic", pose, f"bench_{i}"), rangers=(laser,))
+        for i, pose in enumerate(free_poses(world, robots, seed))
+    }
     engine = Engine(world, seed=seed, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
@@ -297,7 +300,8 @@ def measure_simulation(
     commands: dict[int, Twist] = {}
     for tick in range(ticks):
         if tick % _TURN_TICKS == 0:
-            commands = {i: _wander(seed, i, tick) for i in team}
+            turns = {i: 2.0 * uniform(seed, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
+            commands = {i: Twist(Vector3(0.4), Vector3(0.0, 0.0, turn)) for i, turn in turns.items()}
         engine.step(commands)
     spent = max(process_time() - begin, 1e-9)
     return SimulationFigures(
@@ -309,16 +313,6 @@ def measure_simulation(
         step_ms=1e3 * spent / ticks,
         rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
     )
-
-
-def _robot(world: World, number: int, pose: Pose2, laser: Ranger) -> Robot:
-    robot = add_robot(world, "erratic", pose, f"bench_{number}")
-    return msgspec.structs.replace(robot, rangers=(laser,))
-
-
-def _wander(seed: int, robot: int, tick: int) -> Twist:
-    turn = 2.0 * uniform(seed, robot, tick // _TURN_TICKS, 0) - 1.0
-    return Twist(Vector3(0.4), Vector3(0.0, 0.0, turn))
 
 
 def free_poses(world: World, count: int, seed: int) -> list[Pose2]:

@@ -74,16 +74,13 @@ def format_faults(name: str, results: Sequence["TrialResult"]) -> str:
     wrong = [shown for key, shown in found.items() if not key[-1]]
     # What is wrong elsewhere needs no remark.
     remarks = [shown for key, shown in found.items() if key[-1] and (*key[:-1], False) not in found]
-    lines = [f"{name}: {_count(len(wrong))} in {len(results)} trial{'s' if results[1:] else ''}"]
+    count = {0: "nothing is wrong", 1: "one thing is wrong"}.get(len(wrong), f"{len(wrong)} things are wrong")
+    lines = [f"{name}: {count} in {len(results)} trial{'s' if results[1:] else ''}"]
     for number, shown in enumerate(wrong, 1):
         lines += ["", *_paragraph(f"{number}. ", shown)]
     for shown in remarks:
         lines += ["", *_paragraph("remark: ", shown)]
     return "\n".join(lines)
-
-
-def _count(wrong: int) -> str:
-    return {0: "nothing is wrong", 1: "one thing is wrong"}.get(wrong, f"{wrong} things are wrong")
 
 
 def _paragraph(head: str, shown: Iterable[tuple["Fault", str]]) -> list[str]:

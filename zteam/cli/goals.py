@@ -24,9 +24,7 @@ from zteam.robot_ids import parse_robot_ids
 from zteam.services.navigation import goal_text
 
 if TYPE_CHECKING:
-    from rich.live import Live
-
-    from zteam.nodes.goals import Dispatcher, Ended, Errand
+    from zteam.nodes.goals import Dispatcher, Errand
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 
@@ -76,24 +74,24 @@ def build_parser() -> Parser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    spread = checked(args, lambda: parse_robot_ids([args.spread], "--spread") if args.spread is not None else ())
-    checked(args, lambda: _check_name(args.name))
-    return run(args.name, args, lambda: _send(args, spread), needs_output=False)
+    checked(args, lambda: _read(args))
+    return run(args.name, args, lambda: _send(args), needs_output=False)
 
 
-def _check_name(name: str) -> None:
-    if not name.isidentifier():
-        raise UsageError(f"--name {name!r}: use letters, digits and '_'")
+def _read(args: argparse.Namespace) -> None:
+    args.spread = () if args.spread is None else parse_robot_ids([args.spread], "--spread")
+    if not args.name.isidentifier():
+        raise UsageError(f"--name {args.name!r}: use letters, digits and '_'")
 
 
-def _send(args: argparse.Namespace, spread: tuple[int, ...]) -> int:
+def _send(args: argparse.Namespace) -> int:
     from zteam.nodes.goals import Dispatcher, Rounds, read_goals
     from zteam.runtime.node import Node
     from zteam.runtime.process_node import run_node
 
     # A mistake in the file is told before anything is opened.
-    goals = read_goals(Path(args.file), spread=bool(spread))
-    rounds = Rounds(goals, spread, None if args.loop else args.rounds)
+    goals = read_goals(Path(args.file), spread=bool(args.spread))
+    rounds = Rounds(goals, args.spread, None if args.loop else args.rounds)
     made: list[Dispatcher] = []
 
     def body(node: Node) -> None:
@@ -113,14 +111,34 @@ def _send(args: argparse.Namespace, spread: tuple[int, ...]) -> int:
 @contextmanager
 def open_display(dispatcher: "Dispatcher", *, as_json: bool) -> Iterator[None]:
     """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
-    closed = threading.Event()
+    closed, begin, told = threading.Event(), monotonic(), dict[int, str]()
     with ExitStack() as ends:
-        live = None if as_json or not has_live_line(sys.stdout) else ends.enter_context(_live())
-        display = _Display(dispatcher, live, as_json)
+        live = None
+        if not as_json and has_live_line(sys.stdout):
+            from rich.live import Live
+            from rich.text import Text
+
+            live = ends.enter_context(Live(auto_refresh=False, transient=True))
+
+        def show() -> None:
+            for ended in dispatcher.take_ended():
+                client = dispatcher.errands[ended.robot].client
+                if as_json:
+                    facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
+                    print(msgspec.json.encode(facts).decode(), flush=True)
+                else:
+                    print(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})", flush=True)
+            for robot_id, errand in dispatcher.errands.items():
+                waits = errand.client.waits_for
+                if waits and waits != told.get(robot_id) and monotonic() - begin > _TELL_AFTER:
+                    told[robot_id] = waits
+                    print(f"{errand.client.name}: waiting for {waits}", file=sys.stderr, flush=True)
+            if live is not None:
+                live.update(Text(table(dispatcher)), refresh=True)
 
         def look() -> None:
             while not closed.wait(_PERIOD):
-                display.show()
+                show()
 
         thread = threading.Thread(target=look, name="display", daemon=True)
         thread.start()
@@ -129,45 +147,9 @@ def open_display(dispatcher: "Dispatcher", *, as_json: bool) -> Iterator[None]:
         finally:
             closed.set()
             thread.join()
-            display.show()
+            show()
     if not as_json:
         print(table(dispatcher), flush=True)
-
-
-def _live() -> "Live":
-    from rich.live import Live
-
-    return Live(auto_refresh=False, transient=True)
-
-
-class _Display:
-    def __init__(self, dispatcher: "Dispatcher", live: "Live | None", as_json: bool) -> None:
-        self._dispatcher, self._live, self._as_json = dispatcher, live, as_json
-        self._since = monotonic()
-        self._told: dict[int, str] = {}
-        """What each robot waits for, as it was told."""
-
-    def show(self) -> None:
-        """Show what is new."""
-        for ended in self._dispatcher.take_ended():
-            self._print(ended)
-        for robot_id, errand in self._dispatcher.errands.items():
-            waits = errand.client.waits_for
-            if waits and waits != self._told.get(robot_id) and monotonic() - self._since > _TELL_AFTER:
-                self._told[robot_id] = waits
-                print(f"{errand.client.name}: waiting for {waits}", file=sys.stderr, flush=True)
-        if self._live is not None:
-            from rich.text import Text
-
-            self._live.update(Text(table(self._dispatcher)), refresh=True)
-
-    def _print(self, ended: "Ended") -> None:
-        client = self._dispatcher.errands[ended.robot].client
-        if self._as_json:
-            told = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
-            print(msgspec.json.encode(told).decode(), flush=True)
-        else:
-            print(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})", flush=True)
 
 
 def table(dispatcher: "Dispatcher") -> str:

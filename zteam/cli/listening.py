@@ -9,12 +9,12 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
-from zteam.bus.transport import Declaration, RawSample, matches
+from zteam.bus.transport import Declaration, RawSample, matches, problem_of
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError, UsageError
-from zteam.messages import Message, message_type, type_of_encoding
+from zteam.messages import Message, type_of_encoding
 from zteam.messages.topics import type_of_key
 from zteam.names import strip_slash
 from zteam.numbers import MAX_SECONDS
@@ -113,13 +113,10 @@ def open_bus(options: BusOptions) -> Bus:
 
 def check_key(text: str) -> str:
     """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
-    import zteam.bus.transport as keys
-
     key = strip_slash(text)
-    problem = keys.problem_of(key)
-    if problem:
+    if problem := problem_of(key):
         meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
-        hint = f": write {meant!r}" if meant and not keys.problem_of(meant) else ""
+        hint = f": write {meant!r}" if meant and not problem_of(meant) else ""
         raise UsageError(f"{text!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}")
     return key
 
@@ -127,11 +124,6 @@ def check_key(text: str) -> str:
 def kind_of(sample: RawSample, given: type[Message] | None) -> type[Message] | None:
     """The type of a payload: the one given, else that of its encoding, else that of its key."""
     return given or type_of_encoding(sample.encoding) or type_of_key(sample.key)
-
-
-def given_type(name: str | None) -> type[Message] | None:
-    """The message type of a `--type` option."""
-    return message_type(name) if name else None
 
 
 def add_timeout(parser: argparse.ArgumentParser, what: str) -> None:

@@ -5,11 +5,9 @@ import keyword
 import re
 import string
 import sys
-from collections.abc import Sequence
 from functools import partial
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import NamedTuple
 
 from zteam import names
 from zteam.cli.options import Parser, add_log_options, run_tool
@@ -19,15 +17,8 @@ from zteam.errors import UsageError, ZteamError
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-class _Kind(NamedTuple):
-    """What an example shows, and what to do with it next as (command, what it does)."""
-
-    help: str
-    next: Sequence[tuple[str, str]]
-
-
 KINDS = {
-    "behavior": _Kind(
+    "behavior": (
         "what a robot does: a class with step(view), and its test",
         (
             ("pytest test_$name.py", "run its test"),
@@ -37,7 +28,7 @@ KINDS = {
             ("zteam-robot --id 0 --behavior $name:$kind --no-gate", "drive robot 0"),
         ),
     ),
-    "node": _Kind(
+    "node": (
         "a process that subscribes and publishes, and its test",
         (
             ("pytest test_$name.py", "run its test"),
@@ -47,7 +38,9 @@ KINDS = {
         ),
     ),
 }
-"""By the word on the command line; `templates/` has a file `KIND.txt` and `test_KIND.txt` for each."""
+"""What an example shows, and what to do with it next, as (command, what it does), by the word on the command line.
+
+`templates/` has a file `KIND.txt` and `test_KIND.txt` for each."""
 _RESERVED = {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.STATIC_CALLER}
 """Names of zteam's own processes."""
 
@@ -56,8 +49,8 @@ def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam new", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
-    for word, kind in KINDS.items():
-        sub = kinds.add_parser(word, help=kind.help)
+    for word, (text, _) in KINDS.items():
+        sub = kinds.add_parser(word, help=text)
         sub.add_argument("name", metavar="NAME", help="the module's name, such as my_robot; writes NAME.py")
         add_log_options(sub)
     return parser
@@ -92,7 +85,7 @@ def _write(word: str, name: str) -> int:
         with path.open("x", encoding="utf-8") as file:
             file.write(content)
     print(f"wrote {' and '.join(map(str, contents))}\n")
-    rows = [(_fill(command, words), text) for command, text in KINDS[word].next]
+    rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
     print(format_table(("next", "does"), rows))
     return 0
 

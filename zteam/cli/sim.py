@@ -10,14 +10,14 @@ from typing import TypeVar
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import parse_speed
+from zteam.cli.arguments import option_type, parse_speed, whole
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import Progress
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
-from zteam.numbers import parse_number, parse_whole
+from zteam.numbers import parse_number
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
@@ -49,21 +49,30 @@ def build_parser() -> Parser:
     verb("pause", _pause, "pause the world")
     verb("resume", _resume, "continue the world")
     verb("step", _step, "run N ticks, then pause").add_argument(
-        "ticks", nargs="?", default="1", metavar="N", help="ticks to run (default: %(default)s)"
+        "ticks",
+        nargs="?",
+        type=whole(1, MAX_TICKS, "a number of ticks"),
+        default=1,
+        metavar="N",
+        help="ticks to run (default: %(default)s)",
     )
     verb("speed", _speed, "set the pace").add_argument(
-        "speed", metavar="X|max", help="simulated seconds per host second, or max for as fast as possible"
+        "speed",
+        type=option_type(parse_speed),
+        metavar="X|max",
+        help="simulated seconds per host second, or max for as fast as possible",
     )
     verb("reset", _reset, "return to the start: robots, bodies and time")
     spawn = verb("spawn", _spawn, "add a robot to the world and print its id")
     spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
     spawn.add_argument("--model", default="erratic", help="a model that the world file defines (default: %(default)s)")
-    spawn.add_argument("--id", metavar="N", help="robot id (default: the lowest free one)")
+    robot_id = option_type(lambda text: names.parse_robot_id(text.strip()))
+    spawn.add_argument("--id", type=robot_id, metavar="N", help="robot id (default: the lowest free one)")
     verb("remove", _remove, "remove robots from the world").add_argument(
         "ids", nargs="+", metavar="ID", help="robot ids, e.g. 3, or 0,2-4"
     )
     move = verb("move", _move, "put a robot at another pose")
-    move.add_argument("id", metavar="ID", help="robot id")
+    move.add_argument("id", type=robot_id, metavar="ID", help="robot id")
     for name, unit in (("x", "metres"), ("y", "metres"), ("yaw", "radians")):
         move.add_argument(name, metavar=name.upper(), help=f"in map: {unit}")
     for sub in (spawn, move):
@@ -74,18 +83,10 @@ def build_parser() -> Parser:
 
 def _read(args: argparse.Namespace) -> None:
     """Replace the words of the command line by what they say. Raises UsageError."""
-    match args.verb:
-        case "step":
-            args.ticks = parse_ticks(args.ticks)
-        case "speed":
-            args.speed = parse_speed(args.speed)
-        case "spawn":
-            args.pose = parse_pose(args.pose)
-            args.id = None if args.id is None else names.parse_robot_id(args.id.strip())
-        case "remove":
-            args.ids = parse_robot_ids(args.ids, "remove")
-        case "move":
-            args.id, args.pose = names.parse_robot_id(args.id.strip()), parse_pose([args.x, args.y, args.yaw])
+    if args.verb == "remove":
+        args.ids = parse_robot_ids(args.ids, "remove")
+    elif args.verb in ("spawn", "move"):
+        args.pose = parse_pose(args.pose if args.verb == "spawn" else [args.x, args.y, args.yaw])
 
 
 def _answer(args: argparse.Namespace) -> int:
@@ -118,14 +119,6 @@ def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     if problem := turn_problem(yaw):
         raise UsageError(f"YAW {problem}")
     return x, y, yaw
-
-
-def parse_ticks(text: str) -> int:
-    """A number of ticks. Raises UsageError."""
-    try:
-        return parse_whole(text, 1, MAX_TICKS, "a number of ticks")
-    except UsageError as error:
-        raise UsageError(f"step {error}") from None
 
 
 def _pause(client: SimulatorClient, _args: argparse.Namespace) -> Answer:

@@ -24,7 +24,6 @@ from zteam.cli.listening import (
     add_timeout,
     check_key,
     find_key_users,
-    given_type,
     kind_of,
     limit_of,
     near_keys,
@@ -284,7 +283,7 @@ def _word(value: Any) -> str:
 
 
 def _echo(args: argparse.Namespace) -> int:
-    key, given = check_key(args.key), given_type(args.type)
+    key, given = check_key(args.key), message_type(args.type) if args.type else None
     (limit, quiet), waiter = limit_of(args), Waiter()
     queue: deque[RawSample] = deque(maxlen=1000)
 

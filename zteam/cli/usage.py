@@ -3,6 +3,7 @@
 import argparse
 import re
 from collections.abc import Iterable
+from itertools import product
 
 from zteam.errors import did_you_mean
 
@@ -12,20 +13,15 @@ _SHARED = frozenset({"help", "connect", "namespace", "config", "lease", "log_lev
 _MAX_LINE = 190
 """Characters of an answer, as far as options can be left out of its usage."""
 _NO_WINDOW = "there is no window; 'zteam world show' draws a world, 'zteam tf positions' prints the poses"
+_PARAMETERS = ("speed", "leader", "turn_rate", "stop_distance", "min_dist", "max_linear", "max_angular")
 _MEANT = {
-    **{
-        ("zteam up", option): "a team file lists the robots, one table [[robots]] each"
-        for option in ("--robots", "--ids")
-    },
-    **{
-        (prog, option): _NO_WINDOW
-        for prog in ("zteam up", "zteam-sim", "zteam-monitor")
-        for option in ("--gui", "--headless", "--rviz", "--display")
-    },
-    **{
-        ("zteam-robot", f"--{name}"): f"say --param {name}=VALUE"
-        for name in ("speed", "leader", "turn_rate", "stop_distance", "min_dist", "max_linear", "max_angular")
-    },
+    **dict.fromkeys(
+        product(("zteam up",), ("--robots", "--ids")), "a team file lists the robots, one table [[robots]] each"
+    ),
+    **dict.fromkeys(
+        product(("zteam up", "zteam-sim", "zteam-monitor"), ("--gui", "--headless", "--rviz", "--display")), _NO_WINDOW
+    ),
+    **{("zteam-robot", f"--{name}"): f"say --param {name}=VALUE" for name in _PARAMETERS},
 }
 """What an option that a command lacks may stand for."""
 _VERBS = {

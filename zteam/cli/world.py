@@ -17,8 +17,6 @@ from zteam.numbers import counted
 from zteam.resources import find_world
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from zteam.sim import RobotObservation
     from zteam.world import Ranger, Robot, World
     from zteam.world.drawing import Fan
@@ -110,6 +108,13 @@ def _place(x: float, y: float, yaw_deg: float) -> str:
 
 
 def _summary(world: "World") -> dict[str, Any]:
+    from zteam.world.placing import find_misplaced
+
+    misplaced = [
+        f"{world.name}: robot {robot_id} ({world.robots[robot_id].name!r}) has no room at its pose: {hindrance}; "
+        "a team with this robot does not start"
+        for robot_id, hindrance in find_misplaced(world)
+    ]
     return {
         "name": world.name,
         "interval_ms": world.interval / 1e6,
@@ -138,16 +143,8 @@ def _summary(world: "World") -> dict[str, Any]:
             for robot_id, robot in enumerate(world.robots)
         ],
         "bases": _bases(world),
-        "warnings": [*map(str, world.warnings), *_misplaced(world)],
+        "warnings": [*map(str, world.warnings), *misplaced],
     }
-
-
-def _misplaced(world: "World") -> "Iterator[str]":
-    from zteam.world.placing import find_misplaced
-
-    for robot_id, hindrance in find_misplaced(world):
-        text = f"robot {robot_id} ({world.robots[robot_id].name!r}) has no room at its pose"
-        yield f"{world.name}: {text}: {hindrance}; a team with this robot does not start"
 
 
 def _bases(world: "World") -> list[dict[str, Any]]:

@@ -35,14 +35,15 @@ def build_parser() -> Parser:
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     """Which robot it is, what it does and on which base."""
-    parser.add_argument("--id", required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
+    robot_id = option_type(names.parse_robot_id)
+    parser.add_argument("--id", type=robot_id, required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--behavior",
         metavar="NAME",
         help="run forward, avoid, wander, follow or package.module:Class (default: forward)",
     )
-    what.add_argument("--follow", metavar="ID", help="follow this robot")
+    what.add_argument("--follow", type=robot_id, metavar="ID", help="follow this robot")
     parser.add_argument(
         "--law",
         choices=("trail", "direct"),
@@ -95,7 +96,6 @@ def read_base(pairs: Iterable[tuple[str, Any]]) -> "BaseOverride":
 
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
     """What the options say. Raises UsageError."""
-    robot_id = _parse_id(args.id, "--id")
     params = dict(args.param)
     spec = "forward" if args.behavior is None else args.behavior
     if args.law is not None:
@@ -105,16 +105,15 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
             raise UsageError("--law names the law already: leave --param law out")
         params["law"] = args.law
     if args.follow is not None:
-        leader = _parse_id(args.follow, "--follow")
-        if leader == robot_id:
-            raise UsageError(f"--follow {leader}: a robot cannot follow itself")
+        if args.follow == args.id:
+            raise UsageError(f"--follow {args.follow}: a robot cannot follow itself")
         if "leader" in params:
             raise UsageError("--follow names the leader already: leave --param leader out")
-        spec, params = "follow", {"leader": leader, **params}
+        spec, params = "follow", {"leader": args.follow, **params}
     elif spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
     options = RobotOptions(
-        robot_id=robot_id,
+        robot_id=args.id,
         behavior=spec,
         params=params,
         gate=not args.no_gate,
@@ -123,14 +122,7 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
         safety=not args.no_safety,
         folders=(*args.path, ""),
     )
-    return names.robot_name(robot_id), lambda: options
-
-
-def _parse_id(text: str, option: str) -> int:
-    try:
-        return names.parse_robot_id(text)
-    except UsageError as error:
-        raise UsageError(f"{option}: {error}") from None
+    return names.robot_name(args.id), lambda: options
 
 
 main = partial(run_process, "zteam-robot", RobotOptions, build_parser, _read)

@@ -134,7 +134,7 @@ def test_json_of_spawn_is_the_new_id(output: Output) -> None:
     ("words", "text"),
     [
         (("step", "0"), "give a number of ticks from 1 to"),
-        (("step", "-3"), "step '-3': give a number of ticks"),
+        (("step", "-3"), "'-3': give a number of ticks"),
         (("step", "1.5"), "give a number of ticks"),
         (("step", "9" * 30), "give a number of ticks"),
         (("speed", "fast"), "give simulated seconds a second"),
