@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from zteam import names
+from zteam.behaviors.behavior import Behavior
 from zteam.bus import Publisher
 from zteam.clock import to_ns
 from zteam.messages import (
@@ -111,11 +112,8 @@ class StatusReport:
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
-        self.leader: int | None = None
-        self.follows: int | None = None
-        self.turns, self.gap = -1, 0.0
-        self.navigation: NavigationStatus | None = None
-        """What a behaviour that takes goals says of its goal."""
+        self.tells_of = Behavior(None)
+        """Whose place in a line, goal and rest it tells."""
         self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None
         """The newest command; None while nothing commands the wheels."""
@@ -126,8 +124,6 @@ class StatusReport:
         """The newest one that was made."""
         self._spoke = False
         """Whether one was published since the last `beat`."""
-        self.rest: Callable[[], str] = lambda: ""
-        """Why the behaviour wants zero velocity, if it has a word for that."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         node.on_time_reset(self._forget)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
@@ -142,8 +138,9 @@ class StatusReport:
         self._driver, self.command = driver, command
 
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
-        goal = self.navigation and (self.navigation.state, self.navigation.text, self.navigation.goal)
-        return self.readiness.state, self.readiness.reason, (self.driver, self.follows, self.turns, goal)
+        behavior, told = self.tells_of, self.tells_of.navigation
+        goal = told and (told.state, told.text, told.goal)
+        return self.readiness.state, self.readiness.reason, (self.driver, behavior.follows, behavior.turns, goal)
 
     @property
     def driver(self) -> str:
@@ -204,7 +201,7 @@ class StatusReport:
     def publish(self) -> None:
         """Publish the state."""
         self._spoke = True
-        readiness, command = self.readiness, self.command
+        readiness, command, behavior = self.readiness, self.command, self.tells_of
         self._last = RobotStatus(
             header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
             robot_id=self._id,
@@ -215,15 +212,15 @@ class StatusReport:
             behavior=self.behavior,
             driver=self.driver,
             reason=self._why_it_stands(),
-            leader=-1 if self.leader is None else self.leader,
+            leader=-1 if behavior.leader is None else behavior.leader,
             speed=0.0 if command is None else command.linear.x,
-            follows=-1 if self.follows is None else self.follows,
-            turns=self.turns,
-            gap=self.gap,
+            follows=-1 if behavior.follows is None else behavior.follows,
+            turns=behavior.turns,
+            gap=behavior.gap,
         )
         self._publisher.put(self._last)
-        if self.navigation is not None:
-            self._publish_navigation(self.navigation, self._last)
+        if behavior.navigation is not None:
+            self._publish_navigation(behavior.navigation, self._last)
 
     def _publish_navigation(self, told: NavigationStatus, status: RobotStatus) -> None:
         key = names.robot_key(self._id, names.NAVIGATION_STATUS)
@@ -243,5 +240,5 @@ class StatusReport:
             return ""
         if reason or command.angular.z:
             return reason
-        rest = self.rest() if self._driver == RobotDriver.BEHAVIOR else ""
+        rest = self.tells_of.why_it_rests() if self._driver == RobotDriver.BEHAVIOR else ""
         return rest or f"{_WHO.get(self._driver, self._driver)} commands zero velocity"

@@ -80,7 +80,7 @@ class _Asked:
         for where, place in PLACES.items():
             self._begin(where)
             # A Subject would look for faults.
-            TrialDrive(self, place, ViewMaker(self._behavior.inputs).no_messages()).run()  # type: ignore[arg-type]
+            TrialDrive(self, place, ViewMaker(self._behavior.inputs).messages()).run()  # type: ignore[arg-type]
 
 
 @pytest.mark.few(4)

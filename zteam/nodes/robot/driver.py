@@ -120,8 +120,6 @@ class Driver:
         self._seed = options.seed
         self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
         self._make_behavior(parameters.given)
-        status.rest = lambda: self.behavior.why_it_rests()
-        self._tell_place()
         behavior = self.behavior
         self._watch = StepWatch(
             f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
@@ -142,7 +140,7 @@ class Driver:
         """Time of the last step in ns."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
-        self.behavior = self._parameters.make_behavior(parameters)
+        self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
         self._given = parameters
         """The parameters that the behaviour has."""
         self._layer, self._safety = self._make_layer(), SafetyLog(self.status.behavior)
@@ -203,7 +201,6 @@ class Driver:
             if given.jumps != self.jumps:
                 return None
             self.readiness.drive(reason, given.epoch)
-            self._tell_place()
             self.status.take(driver, command)
             # What the safety layer stops has lines of its own.
             self.status.tell(logged=not is_stopped)
@@ -233,14 +230,7 @@ class Driver:
             return
         self._made_at = given.jumps
         with self._node.changed:
-            self._tell_place()
             self.status.publish()
-
-    def _tell_place(self) -> None:
-        """What the behaviour says of its place in a line."""
-        behavior, status = self.behavior, self.status
-        status.leader, status.follows = behavior.leader, behavior.follows
-        status.turns, status.gap, status.navigation = behavior.turns, behavior.gap, behavior.navigation
 
     def _lacking(self, given: StepInput) -> list[str]:
         if self.absence and given.view.scan is None:

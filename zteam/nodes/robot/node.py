@@ -153,7 +153,7 @@ class RobotNode:
         self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
         self._start = StartWatch(node, self._inputs, self._driver, self._part)
         node.on_time_reset(self._on_time_reset)
-        if self._status.navigation is not None:
+        if self._driver.behavior.navigation is not None:
             node.bus.serve(navigation_query(self._id, CANCEL), CancelRequest, self._cancel_goal)
         self._subscribe()
 
