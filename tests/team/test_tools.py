@@ -8,7 +8,7 @@ import pytest
 
 from support.transports import wait_until_true
 from zteam import names
-from zteam.cli.tf_displays import ask_frames
+from zteam.cli.tf import ask_frames
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

@@ -28,7 +28,7 @@ from zteam.cli.live_line import has_color
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import terminal_width
-from zteam.cli.tf_displays import ask_frames
+from zteam.cli.tf import ask_frames
 from zteam.diagnosis.checks import check_team
 from zteam.diagnosis.facts import Facts, Fault, Finding, Level, ok, problem
 from zteam.diagnosis.maps import check_map_file

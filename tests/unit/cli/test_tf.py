@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from support.named_sessions import open_named
 from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli import listening, tf, tf_displays
-from zteam.messages import TFMessage
+from zteam.cli import listening, tf
+from zteam.messages import TFMessage, time_from_ns
 from zteam.tf.statistics import FrameFigures, Watch
 
 START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
@@ -24,10 +25,8 @@ START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has
 @pytest.fixture(autouse=True)
 def opened(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tool is on the bus in memory, and surveys are short: what is there was published before."""
-    for module in (tf, tf_displays):
-        monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
-    for module in (tf, tf_displays):
-        monkeypatch.setattr(module, "SURVEY", 0.02)
+    monkeypatch.setattr(tf, "open_bus", lambda _options: hub.bus())
+    monkeypatch.setattr(tf, "SURVEY", 0.02)
 
 
 @pytest.fixture
@@ -241,3 +240,24 @@ def test_in_a_terminal_nothing_limits_the_wait(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr("sys.stdout.isatty", lambda is_one=terminal: is_one)
         assert listening.limit_of(argparse.Namespace(timeout=None, once=once))[0] == limit
         assert listening.limit_of(argparse.Namespace(timeout=3.0, once=once)) == (3.0, False)
+
+
+def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
+    """Once the buffer's ten seconds are full, a listener that runs for days needs no more memory."""
+    listener, publisher = tf.TreeListener(hub.bus()), hub.bus().publisher(names.TF, TFMessage)
+    transform = stamped("map", "robot_0/base_footprint", 0)
+
+    def publish(ticks: range) -> int:
+        for tick in ticks:
+            transform.header.stamp = time_from_ns(tick * S)
+            publisher.put(TFMessage([transform]))
+        return tracemalloc.get_traced_memory()[0]
+
+    publish(range(1, 10))
+    tracemalloc.start()
+    try:
+        first = publish(range(10, 500))
+        assert publish(range(500, 3000)) - first < 20_000
+    finally:
+        tracemalloc.stop()
+    assert listener.buffer.frames()["robot_0/base_footprint"].newest == 2999 * S
