@@ -15,7 +15,7 @@ from zteam.bus.transport import matches
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
-from zteam.tf.bases import bases_stamp
+from zteam.messages.tf_stamps import bases_stamp
 
 MAX_AHEAD = to_ns(10.0)
 """A stamp that is farther ahead of the open tick is of another clock: as far as the aggregator takes transforms."""

@@ -23,9 +23,9 @@ from zteam.messages import (
     TwistStamped,
     ns_from_time,
 )
+from zteam.messages.tf_stamps import bases_stamp
 from zteam.runtime.tick_messages import TickMessages
 from zteam.tf import Buffer, TransformException
-from zteam.tf.bases import bases_stamp
 
 log = logging.getLogger("zteam")
 

@@ -26,6 +26,7 @@ from zteam.messages import (
     Tick,
     Twist,
 )
+from zteam.messages.tf_stamps import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.nodes.robot.driver import ALONE, Driver, StepInput
 from zteam.nodes.robot.inputs import SOURCES, RobotInputs, TransformInputs
@@ -38,7 +39,6 @@ from zteam.runtime.tick_messages import HeldMessage, stamp_of
 from zteam.runtime.tokens import TokenSet
 from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.simulator import absence_text, read_status
-from zteam.tf.bases import bases_stamp
 
 log = logging.getLogger("zteam")
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from zteam import names
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
+from zteam.messages.tf_stamps import bases_stamp
 from zteam.nodes.web.queries import ASK_PERIOD, Queries
 from zteam.nodes.web.received import (
     FAST_PERIOD,
@@ -21,7 +22,6 @@ from zteam.nodes.web.received import (
 )
 from zteam.runtime.process_node import ProcessNode
 from zteam.tf import Buffer, TransformException
-from zteam.tf.bases import bases_stamp
 
 
 class Places:
