@@ -139,12 +139,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if args.in_process and not args.bus:
         # A view is another process, which joins over a router.
         args.bus = args.view
-    if args.in_process and not args.bus:
-        _check_closed(args)
-
-
-def _check_closed(args: argparse.Namespace) -> None:
-    """Raise UsageError for options of a team that other processes can reach."""
+    if not args.in_process or args.bus:
+        return
     if args.expect:
         raise UsageError("--expect needs processes, or --bus: no other process can join a team with --in-process")
     if args.connect is not None and args.connect != os.environ.get("ZTEAM_CONNECT"):
@@ -252,18 +248,18 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
 def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
     """Run the whole team in this process, with the same lines as with one process each."""
     from zteam.cli.up_display import Printer, open_display
-    from zteam.in_process.run import InProcessRun, Outside
+    from zteam.in_process.run import InProcessRun, open_outside
     from zteam.runtime.logs import passing_lines
     from zteam.runtime.shutdown import Stop, exit_hard_later
 
     stop = Stop()
     with (
         open_display(args.log_format, args.run_for) as display,
-        Outside(bus, launch.pace) if args.bus else nullcontext() as outside,
+        open_outside(bus, launch.pace) if args.bus else nullcontext() as outside,
     ):
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        with passing_lines(line), InProcessRun(launch, stop, line, outside=outside) as team_run:
+        with passing_lines(line), InProcessRun(launch, stop, outside=outside, on_line=line) as team_run:
             # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
             # Code of a behaviour that does not return holds the whole process.

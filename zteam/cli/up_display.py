@@ -5,7 +5,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Protocol
 
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.progress_text import duration_text, progress_line
@@ -39,63 +38,13 @@ class Printer:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
             prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            self._write(f"{prefix} {_without_own_name(name, text)}")
+            # The name once: a line of a log has it too.
+            self._write(f"{prefix} {text.replace(f' [{name}]', '', 1)}")
 
 
-def _without_own_name(name: str, text: str) -> str:
-    return text.replace(f" [{name}]", "", 1)
-
-
-class Display(Protocol):
-    """Prints the lines of the processes and shows how the team does."""
-
-    def print(self, line: str) -> None:
-        """Print a line."""
-
-    def say(self, text: str) -> None:
-        """Show what the launcher does."""
-
-    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
-        """Show the team in this context."""
-
-    def leave_terminal(self) -> None:
-        """From now on only print lines: a debugger has the terminal."""
-
-
-@contextmanager
-def open_display(log_format: str, run_for: float | None) -> Iterator[Display]:
-    """The display for this standard output; `run_for` is simulated seconds from GO."""
-    if log_format == "text" and has_live_line(sys.stdout):
-        with LiveLine(sys.stdout) as line:
-            yield _Live(line, run_for)
-    else:
-        yield _Plain(run_for)
-
-
-class _Live:
-    """Lines with the live line below them."""
-
-    def __init__(self, line: LiveLine, run_for: float | None) -> None:
-        self._line, self._run_for = line, run_for
-
-    def print(self, line: str) -> None:
-        self._line.print(line)
-
-    def say(self, text: str) -> None:
-        self._line.show(lambda columns: text[:columns])
-
-    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
-        return _looking(watch(), self._show, _LIVE_PERIOD)
-
-    def leave_terminal(self) -> None:
-        self._line.leave()
-
-    def _show(self, seen: Overview) -> None:
-        self._line.show(lambda columns: progress_line(seen, self._run_for, columns))
-
-
-class _Plain:
-    """Lines alone, and a log line on every tenth of a run with an end, but not too often."""
+class Display:
+    """Prints the lines of the processes and tells how the team does: a log line on every tenth of a run with an end,
+    but not too often. `run_for` is simulated seconds from GO."""
 
     def __init__(self, run_for: float | None) -> None:
         self._run_for = run_for
@@ -104,16 +53,18 @@ class _Plain:
         self._pause.due()
 
     def print(self, line: str) -> None:
+        """Print a line."""
         print(line, flush=True)
 
     def say(self, text: str) -> None:
-        """Nothing."""
+        """Show what the launcher does, on a live line alone."""
 
     def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
+        """Tell about the team in this context."""
         return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
 
     def leave_terminal(self) -> None:
-        """Nothing."""
+        """From now on only print lines: a debugger has the terminal."""
 
     def _tell(self, seen: Overview) -> None:
         simulator, elapsed = seen.simulator, seen.elapsed
@@ -126,6 +77,39 @@ class _Plain:
             left = f", {duration_text((self._run_for - elapsed) / factor)} left" if factor > 0.0 else ""
             pace = f"{format_factor(factor)} x real time{left}"
             log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
+
+
+class _Live(Display):
+    """Lines with the live line below them."""
+
+    def __init__(self, line: LiveLine, run_for: float | None) -> None:
+        super().__init__(run_for)
+        self._line = line
+
+    def print(self, line: str) -> None:
+        self._line.print(line)
+
+    def leave_terminal(self) -> None:
+        self._line.leave()
+
+    def say(self, text: str) -> None:
+        self._line.show(lambda columns: text[:columns])
+
+    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
+        return _looking(watch(), self._show, _LIVE_PERIOD)
+
+    def _show(self, seen: Overview) -> None:
+        self._line.show(lambda columns: progress_line(seen, self._run_for, columns))
+
+
+@contextmanager
+def open_display(log_format: str, run_for: float | None) -> Iterator[Display]:
+    """The display for this standard output."""
+    if log_format == "text" and has_live_line(sys.stdout):
+        with LiveLine(sys.stdout) as line:
+            yield _Live(line, run_for)
+    else:
+        yield Display(run_for)
 
 
 @contextmanager

@@ -6,16 +6,16 @@ The launcher's part runs in a thread beside the simulator's.
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from threading import Thread
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import msgspec
 
 from zteam import names
-from zteam.bus import BusOptions, connect
+from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.router import Router
 from zteam.errors import BusError, UsageError
 from zteam.in_process.bridge import NodeSessions
@@ -30,7 +30,6 @@ from zteam.launch.run import (
     lease_for,
     node_environment,
     refuse_second_team,
-    warn_of_endpoint,
 )
 from zteam.launch.supervisor import Again, Member, Supervisor
 from zteam.nodes.bodies import Part, part_of, printing_monitor, robot_part
@@ -140,45 +139,35 @@ class NodeThread:
         return self._ended.wait(timeout)
 
 
-class Outside:
-    """Where tools find a team in one process: at a router, in this process's session there. A context manager.
+class Outside(NamedTuple):
+    """Where tools find a team in one process: at a router, in this process's session there."""
 
-    Without `--connect` the router is one of this process, where `zteam up` has its own as well.
-    """
-
-    def __init__(self, options: BusOptions, pace: Pace) -> None:
-        lease = lease_for(pace, options.lease)
-        self.given = options.connect
-        """The router that the user named."""
-        with ExitStack() as ends:
-            self.endpoint = self.given or _open_router(ends, lease)
-            self.environment = node_environment(self.endpoint, options, pace)
-            """What lets a process join the team."""
-            reached = msgspec.structs.replace(options, connect=self.endpoint, lease=lease, small=False)
-            self.bus = connect(reached, patience=ROUTER_DEADLINE)
-            ends.callback(self.bus.close)
-            self._ends = ends.pop_all()
-
-    def warn_of_endpoint(self) -> None:
-        """Say how tools find the router if they do not look there."""
-        warn_of_endpoint(self.endpoint, self.given)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ends.close()
+    endpoint: str
+    given: str | None
+    """The router that the user named."""
+    environment: dict[str, str]
+    """What lets a process join the team."""
+    bus: Bus
 
 
-def _open_router(ends: ExitStack, lease: float) -> str:
-    """Open a router until `ends`; its endpoint."""
-    try:
-        router = Router(choose_endpoint(), lease=lease)
-    except BusError:
-        # Another program took the port after `choose_endpoint` looked: any port will do.
-        router = Router(ANY_PORT, lease=lease)
-    ends.callback(router.close)
-    return router.endpoint
+@contextmanager
+def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
+    """Without `--connect` the router is one of this process, where `zteam up` has its own as well."""
+    lease, endpoint = lease_for(pace, options.lease), options.connect
+    with ExitStack() as ends:
+        if endpoint is None:
+            try:
+                router = Router(choose_endpoint(), lease=lease)
+            except BusError:
+                # Another program took the port after `choose_endpoint` looked: any port will do.
+                router = Router(ANY_PORT, lease=lease)
+            ends.callback(router.close)
+            endpoint = router.endpoint
+        bus = connect(
+            msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False), patience=ROUTER_DEADLINE
+        )
+        ends.callback(bus.close)
+        yield Outside(endpoint, options.connect, node_environment(endpoint, options, pace), bus)
 
 
 class InProcessRun(TeamRun):
@@ -188,17 +177,18 @@ class InProcessRun(TeamRun):
         self,
         launch: TeamLaunch,
         stop: Stop,
-        on_line: Callable[[str, str], None],
         nodes: Mapping[str, Body] | None = None,
+        outside: Outside | None = None,
+        *,
+        on_line: Callable[[str, str], None] = lambda _name, _text: None,
         since_start: Callable[[], float] | None = None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
-        outside: Outside | None = None,
         take_hang: Callable[[UserCall], bool] | None = None,
     ) -> None:
-        """`on_line(name, text)` prints what a node writes; `nodes` are the bodies of own nodes, by name.
+        """`nodes` are the bodies of own nodes, by name; tools `outside` find the team.
 
-        `on_end(node)` is called when a node has ended for good without being asked to; `take_hang` is that of
-        CallWatch. Tools `outside` find the team.
+        `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
+        is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch.
         """
         self.parts = parts_of(launch, on_line, nodes)
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)

@@ -188,14 +188,11 @@ class Process:
         """Wait until the process ends, and call `on_exit`."""
         self._child.wait()
         self._reader.join(_LAST_LINES)
-        self._close_input()
+        assert self._child.stdin is not None
+        # Buffered text may have no reader any more.
+        with contextlib.suppress(BrokenPipeError):
+            self._child.stdin.close()
         self._on_exit(self)
-
-    def _close_input(self) -> None:
-        if self._child.stdin is not None:
-            # Buffered text may have no reader any more.
-            with contextlib.suppress(BrokenPipeError):
-                self._child.stdin.close()
 
     def write_line(self, text: str, *, last: bool = True) -> None:
         """Write a line to its standard input, and close the input after the last one."""

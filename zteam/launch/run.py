@@ -117,13 +117,13 @@ def wait_for_endpoint(
     supervisor: Supervisor, router: Process, timeout: float, stopped: Callable[[], bool] = lambda: False
 ) -> str:
     """The endpoint that the router prints; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
-    supervisor.wait(lambda: stopped() or not router.running or bool(_endpoint(router)), timeout)
-    return _endpoint(router)
 
+    def endpoint() -> str:
+        # A copy, because a thread appends lines. Lines of the router's log begin with the time.
+        return next((line for line in list(router.lines) if line.startswith(("tcp/", "tls/"))), "")
 
-def _endpoint(router: Process) -> str:
-    # A copy, because a thread appends lines. Lines of the router's log begin with the time.
-    return next((line for line in list(router.lines) if line.startswith(("tcp/", "tls/"))), "")
+    supervisor.wait(lambda: stopped() or not router.running or bool(endpoint()), timeout)
+    return endpoint()
 
 
 class TeamRun:

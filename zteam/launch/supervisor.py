@@ -8,7 +8,6 @@ import threading
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -208,9 +207,7 @@ class Supervisor:
     def __enter__(self) -> "Supervisor":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -316,7 +313,11 @@ class Supervisor:
             member.terminate()
         self.wait(lambda: hurry() or not any(m.running for m in chosen), GRACE)
         for member in chosen:
-            _end_now(member)
+            if member.running:
+                member.kill()
+            # A thread cannot be killed; GRACE is over.
+            if isinstance(member, Process) or not member.running:
+                member.join(GRACE)
 
     def close(self) -> None:
         """Kill every process that still runs."""
@@ -342,12 +343,3 @@ class Supervisor:
     def _sample(self) -> None:
         while not self._closing.wait(_SAMPLE_PERIOD):
             self.measure()
-
-
-def _end_now(member: Member) -> None:
-    if member.running:
-        member.kill()
-        if member.running and not isinstance(member, Process):
-            # A thread cannot be killed; GRACE is over.
-            return
-    member.join(GRACE)

@@ -414,7 +414,7 @@ def open_in_process(
     # As a process of the team logs.
     log.setLevel(logging.INFO)
     try:
-        with InProcessRun(launch, Stop(), _say_nothing, nodes, take_hang=take_hang) as run:
+        with InProcessRun(launch, Stop(), nodes, take_hang=take_hang) as run:
             end = KEEPER.pass_to(lambda line: take_line(line.process, _text(line)))
             try:
                 yield run
@@ -445,10 +445,6 @@ def _close_in_time(close: Callable[[], None]) -> None:
             call.end()
     if done.done():
         done.result()
-
-
-def _say_nothing(_name: str, _text: str) -> None:
-    """The monitor's events are in the log too."""
 
 
 def _text(line: LogLine) -> str:

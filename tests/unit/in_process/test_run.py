@@ -11,7 +11,7 @@ from zteam import names
 from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.errors import BusError
-from zteam.in_process.run import InProcessRun, Outside, parts_of
+from zteam.in_process.run import InProcessRun, open_outside, parts_of
 from zteam.launch.kinds import KINDS, Pace, TeamLaunch
 from zteam.launch.plan import plan_team
 from zteam.planning.grid import make_map
@@ -36,9 +36,9 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
 def test_the_router_ends_with_it() -> None:
     """Within, tools reach the team's own router and find the launcher; after it, nothing listens there."""
     launch = TeamLaunch(Team([RobotEntry(id=0)]), find_world("arena"))
-    with Outside(zteam.BusOptions(), Pace()) as outside:
+    with open_outside(zteam.BusOptions(), Pace()) as outside:
         tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
-        with InProcessRun(launch, Stop(), lambda *_: None, outside=outside) as run:
+        with InProcessRun(launch, Stop(), outside=outside) as run:
             assert run.bus is not None
             assert tool.ask(names.info_key(names.LAUNCHER), ProcessInfo).instance == run.bus.instance
         assert tool.query(names.info_key(names.LAUNCHER), ProcessInfo) == []
