@@ -178,13 +178,11 @@ class _Scan:
 
 
 def _unquoted(text: str | None) -> str:
-    if text is None:
-        raise _NotTomlError
-    if not text.startswith('"'):
-        return text[1:-1]
     # Imported here, because robots import this module for its types and read no TOML.
     import tomllib
 
+    if text is None:
+        raise _NotTomlError
     try:
         return str(tomllib.loads(f"v = {text}")["v"])
     except tomllib.TOMLDecodeError:

@@ -8,8 +8,8 @@ from zteam import names
 from zteam.errors import UsageError
 from zteam.geometry import Pose2, in_polygon, signed_area
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
-from zteam.world.model import Floorplan, Shape, World
-from zteam.world.placing import find_bounds, place_shape
+from zteam.world.model import Floorplan, World
+from zteam.world.placing import find_bounds, standing_polygons
 
 MAX_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
@@ -23,7 +23,6 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's polygon, or where something
     thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
-    polygons = _standing(world)
     info = map_metadata(world, resolution)
     columns, rows, low = info.width, info.height, np.array((info.origin.position.x, info.origin.position.y))
     x = low[0] + (np.arange(columns) + 0.5) * resolution
@@ -38,7 +37,7 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
             _draw_plan(grid[strip], x, y[strip], plan.pose, framed, plan.cell)
         if min(plan.cell) < resolution:
             _mark(grid, low, resolution, *_middles(plan))
-    for _, polygon in polygons:
+    for polygon in standing_polygons(world):
         _draw_polygon(grid, x, y, polygon)
         if _thickness(polygon) < resolution:
             _mark(grid, low, resolution, *_along(polygon, resolution))
@@ -58,11 +57,6 @@ def map_metadata(world: World, resolution: float) -> MapMetaData:
         )
     origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
     return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
-
-
-def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:
-    fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
-    return [(shape, place_shape(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
 
 
 def _draw_plan(

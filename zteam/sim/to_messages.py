@@ -1,7 +1,5 @@
 """Observations as ROS messages, and the robots' transforms. `SENSORS` has a row for each kind of sensor."""
 
-import math
-
 import numpy as np
 
 from zteam import names
@@ -173,7 +171,5 @@ def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMess
 
 
 def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> TransformStamped:
-    x, y, yaw = pose
-    half = 0.5 * normalize_angle(yaw)
-    rotation = Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
-    return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(x, y, z), rotation))
+    rotation = Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
+    return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(pose.x, pose.y, z), rotation))

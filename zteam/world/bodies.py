@@ -97,19 +97,12 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
     c, s = math.cos(owner_from_body.yaw), math.sin(owner_from_body.yaw)
     shapes = []
     for block in blocks:
-        points = tuple(
-            (owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y)
-            for x, y in counter_clockwise(block.points)
-        )
+        corners = block.points if signed_area(block.points) > 0 else block.points[::-1]
+        points = tuple((owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y) for x, y in corners)
         if signed_area(points) > LEAST_AREA:
             heights = z + block.z_min, z + block.z_max
             shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle, surface.color))
     return tuple(shapes)
-
-
-def counter_clockwise(points: Sequence[Point2]) -> tuple[Point2, ...]:
-    """The polygon with its interior on the left."""
-    return tuple(points) if signed_area(points) > 0 else tuple(reversed(points))
 
 
 def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
@@ -209,7 +202,8 @@ def read_body(entity: Entity, settings: Settings) -> Body:
     """A model's body; raises WorldError."""
     reader = settings.reader(entity)
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
-    blocks = _read_blocks(entity, settings)
+    found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]
+    blocks = [block for block in found_blocks if block is not None]
     bitmap: Grid | None = None
     home: Pose2 | None = None
     if reader.has("bitmap"):
@@ -217,7 +211,7 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
         blocks, found = [], _read_bitmap(reader, settings)
         if isinstance(found, FloorMap):
-            size = size if reader.has("size") else Size3(found.width, found.height, FLOOR_HEIGHT)
+            size = size if reader.has("size") else Size3(*found.size, FLOOR_HEIGHT)
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
@@ -330,11 +324,6 @@ def _cells(path: Path, reading: str) -> Grid:
         return occupied
     box = occupied_box(occupied) or (0, 0, 0, 0)
     return occupied[box[0] : box[1], box[2] : box[3]].copy()
-
-
-def _read_blocks(entity: Entity, settings: Settings) -> list[Block]:
-    blocks = (_read_block(child, settings) for child in entity.children if child.type == "block")
-    return [block for block in blocks if block is not None]
 
 
 def _read_block(entity: Entity, settings: Settings) -> Block | None:

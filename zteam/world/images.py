@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.errors import WorldError
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2
 from zteam.world.properties import MAX_LENGTH
 
 if TYPE_CHECKING:
@@ -105,7 +105,6 @@ def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
     return sorted(done)
 
 
-SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 65_536
 MAX_RESOLUTION = 100.0
 Mode = Literal["trinary", "scale", "raw"]
@@ -136,24 +135,20 @@ class FloorMap(NamedTuple):
     """Of the lower left corner of cell [0, 0]."""
 
     @property
-    def width(self) -> float:
-        """Metres along the columns."""
-        return float(self.occupied.shape[1] * self.resolution)
-
-    @property
-    def height(self) -> float:
-        """Metres along the rows."""
-        return float(self.occupied.shape[0] * self.resolution)
+    def size(self) -> Point2:
+        """Metres along the columns, and along the rows."""
+        rows, columns = self.occupied.shape
+        return columns * self.resolution, rows * self.resolution
 
     @property
     def map_from_middle(self) -> Pose2:
         """Pose of the middle of the map, which is a model's origin."""
-        return self.map_from_corner.compose(Pose2(self.width / 2, self.height / 2, 0.0))
+        return self.map_from_corner.compose(Pose2(self.size[0] / 2, self.size[1] / 2, 0.0))
 
 
 def is_floor_map(path: Path) -> bool:
     """Whether a file's name says that it is such a YAML."""
-    return path.suffix.lower() in SUFFIXES
+    return path.suffix.lower() in (".yaml", ".yml")
 
 
 def read_floor_map(path: Path) -> FloorMap:
@@ -170,7 +165,7 @@ def read_floor_map(path: Path) -> FloorMap:
         dark = levels if file.negate else 255.0 - levels
         occupied = dark > 255.0 * file.occupied_thresh
     found = FloorMap(occupied, file.resolution, file.origin)
-    if max(found.width, found.height) > MAX_LENGTH:
+    if max(found.size) > MAX_LENGTH:
         raise WorldError(f"{path}: resolution: {file.resolution:g} m makes a map larger than {MAX_LENGTH:g} m")
     return found
 

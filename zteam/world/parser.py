@@ -85,15 +85,12 @@ class Document(msgspec.Struct):
 
 def parse_world(path: Path, remarks: Remarks) -> Document:
     """Read a world file and its includes; raises WorldError."""
-    return _parse(read_world_tokens(read_text(path), str(path), path.parent, remarks, path), str(path), remarks)
+    return parse_text(read_text(path), remarks, str(path), path)
 
 
-def parse_text(text: str, remarks: Remarks, file: str) -> Document:
-    """Parse the text of a world; its includes are relative to the working directory."""
-    return _parse(read_world_tokens(text, file, Path(), remarks), file, remarks)
-
-
-def _parse(tokens: list[Token], file: str, remarks: Remarks) -> Document:
+def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None) -> Document:
+    """Parse the text of a world, of the file at `path`, or with includes relative to the working directory."""
+    tokens = read_world_tokens(text, file, remarks, path)
     macros: dict[str, Macro] = {}
     return Document(_Parser(tokens, macros, remarks).parse(file), macros, tokens)
 

@@ -60,12 +60,14 @@ def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
 
 def find_bounds(world: World) -> tuple[Floats, Floats] | None:
     """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
-    corners = [plan_corners(plan) for plan in world.floorplans]
-    fixed = [thing for thing in world.obstacles if thing.mass is None]
-    corners += [place_shape(thing.pose, shape) for thing in fixed for shape in thing.shapes]
-    if not corners:
-        return None
-    return np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)
+    corners = [*map(plan_corners, world.floorplans), *standing_polygons(world)]
+    return (np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)) if corners else None
+
+
+def standing_polygons(world: World) -> list[Floats]:
+    """The polygons (corners, 2), in `map`, of all models that nothing can push."""
+    fixed = (thing for thing in world.obstacles if thing.mass is None)
+    return [place_shape(thing.pose, shape) for thing in fixed for shape in thing.shapes]
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Floats:

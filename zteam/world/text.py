@@ -209,9 +209,9 @@ MAX_CHARACTERS = 32 * 2**20
 MAX_INCLUDE_DEPTH = 16
 
 
-def read_world_tokens(text: str, file: str, folder: Path, remarks: Remarks, path: Path | None = None) -> list[Token]:
+def read_world_tokens(text: str, file: str, remarks: Remarks, path: Path | None = None) -> list[Token]:
     """The tokens of `text`, EOF last; `path` is its file, if it has one. Raises WorldError."""
-    splicer = _Splicer(folder, remarks)
+    splicer = _Splicer(path.parent if path else Path(), remarks)
     splicer.read(text, file, path)
     return splicer.tokens
 
