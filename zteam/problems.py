@@ -35,12 +35,8 @@ class Problem(NamedTuple):
 
 def path_text(path: KeyPath) -> str:
     """`robots[1].speed`, with quotes around a key that needs them."""
-    parts = [f"[{part}]" if isinstance(part, int) else f".{_key_text(part)}" for part in path]
-    return "".join(parts).removeprefix(".")
-
-
-def _key_text(key: str) -> str:
-    return key if _BARE.fullmatch(key) else json.dumps(key)
+    words = [part if isinstance(part, int) or _BARE.fullmatch(part) else json.dumps(part) for part in path]
+    return "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words).removeprefix(".")
 
 
 def problems_of(

@@ -80,26 +80,21 @@ class _Scan:
                 self._pair(table)
 
     def _header(self) -> KeyPath:
-        start, is_array = self._at, self._text.startswith("[[", self._at)
-        brackets = 2 if is_array else 1
+        start, brackets = self._at, 2 if self._text.startswith("[[", self._at) else 1
         self._at += brackets
-        *above, last = self._key()
+        keys = self._key()
         self._expect("]" * brackets)
         path: KeyPath = ()
-        for part in above:
-            path = self._newest((*path, part))
+        for count, part in enumerate(keys, 1):
+            path = (*path, part)
+            if brackets == 2 and count == len(keys):
+                self._counts[path] = self._counts.get(path, 0) + 1
+                self._note(path, start)
+            if path in self._counts:
+                # The last table of an array of tables.
+                path = (*path, self._counts[path] - 1)
             self._note(path, start)
-        path = (*path, last)
-        if is_array:
-            self._counts[path] = self._counts.get(path, 0) + 1
-            self._note(path, start)
-        path = self._newest(path)
-        self._note(path, start)
         return path
-
-    def _newest(self, path: KeyPath) -> KeyPath:
-        """The path of the last table of an array of tables; any other path unchanged."""
-        return (*path, self._counts[path] - 1) if path in self._counts else path
 
     def _pair(self, table: KeyPath) -> None:
         start = self._at

@@ -197,15 +197,11 @@ class DynamicBodies:
         targets = np.where(in_wall[:, None], 0.0, way / seconds).tolist()
         dt = seconds / steps
         self._held[:] = False
-        for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
-            _set_angular_velocity(body, w)
-            if touching:
-                _drive(body, vx, vy, dt)
-            else:
-                _set_velocity(body, (vx, vy))
         for step in range(1, steps + 1):
-            if self._pushed:
-                self._push(targets, dt, step > 1)
+            if self._pushed or step == 1:
+                self._drive(targets, dt, step == 1)
+            for body in self._pushed:
+                _slide(body, dt)
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
@@ -217,14 +213,18 @@ class DynamicBodies:
         stopped = np.array(self._touching, bool) | barred
         self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
-    def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
-        """Robots press on throughout a tick, and what they push slides to rest."""
-        if again:
-            for body, touching, (vx, vy, _) in zip(self._robots, self._touching, targets, strict=True):
-                if touching:
-                    _drive(body, vx, vy, dt)
-        for body in self._pushed:
-            _slide(body, dt)
+    def _drive(self, targets: Sequence[Sequence[float]], dt: float, is_first: bool) -> None:
+        """Velocities are set once a tick; robots that touch something press on throughout it."""
+        for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
+            if is_first:
+                _set_angular_velocity(body, w)
+            if touching:
+                # The velocity by the end of the next step, unless a contact objects.
+                x, y = _get_velocity(body)
+                push = body.mass / dt
+                _set_force(body, (push * (vx - x), push * (vy - y)))
+            elif is_first:
+                _set_velocity(body, (vx, vy))
 
     def _hold(self, leaps: bool) -> None:
         """Take over the bodies' new poses (in a new array), within the limits of the cores.
@@ -274,13 +274,6 @@ class DynamicBodies:
             body.velocity, body.angular_velocity = other.velocity, other.angular_velocity
             if here < len(self._robots):
                 self.stalled[here], self._touching[here] = old.stalled[there], old._touching[there]
-
-
-def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
-    """The force that gives a body a velocity by the end of the next step, unless a contact objects."""
-    x, y = _get_velocity(body)
-    push = body.mass / dt
-    _set_force(body, (push * (vx - x), push * (vy - y)))
 
 
 def _moment(obstacle: Obstacle) -> float:
