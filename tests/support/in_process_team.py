@@ -18,13 +18,13 @@ from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
 from zteam.nodes.robot.node import RobotNode
-from zteam.nodes.simulator.node import Simulator
+from zteam.nodes.simulator.node import open_simulation, run_ticks
 from zteam.nodes.transforms.node import Aggregator
 from zteam.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import FinishReply, FinishRequest, SimReport, SimStatus, StepRequest
+from zteam.services.simulator import FinishReply, SimReport, SimStatus, StepRequest, WaitRequest
 from zteam.world import Robot, World, add_robot, load_world
 
 NAMES = ("tf", "robot_0", "robot_1", "robot_2")
@@ -82,14 +82,13 @@ class InProcessTeam:
         world, self.robots = load_scene()
         self.world = world
         self._simulator_node = ProcessNode(names.SIMULATOR, self._open_bus(self.hub, names.SIMULATOR), Stop())
-        self._simulator = Simulator(self._simulator_node, world, self.robots, self._sim_options())
-        self._simulator.publish_statics()
+        simulation = open_simulation(self._simulator_node, world, self.robots, self._sim_options())
         self._simulator_node.become_present()
         self._to_come = [*options.order]
         self.bus.subscribe(names.TICK, Tick, self._on_tick)
         if not options.staggered:
             self.bring(self._to_come)
-        self._thread = threading.Thread(target=self._simulator.run)
+        self._thread = threading.Thread(target=run_ticks, args=(simulation,))
 
     def _sim_options(self) -> SimOptions:
         options = self.options
@@ -161,7 +160,7 @@ class InProcessTeam:
 
     def finish(self, limit: float = ASKED) -> SimReport:
         """Wait for the end of `run_for`; the report."""
-        finished = self.ask("finish", FinishReply, FinishRequest(limit)).finished
+        finished = self.ask("finish", FinishReply, WaitRequest(limit)).finished
         assert finished, (self.ask("status").waiting_for, self.texts)
         return self.report()
 

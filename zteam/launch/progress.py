@@ -12,7 +12,7 @@ from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, pause, to_seconds
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
-from zteam.services.simulator import FinishReply, FinishRequest, SimStatus, find_status
+from zteam.services.simulator import FinishReply, SimStatus, WaitRequest, find_status
 
 log = logging.getLogger("zteam")
 
@@ -50,7 +50,7 @@ class Progress:
                 self._changed.notify_all()
 
     def _watch_end(self) -> None:
-        key, request = names.service_key(names.SIMULATOR, "finish"), FinishRequest(timeout=_FINISH_WAIT)
+        key, request = names.service_key(names.SIMULATOR, "finish"), WaitRequest(timeout=_FINISH_WAIT)
         while not self._closed:
             try:
                 answers = self._bus.query(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)

@@ -100,14 +100,15 @@ class MoveRequest(Change):
     """As in `sim/spawn`."""
 
 
-class FinishRequest(msgspec.Struct):
-    """`sim/finish`: wait until the time of `--for` is over, `timeout` host seconds at most."""
+class WaitRequest(msgspec.Struct):
+    """`sim/finish`, `sim/stand`: wait until the time of `--for` is over, or until the world stands still."""
 
     timeout: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_WAIT)] = 0.0
+    """Host seconds at most."""
 
 
 class FinishReply(msgspec.Struct):
-    """Whether it is."""
+    """Whether the time of `--for` is over."""
 
     finished: bool
 
@@ -236,14 +237,8 @@ class ScansReply(msgspec.Struct):
     scans: list[SensedScan]
 
 
-class StandRequest(msgspec.Struct):
-    """`sim/stand`: wait until the world stands still, `timeout` host seconds at most."""
-
-    timeout: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_WAIT)] = 0.0
-
-
 class StandReply(msgspec.Struct):
-    """Whether it does: the tick at hand is over, and no further one is due."""
+    """Whether the world stands still: the tick at hand is over, and no further one is due."""
 
     stands: bool
     status: SimStatus
@@ -377,7 +372,7 @@ class SimulatorClient:
 
     def stand(self, timeout: float) -> StandReply:
         """Whether the world stands still, at the latest after `timeout` host seconds (60 at most)."""
-        return self._ask("stand", StandReply, StandRequest(timeout), timeout=timeout + ANSWER_LIMIT)
+        return self._ask("stand", StandReply, WaitRequest(timeout), timeout=timeout + ANSWER_LIMIT)
 
     def step(
         self,
@@ -392,19 +387,10 @@ class SimulatorClient:
         `on_progress(status)` is called about once a second. Raises BusError when one tick takes more than
         `patience` host seconds, with what holds it.
         """
-        on_progress(self.begin_steps(ticks))
-        return self._wait_until_standing(patience, on_progress)
-
-    def begin_steps(self, ticks: int) -> SimStatus:
-        """As `step`, but do not wait for the ticks."""
-        if not 1 <= ticks <= MAX_TICKS:
-            raise UsageError(f"step {ticks}: give a number of ticks from 1 on")
-        return self._ask("step", SimStatus, StepRequest(ticks, wait=False))
-
-    def _wait_until_standing(self, patience: float | None, on_progress: Callable[[SimStatus], None]) -> SimStatus:
         look = LOOK if patience is None else min(LOOK, patience)
-        tick, since = -1, monotonic()
+        status, tick, since = self.begin_steps(ticks), -1, monotonic()
         while True:
+            on_progress(status)
             reply = self.stand(look)
             status = reply.status
             if reply.stands or not status.paused:
@@ -414,7 +400,12 @@ class SimulatorClient:
             elif patience is not None and monotonic() - since >= patience:
                 holder = f": waiting for {status.waiting_for}" if status.waiting_for else ""
                 raise BusError(f"tick {tick} takes more than {patience:g} s{holder} (see 'zteam sim status')")
-            on_progress(status)
+
+    def begin_steps(self, ticks: int) -> SimStatus:
+        """As `step`, but do not wait for the ticks."""
+        if not 1 <= ticks <= MAX_TICKS:
+            raise UsageError(f"step {ticks}: give a number of ticks from 1 on")
+        return self._ask("step", SimStatus, StepRequest(ticks, wait=False))
 
     def reset(self) -> SimStatus:
         """Everything as at the start, time too; a world that was paused stands at its first tick."""

@@ -16,7 +16,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.errors import ZteamError
 from zteam.launch.progress import Progress
 from zteam.messages import TeamState, TeamStatus
-from zteam.services.simulator import FinishReply, FinishRequest, SimStatus
+from zteam.services.simulator import FinishReply, SimStatus, WaitRequest
 
 
 def make_progress(hub: MemoryHub, has_end: bool, since_start: Callable[[], float] = lambda: 0.0) -> Progress:
@@ -46,12 +46,12 @@ def test_the_simulator_decides_the_end(hub: MemoryHub) -> None:
     """The run is over when the simulator answers that it is finished, and not before."""
     asked, over = threading.Semaphore(0), threading.Event()
 
-    def finish(request: FinishRequest) -> FinishReply:
+    def finish(request: WaitRequest) -> FinishReply:
         asked.release()
         over.wait(min(request.timeout, 0.01))
         return FinishReply(over.is_set())
 
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
+    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), WaitRequest, finish)
     changed, moments = threading.Condition(), itertools.count(1.0)
     progress = Progress(hub.bus(), True, changed, lambda: next(moments))
     ScriptedMonitor(hub).give_go()
@@ -105,11 +105,11 @@ def test_without_a_limit_the_simulator_is_not_asked(hub: MemoryHub) -> None:
     """A run without a time limit sends no request for its end."""
     asked = threading.Event()
 
-    def finish(_: FinishRequest) -> FinishReply:
+    def finish(_: WaitRequest) -> FinishReply:
         asked.set()
         return FinishReply(True)
 
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
+    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), WaitRequest, finish)
     progress = make_progress(hub, False)
     ScriptedMonitor(hub).give_go()
     assert progress.wall is None

@@ -2,7 +2,7 @@
 
 A tick: commands in, bodies move, transforms and odometry out, lasers are cast, scans out (`Simulation.tick`), and then
 everything else (`Simulation.send_rest`). In lock-step the next tick begins when every participant has answered and it
-is due; in real time when it is due (`Simulator.run`).
+is due; in real time when it is due (`run_ticks`).
 """
 
 import logging
@@ -61,6 +61,8 @@ class Simulation:
         """Whether no tick was sent yet since the start or the last reset."""
         self._go: int | None = None
         """Simulated time (ns) from which GO holds; None before GO."""
+        if options.lockstep is None:
+            node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def tick(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these commands; what the robots' next commands depend on is sent."""
@@ -127,6 +129,10 @@ class Simulation:
         self.outputs.put_commands(answers)
         return commands | answers
 
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        if status.state == TeamState.GO:
+            self.take_go(ns_from_time(status.go_stamp))
+
     def take_go(self, stamp: int) -> None:
         """GO holds from simulated time `stamp` (ns) on, but not from later than now. Only the first GO counts."""
         if self._go is None:
@@ -138,29 +144,25 @@ class Simulation:
         """Whether a tick was counted since the start or the last reset."""
         return self.statistics.go_stamp is not None
 
-    def count(self) -> bool:
-        """Count the engine's tick if GO was given; whether the time of the run is over with it."""
+    def count(self) -> None:
+        """Count the engine's tick if GO was given; finish the run if its time is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
         if self.lockstep is not None and self.lockstep.tick.message.epoch > 0:
             self.take_go(engine.now)
-        is_last = until is not None and engine.tick + 1 >= until
-        if self._go is None:
-            return is_last
-        ids, poses, stalled = engine.standing()
-        if not self.is_counting:
-            self.statistics.start(self._go, engine.tick, ids, poses)
-            self.profile.start()
-            self.pacer.start_anew()
-        self.statistics.add_tick(ids, poses, stalled, self.outputs.scan_counts)
-        return is_last or (run_for is not None and engine.now - self._go >= run_for * NS_PER_S)
-
-    def end_text(self) -> str:
-        """Why the world stands still after a run that is over, and what it was."""
-        until, run_for = self._options.until, counted(self._options.run_for or 0.0, "simulated second")
-        at_tick = until is not None and self.engine.tick + 1 >= until
-        trajectory = "" if self.lockstep is None else f"; trajectory {self.statistics.trajectory_sha256}"
-        end = f"before tick {self.engine.tick + 1}" if at_tick else f"{run_for} after GO"
-        return f"{end}: the world stands still{trajectory}"
+        end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
+        if self._go is not None:
+            ids, poses, stalled = engine.standing()
+            if not self.is_counting:
+                self.statistics.start(self._go, engine.tick, ids, poses)
+                self.profile.start()
+                self.pacer.start_anew()
+            self.statistics.add_tick(ids, poses, stalled, self.outputs.scan_counts)
+            if not end and run_for is not None and engine.now - self._go >= run_for * NS_PER_S:
+                end = f"{counted(run_for, 'simulated second')} after GO"
+        if end and not self.boundary.finished:
+            self.boundary.finish()
+            trajectory = "" if self.lockstep is None else f"; trajectory {self.statistics.trajectory_sha256}"
+            log.info("%s: the world stands still%s", end, trajectory)
 
     def scans(self, robot_ids: Iterable[int]) -> ScansReply:
         """What the lasers of these robots saw in the last tick."""
@@ -282,65 +284,48 @@ def _pose(request: SpawnRequest | MoveRequest) -> Pose2:
     return Pose2(request.x, request.y, request.yaw)
 
 
-class Simulator:
-    """A simulation, its queries and the main loop, `run`, that drives it."""
-
-    def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
-        self._node, self._options = node, options
-        self._simulation = Simulation(node, world, robots, options)
-        self._behind = Every(5.0)
-        if options.lockstep is None:
-            node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        serve_shapes(node.bus, world, self._simulation.engine)
-        Queries(node.bus, self._simulation)
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        if status.state == TeamState.GO:
-            self._simulation.take_go(ns_from_time(status.go_stamp))
-
-    def publish_statics(self) -> None:
-        """Send the latched messages: every robot's fixed frames, and the map."""
-        self._simulation.outputs.match_robots()
-        if self._options.has_map:
-            self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
-            self._map.put(map_message(self._simulation.world, self._options.map_resolution))
-
-    def run(self) -> None:
-        """Tick until the process is asked to stop."""
-        simulation, profile, pacer = self._simulation, self._simulation.profile, self._simulation.pacer
-        commands: dict[int, Twist] = {}
-        while True:
-            simulation.tick(commands)
-            # Before the clock: a process that hears the last tick's clock may ask for the report at once.
-            self._count()
-            simulation.send_rest()
-            if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat_for):
-                return
-            profile.end(WAIT)
-            if not simulation.is_counting:
-                # GO may have come while the first tick was held.
-                self._count()
-            if not self._simulation.boundary.wait_for_tick():
-                return
-            profile.end(IDLE)
-            commands = simulation.take_commands()
-            profile.end_tick()
-            if pacer.behind and self._behind.due():
-                log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())
-
-    def _count(self) -> None:
-        if self._simulation.count() and not self._simulation.boundary.finished:
-            self._simulation.boundary.finish()
-            log.info("%s", self._simulation.end_text())
-
-
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
     """Run the simulator until it is asked to stop. Raises UsageError if `options.follows` names an unknown robot."""
     for robot_id in (*options.follows.keys(), *options.follows.values()):
         if robot_id not in robots:
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
-    simulator = Simulator(node, world, robots, options)
-    simulator.publish_statics()
+    simulation = open_simulation(node, world, robots, options)
     node.become_present()
     log.info("%s: %s, a tick every %g ms", world.name, counted(len(robots), "robot"), world.interval / 1e6)
-    simulator.run()
+    run_ticks(simulation)
+
+
+def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> Simulation:
+    """A simulation with its queries and its latched messages: every robot's fixed frames, and the map."""
+    simulation = Simulation(node, world, robots, options)
+    serve_shapes(node.bus, world, simulation.engine)
+    Queries(node.bus, simulation)
+    simulation.outputs.match_robots()
+    if options.has_map:
+        grid = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
+        grid.put(map_message(world, options.map_resolution))
+    return simulation
+
+
+def run_ticks(simulation: Simulation) -> None:
+    """Tick until the process is asked to stop."""
+    profile, pacer, behind = simulation.profile, simulation.pacer, Every(5.0)
+    commands: dict[int, Twist] = {}
+    while True:
+        simulation.tick(commands)
+        # Before the clock: a process that hears the last tick's clock may ask for the report at once.
+        simulation.count()
+        simulation.send_rest()
+        if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat_for):
+            return
+        profile.end(WAIT)
+        if not simulation.is_counting:
+            # GO may have come while the first tick was held.
+            simulation.count()
+        if not simulation.boundary.wait_for_tick():
+            return
+        profile.end(IDLE)
+        commands = simulation.take_commands()
+        profile.end_tick()
+        if pacer.behind and behind.due():
+            log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())

@@ -10,7 +10,6 @@ from zteam.errors import BusError
 from zteam.services.simulator import (
     BOUNDARY_LIMIT,
     FinishReply,
-    FinishRequest,
     MoveRequest,
     ObstacleShape,
     ObstaclesReply,
@@ -23,8 +22,8 @@ from zteam.services.simulator import (
     SpawnRequest,
     SpeedRequest,
     StandReply,
-    StandRequest,
     StepRequest,
+    WaitRequest,
 )
 from zteam.sim import Engine
 from zteam.world import Obstacle, Robot, Shape, World
@@ -50,9 +49,9 @@ class Queries:
         self._serve("resume", Change, lambda _: self._set_pace(pacer.resume))
         self._serve("speed", SpeedRequest, lambda request: self._set_pace(lambda: pacer.set_speed(request.speed)))
         self._serve("step", StepRequest, self._step)
-        self._serve("stand", StandRequest, lambda request: Deferred(lambda: self._stand(request.timeout)))
+        self._serve("stand", WaitRequest, lambda request: Deferred(lambda: self._stand(request.timeout)))
         self._serve(
-            "finish", FinishRequest,
+            "finish", WaitRequest,
             lambda request: Deferred(lambda: FinishReply(boundary.wait_until_finished(request.timeout))),
         )  # fmt: skip
         self._serve_change("repeat", Change, lambda _: self._status_after(simulation.repeat))

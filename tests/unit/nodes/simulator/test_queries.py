@@ -18,7 +18,6 @@ from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.queries import serve_shapes
 from zteam.services.simulator import (
     FinishReply,
-    FinishRequest,
     MoveRequest,
     ObstaclesReply,
     RemoveRequest,
@@ -29,8 +28,8 @@ from zteam.services.simulator import (
     SpawnRequest,
     SpeedRequest,
     StandReply,
-    StandRequest,
     StepRequest,
+    WaitRequest,
 )
 from zteam.sim import Engine
 
@@ -123,7 +122,7 @@ def test_the_next_tick_may_be_due_in_centuries(make: Make) -> None:
     """No wait overflows, and another speed ends it."""
     harness = make(speed=1e-300, paused=False)
     harness.wait_for_tick(1)
-    assert not harness.ask("stand", StandReply, StandRequest(0.1)).stands
+    assert not harness.ask("stand", StandReply, WaitRequest(0.1)).stands
     harness.ask("speed", SimStatus, SpeedRequest(1000.0))
     harness.wait_for_tick(5)
 
@@ -229,8 +228,8 @@ def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyP
 def test_finish_waits_for_the_end_of_the_run(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     """It answers False after its time-out, and True as soon as the run is over."""
     harness = make()
-    assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
-    assert harness.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
+    assert harness.ask("finish", FinishReply, WaitRequest(0.0)) == FinishReply(False)
+    assert harness.ask("finish", FinishReply, WaitRequest(0.05)) == FinishReply(False)
     harness.last = 10
     waits, wait = threading.Event(), harness.boundary.wait_until_finished
 
@@ -239,14 +238,14 @@ def test_finish_waits_for_the_end_of_the_run(make: Make, monkeypatch: pytest.Mon
         return wait(timeout)
 
     monkeypatch.setattr(harness.boundary, "wait_until_finished", note)
-    waiting = harness.ask_aside("finish", FinishReply, FinishRequest(ASKED))
+    waiting = harness.ask_aside("finish", FinishReply, WaitRequest(ASKED))
     assert waits.wait(LIMIT)
     assert harness.ask("step", SimStatus, StepRequest(8)).tick == 9
     assert waiting == []
     harness.ask("step", SimStatus, StepRequest(1))
     harness.join()
     assert waiting == [FinishReply(True)]
-    assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(True)
+    assert harness.ask("finish", FinishReply, WaitRequest(0.0)) == FinishReply(True)
 
 
 def test_a_finished_world_stands_still(make: Make) -> None:
@@ -278,10 +277,10 @@ def test_a_reset_lets_a_finished_world_run_again(make: Make) -> None:
     harness = make()
     harness.last = 10
     harness.ask("resume")
-    assert harness.ask("finish", FinishReply, FinishRequest(ASKED)).finished
+    assert harness.ask("finish", FinishReply, WaitRequest(ASKED)).finished
     harness.last = 15
     harness.ask("reset")
-    assert harness.ask("finish", FinishReply, FinishRequest(ASKED)).finished
+    assert harness.ask("finish", FinishReply, WaitRequest(ASKED)).finished
     assert harness.ask("status").tick == 15
     assert harness.world.made == [("reset", 10)]
 
