@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -15,7 +15,7 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.messages.topics import type_of_key
-from zteam.nodes.web.received import Sampled
+from zteam.nodes.web.received import Received
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
@@ -90,8 +90,8 @@ PATIENCE = 1.0
 class Queries:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
-    def __init__(self, node: ProcessNode, on_news: Callable[[], None]) -> None:
-        self._node, self._bus, self._on_news = node, node.bus, on_news
+    def __init__(self, node: ProcessNode, received: Received, on_news: Callable[[], None]) -> None:
+        self._node, self._bus, self._received, self._on_news = node, node.bus, received, on_news
         self._tokens = TokenSet()
         self._watch: list[Closeable] = []
         self.link_up = True
@@ -108,7 +108,6 @@ class Queries:
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
         self.kept_log: list[LogLine] = []
         """What the processes kept of their logs when a page began to show them."""
-        self.on_transforms: Callable[[TFMessage], None] = lambda message: None
         self._has_log = False
         self._opened = 0
         node.bus.watch_link(self._on_link)
@@ -174,16 +173,17 @@ class Queries:
         if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
             self.obstacles = self._first("obstacles", ObstaclesReply)
 
-    def sample(self, sampled: Sampled) -> Iterator[tuple[str, bytes]]:
-        """Key and content of the newest messages; the caller waits for the answers."""
-        if sampled.scans_of:
-            request = ScansRequest(sorted(sampled.scans_of))
+    def sample(self, scans_of: Collection[int], *, transforms: bool) -> None:
+        """Take the newest scans of these robots, and the newest transforms; the caller waits for the answers."""
+        if scans_of:
+            request = ScansRequest(sorted(scans_of))
             for _, reply in self._ask(names.service_key(names.SIMULATOR, "scans"), ScansReply, request):
-                yield from ((scan.key, scan.content) for scan in reply.scans)
+                for scan in reply.scans:
+                    self._received.take(scan.key, scan.content)
         # After the scans, so that it is known where their robots were.
-        if sampled.transforms:
+        if transforms:
             for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
-                yield names.TF, bundle.content
+                self._received.take(names.TF, bundle.content)
 
     def _ask_for_repeat(self, opened: int) -> None:
         """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
@@ -202,8 +202,8 @@ class Queries:
             log.debug("%s", error)
             return
         known = [transform for transform in found if isinstance(transform, TransformStamped)]
-        if known:
-            self.on_transforms(TFMessage(known))
+        if known and self._received.get(names.TF) is None:
+            self._received.take(names.TF, TFMessage(known))
 
     def _ask_counts(self) -> None:
         answers = self._ask(names.stats_key("*"), dict[str, KeyCount])

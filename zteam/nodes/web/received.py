@@ -198,7 +198,8 @@ MAX_KEYS = 1024
 class Drawables:
     """The keys that other processes publish, and their types as far as known."""
 
-    def __init__(self) -> None:
+    def __init__(self, received: Received) -> None:
+        self._received = received
         self._kinds: dict[str, type[Message] | None] = {}
         """None: not known yet, a first message will tell. `Message`: nothing that is drawn."""
 
@@ -209,16 +210,10 @@ class Drawables:
         kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
         for key in sorted(keys - kinds.keys())[: MAX_KEYS - len(kinds)]:
             kinds[key] = Message if key.startswith("@") else type_of_key(key)
+        for key in [key for key, kind in kinds.items() if kind is None]:
+            if (arrival := self._received.get(key)) is not None:
+                kinds[key] = type_of_encoding(arrival.encoding) or Message
         self._kinds = kinds
-
-    def unknown(self) -> list[str]:
-        """The keys of unknown type."""
-        return [key for key, kind in self._kinds.items() if kind is None]
-
-    def learn(self, key: str, encoding: str) -> None:
-        """A message of a key came, in this encoding."""
-        if self._kinds.get(key, Message) is None:
-            self._kinds = {**self._kinds, key: type_of_encoding(encoding) or Message}
 
     def keys(self, layer: str) -> list[str]:
         """The keys that a layer shows."""
@@ -296,15 +291,6 @@ MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
 
 
-class Sampled(NamedTuple):
-    """What is asked for now and then, and not subscribed to."""
-
-    scans_of: Collection[int] = ()
-    """Ids of robots."""
-    transforms: bool = False
-
-
-NOTHING = Sampled()
 TEAM = (
     Topic(names.TF_STATIC, None, latched=True),
     Topic(names.TEAM_STATUS, None, latched=True),
@@ -321,16 +307,18 @@ def topics_of(
     drawables: Drawables,
     *,
     aggregator: bool,
-    sampled: Sampled = NOTHING,
+    sampled: Collection[int] | None = None,
 ) -> set[Topic]:
-    """What these pages look at, without what is sampled; `aggregator`: whether there is one, else the robots' poses are
-    the simulator's."""
+    """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's.
+
+    The scans of the robots `sampled` and the transforms are asked for now and then, unless it is None.
+    """
     if not viewers:
         return set()
     wanted = {*TEAM}
     if not aggregator:
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
-    elif not sampled.transforms:
+    elif sampled is None:
         wanted.add(Topic(names.TF, TFMessage))
     for viewer in viewers:
         layers = set(viewer.look.layers)
@@ -346,7 +334,7 @@ def topics_of(
             wanted |= {
                 Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan)
                 for i in robots
-                if i not in sampled.scans_of
+                if i not in (sampled or ())
             }
         if "sonars" in layers:
             wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}

@@ -10,11 +10,9 @@ from zteam.messages.tf_stamps import bases_stamp
 from zteam.nodes.web.queries import ASK_PERIOD, Queries
 from zteam.nodes.web.received import (
     FAST_PERIOD,
-    NOTHING,
     PERIOD,
     Drawables,
     Received,
-    Sampled,
     Subscriptions,
     Viewer,
     scanned_robots,
@@ -133,10 +131,9 @@ class TeamView:
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
         self.received = Received(lambda: self.on_news())
-        self.drawables = Drawables()
+        self.drawables = Drawables(self.received)
         self.places = Places(self.received)
-        self.queries = Queries(node, lambda: self.on_news())
-        self.queries.on_transforms = self._take_transforms
+        self.queries = Queries(node, self.received, lambda: self.on_news())
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
         """The viewer that drives a robot."""
@@ -145,10 +142,6 @@ class TeamView:
         self._subscriptions = Subscriptions(node.bus, self.received)
         self._looks = 0
         self._asks = 0
-
-    def _take_transforms(self, message: TFMessage) -> None:
-        if self.received.get(names.TF) is None:
-            self.received.take(names.TF, message)
 
     @property
     def period(self) -> float:
@@ -200,33 +193,25 @@ class TeamView:
     def _match(self) -> None:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
-        self._learn()
-        aggregator = self.queries.alive(names.AGGREGATOR)
-        sampled = self._choose_sampled(aggregator=aggregator)
+        self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
+        aggregator, sampled = self.queries.alive(names.AGGREGATOR), self._choose_sampled()
         wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator, sampled=sampled)
         self._subscriptions.match(wanted)
-        for key, content in self.queries.sample(sampled):
-            self.received.take(key, content)
+        if sampled is not None:
+            self.queries.sample(sampled, transforms=aggregator)
         if not viewers:
             self.received.clear()
             self.places, self.poses = Places(self.received), {}
-        period = LOOK if sampled is NOTHING else FAST_PERIOD
+        period = LOOK if sampled is None else FAST_PERIOD
         self.node.wait(lambda: self._looks != looks, period if viewers else REST)
 
-    def _choose_sampled(self, *, aggregator: bool) -> Sampled:
-        """Where time runs fast a page sees one message of many, and each that comes slows the run."""
+    def _choose_sampled(self) -> set[int] | None:
+        """Where time runs fast a page sees one message of many, and each that comes slows the run: the robots whose
+        scans are asked for instead, or None for no sampling."""
         sim, viewers = self.queries.sim, self.viewers.values()
         if sim is None or not viewers or not self._runs_fast:
-            return NOTHING
-        return Sampled(scanned_robots(viewers, self.poses) & set(sim.robots), aggregator)
-
-    def _learn(self) -> None:
-        """Find out which keys carry something to draw."""
-        self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
-        for key in self.drawables.unknown():
-            arrival = self.received.get(key)
-            if arrival is not None:
-                self.drawables.learn(key, arrival.encoding)
+            return None
+        return scanned_robots(viewers, self.poses) & set(sim.robots)
 
     def _ask(self) -> None:
         while not self.node.stopping:

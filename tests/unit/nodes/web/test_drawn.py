@@ -30,7 +30,7 @@ from zteam.messages.nav_msgs import MapMetaData
 from zteam.nodes.web.commands import make_tiles, room_in
 from zteam.nodes.web.documents import MarkerBoard, as_document, drawn_polygon, fiducials_of, sonar_of
 from zteam.nodes.web.queries import Counts, rates, topic_rows
-from zteam.nodes.web.received import Drawables, Topic
+from zteam.nodes.web.received import Drawables, Received, Topic
 
 ONE_LEFT = Pose2(0.0, 1.0, math.pi / 2)
 
@@ -150,12 +150,13 @@ def test_a_place_is_free_if_all_around_it_is() -> None:
 
 def test_types_are_learnt_from_the_first_message() -> None:
     """A key that carries nothing to draw is left alone from then on; a key of zteam's own is never tried."""
-    drawables = Drawables()
+    received = Received(lambda: None)
+    drawables = Drawables(received)
     keys = ["my/path", "my/twist", "my/marks", "robot_0/odom", "map", "a/*"]
     drawables.take_keys(keys)
-    assert drawables.unknown() == ["my/marks", "my/path", "my/twist"]
+    assert {topic.key for topic in drawables.topics(["plans"])} == {"my/marks", "my/path", "my/twist"}
     for key, kind in (("my/path", Path), ("my/twist", Twist), ("my/marks", MarkerArray)):
-        drawables.learn(key, encoding_of(kind))
+        received.take(key, b"", encoding_of(kind))
     drawables.take_keys(keys)
     assert drawables.topics(["plans"]) == {Topic("my/path", latched=True)}
     assert drawables.topics(["markers"]) == {Topic("my/marks", latched=True, every=True)}

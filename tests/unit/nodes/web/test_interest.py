@@ -1,10 +1,23 @@
 """What is subscribed to for what the pages look at."""
 
 from zteam.geometry import Pose2
-from zteam.nodes.web.received import MAX_SCANNED, Drawables, Sampled, Viewer, robots_in_sight, scanned_robots, topics_of
+from zteam.nodes.web.received import (
+    MAX_SCANNED,
+    Drawables,
+    Received,
+    Viewer,
+    robots_in_sight,
+    scanned_robots,
+    topics_of,
+)
 from zteam.nodes.web.requests import Look, Watch
 
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
+
+
+def make_drawables() -> Drawables:
+    """No key is known, and no message has come."""
+    return Drawables(Received(lambda: None))
 
 
 def viewer(look: Look) -> Viewer:
@@ -16,7 +29,7 @@ def viewer(look: Look) -> Viewer:
 
 def keys(*viewers: Viewer, aggregator: bool = True) -> set[str]:
     """What is subscribed to for these pages."""
-    return {topic.key for topic in topics_of(viewers, POSES, Drawables(), aggregator=aggregator)}
+    return {topic.key for topic in topics_of(viewers, POSES, make_drawables(), aggregator=aggregator)}
 
 
 def test_without_a_page_there_is_nothing() -> None:
@@ -53,7 +66,7 @@ def test_what_is_sampled_is_not_subscribed_to() -> None:
     """Scans of the sampled robots and the transforms; a robot without a simulator keeps its subscription."""
     look = viewer(Look(layers=["scans"]))
     assert scanned_robots([look, viewer(Look())], POSES) == {0, 1, 2}
-    sampled = topics_of([look], POSES, Drawables(), aggregator=True, sampled=Sampled({0, 1}, transforms=True))
+    sampled = topics_of([look], POSES, make_drawables(), aggregator=True, sampled={0, 1})
     assert {topic.key for topic in sampled} == keys(look) - {"tf", "robot_0/base_scan$*", "robot_1/base_scan$*"}
 
 
@@ -77,8 +90,8 @@ def test_of_a_crowd_only_the_nearest_are_scanned() -> None:
 
 def test_a_key_whose_type_is_known_is_drawn_before_a_message_comes() -> None:
     """What zteam's own navigation publishes belongs to its layer; other keys of zteam to none."""
-    drawables = Drawables()
+    drawables = make_drawables()
     drawables.take_keys(["robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map"])
     assert drawables.keys("plans") == ["robot_0/plan"]
     assert drawables.keys("costmaps") == ["robot_0/local_costmap/costmap"]
-    assert drawables.unknown() == ["own/path"]
+    assert [topic.key for topic in drawables.topics(["particles"])] == ["own/path"]
