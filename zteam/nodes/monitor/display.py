@@ -114,14 +114,11 @@ class Line(NamedTuple):
 
 def make_rows(team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, int], now: float) -> list[Row]:
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
-    rows = [_row(i, member, poses.get(i), now) for i, member in sorted(team.members.items())]
-    for row in rows:
-        row.restarts = restarts.get(row.robot, 0)
-    return rows
+    return [_row(names.robot_name(i), m, poses.get(i), restarts, now) for i, m in sorted(team.members.items())]
 
 
-def _row(robot_id: int, member: Member, pose: Pose2 | None, now: float) -> Row:
-    row = Row(names.robot_name(robot_id), _state(member), pose=pose)
+def _row(name: str, member: Member, pose: Pose2 | None, restarts: Mapping[str, int], now: float) -> Row:
+    row = Row(name, _state(member), pose=pose, restarts=restarts.get(name, 0))
     status = member.status
     if status is None:
         row.reason = member.why_not_ready
@@ -157,10 +154,11 @@ def _behavior(behavior: str, leader: int, driver: str) -> str:
 def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[Line]:
     """The table in lines of at most `width` characters; `notes` stand below it."""
     cells = [_HEAD, *(_cells(row) for row in rows)]
-    widths = [max(len(line[column]) for line in cells) for column in range(len(_HEAD))]
-    lines = [Line(_join(_HEAD, widths))]
-    for row, texts in zip(rows, cells[1:], strict=True):
-        text = _join(texts, widths)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    form = (" " * _GAP).join(f"{{:{'<' if column < _LEFT else '>'}{size}}}" for column, size in enumerate(widths))
+    head, *texts = (form.format(*line).rstrip() for line in cells)
+    lines = [Line(head)]
+    for row, text in zip(rows, texts, strict=True):
         if row.reason and len(text) + _GAP + len(row.reason) <= width:
             lines.append(Line(f"{text}{' ' * _GAP}{row.reason}", row.state))
             continue
@@ -174,14 +172,6 @@ def _cells(row: Row) -> tuple[str, ...]:
     behavior = row.behavior if len(row.behavior) <= _BEHAVIOR_WIDTH else row.behavior[: _BEHAVIOR_WIDTH - 1] + "…"
     speed = "-" if row.speed is None else f"{row.speed:.2f}"
     return row.robot, row.state, behavior or "-", *pose, speed, "-" if row.age is None else f"{row.age:.1f} s"
-
-
-def _join(cells: Sequence[str], widths: Sequence[int]) -> str:
-    aligned = [
-        cell.ljust(size) if column < _LEFT else cell.rjust(size)
-        for column, (cell, size) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return (" " * _GAP).join(aligned).rstrip()
 
 
 def _wrap(text: str, width: int, indent: str) -> list[str]:
@@ -279,11 +269,10 @@ class Display:
         self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout
         self._nag = Every(5.0)
         self._nag.due()
-        self._poses: Poses | None = None
         self._table = Every(_LIVE_PERIOD if output.is_live else options.table or 0.0)
-        self._table_from = monotonic() + _STATUSES
-        if options.table is not None or output.is_live:
-            self._poses = Poses(node, self._robots)
+        self._table_from = monotonic() + (0.0 if output.is_live else _STATUSES)
+        self._poses = Poses(node, self._robots) if output.is_live or options.table is not None else None
+        """None if no table is shown."""
 
     def _robots(self) -> list[int]:
         with self._node.changed:
@@ -315,11 +304,6 @@ class Display:
         # Without the lock: a terminal can be slow, and what is logged under it may wait for the terminal.
         self._output.print_table(rows, notes)
 
-    def _is_table_due(self) -> bool:
-        if self._output.is_live:
-            return self._table.due()
-        return self._options.table is not None and monotonic() >= self._table_from and self._table.due()
-
     def _update(self) -> bool:
         """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
         with self._node.changed:
@@ -329,7 +313,7 @@ class Display:
         for event in events:
             _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", event.sentence)
             self._output.show(event)
-        if self._is_table_due():
+        if self._poses and monotonic() >= self._table_from and self._table.due():
             self._print_table()
         if not gone and monotonic() >= self._give_up_at:
             raise ZteamError(f"no GO within {self._options.go_timeout:g} s: waiting for {waiting_for}")

@@ -74,6 +74,12 @@ class Command(Request, frozen=True):
     seq: Seq
 
 
+class OfRobot(Command, frozen=True):
+    """Base of the commands for one robot."""
+
+    robot: RobotId
+
+
 class Goal(Command, tag="goal", frozen=True):
     """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
 
@@ -83,25 +89,20 @@ class Goal(Command, tag="goal", frozen=True):
     yaw: Place
 
 
-class InitialPose(Command, tag="initialpose", frozen=True):
+class InitialPose(OfRobot, tag="initialpose", frozen=True):
     """Tell a robot's localisation where it is."""
 
-    robot: RobotId
     x: Place
     y: Place
     yaw: Place
 
 
-class Take(Command, tag="take", frozen=True):
+class Take(OfRobot, tag="take", frozen=True):
     """Ask for the lease of a robot, to drive it."""
 
-    robot: RobotId
 
-
-class Release(Command, tag="release", frozen=True):
+class Release(OfRobot, tag="release", frozen=True):
     """Give the lease back: the robot stops."""
-
-    robot: RobotId
 
 
 class Drive(Request, tag="drive", frozen=True):
@@ -147,16 +148,13 @@ class Spawn(Command, tag="spawn", frozen=True):
     yaw: Place = 0.0
 
 
-class Remove(Command, tag="remove", frozen=True):
+class Remove(OfRobot, tag="remove", frozen=True):
     """`sim/remove`."""
 
-    robot: RobotId
 
-
-class Move(Command, tag="move", frozen=True):
+class Move(OfRobot, tag="move", frozen=True):
     """`sim/move`."""
 
-    robot: RobotId
     x: Place
     y: Place
     yaw: Place
