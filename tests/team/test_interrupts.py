@@ -81,7 +81,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "return", "zteam.bus.options.open_session", "topic list"),
         ("start", "call", "zteam.bus.zenoh_session.close", "topic list"),
         ("start", "return", "zteam.bus.zenoh_session.close", "topic list"),
-        ("start", "call", "zteam.cli.doctor._team", "doctor"),
+        ("start", "call", "zteam.cli.doctor.collect_facts", "doctor"),
         ("start", "call", "zteam.services.simulator._ask", "sim status"),
         ("start", "import", "zteam.world", "world check arena"),
         ("start", "import", "zteam.launch.run", "up"),

@@ -238,21 +238,16 @@ def _examine(args: argparse.Namespace) -> int:
     findings = [check_versions(), router]
     if router.good:
         with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
-            findings += _team(bus, options, args.map, map_file)
+            facts = collect_facts(bus, options)
+        findings += check_team(facts)
+        if map_file is not None:
+            findings.append(check_map_file(args.map, map_file, facts.sim))
     print(
         msgspec.json.encode(findings).decode()
         if args.json
         else format_findings(findings, has_color(sys.stdout), terminal_width())
     )
     return 0 if all(finding.good for finding in findings) else 1
-
-
-def _team(bus: Bus, options: BusOptions, map_name: str | None, map_file: MapInfo | None) -> list[Finding]:
-    facts = collect_facts(bus, options)
-    found = check_team(facts)
-    if map_name is not None and map_file is not None:
-        found.append(check_map_file(map_name, map_file, facts.sim))
-    return found
 
 
 def _read_map(path: Path) -> MapInfo:
@@ -276,7 +271,8 @@ def format_findings(findings: Sequence[Finding], color: bool = False, columns: i
         lines += told
         if finding.next_step:
             lines += _wrap(finding.next_step, indent + _NEXT, indent + " " * len(_NEXT), columns)
-    return "\n".join([*lines, _count(findings)])
+    problems = sum(not finding.good for finding in findings)
+    return "\n".join([*lines, counted(problems, "problem") if problems else "no problems"])
 
 
 def _wrap(text: str, first: str, rest: str, columns: int | None) -> list[str]:
@@ -285,11 +281,6 @@ def _wrap(text: str, first: str, rest: str, columns: int | None) -> list[str]:
     return textwrap.wrap(
         text, columns, initial_indent=first, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False
     )
-
-
-def _count(findings: Sequence[Finding]) -> str:
-    problems = sum(not finding.good for finding in findings)
-    return counted(problems, "problem") if problems else "no problems"
 
 
 main = partial(run_tool, build_parser, _examine)

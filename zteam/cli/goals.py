@@ -7,7 +7,6 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -20,11 +19,11 @@ from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_opt
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.errors import UsageError
+from zteam.nodes.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.robot_ids import parse_robot_ids
+from zteam.runtime.node import Node
+from zteam.runtime.process_node import run_node
 from zteam.services.navigation import goal_text
-
-if TYPE_CHECKING:
-    from zteam.nodes.goals import Dispatcher, Errand
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 
@@ -85,10 +84,6 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _send(args: argparse.Namespace) -> int:
-    from zteam.nodes.goals import Dispatcher, Rounds, read_goals
-    from zteam.runtime.node import Node
-    from zteam.runtime.process_node import run_node
-
     # A mistake in the file is told before anything is opened.
     goals = read_goals(Path(args.file), spread=bool(args.spread))
     rounds = Rounds(goals, args.spread, None if args.loop else args.rounds)
@@ -109,7 +104,7 @@ def _send(args: argparse.Namespace) -> int:
 
 
 @contextmanager
-def open_display(dispatcher: "Dispatcher", *, as_json: bool) -> Iterator[None]:
+def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
     """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
     closed, begin, told = threading.Event(), monotonic(), dict[int, str]()
     with ExitStack() as ends:
@@ -152,12 +147,12 @@ def open_display(dispatcher: "Dispatcher", *, as_json: bool) -> Iterator[None]:
         print(table(dispatcher), flush=True)
 
 
-def table(dispatcher: "Dispatcher") -> str:
+def table(dispatcher: Dispatcher) -> str:
     """One row a robot: what it does, and how many goals it has reached."""
     return format_table(_HEAD, [_row(errand) for errand in dispatcher.errands.values()])
 
 
-def _row(errand: "Errand") -> tuple[str, ...]:
+def _row(errand: Errand) -> tuple[str, ...]:
     sums = (str(errand.reached), str(errand.failed))
     watch = errand.watch
     if watch is None:

@@ -10,23 +10,23 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from zteam import names
+from zteam.bus import Bus, connect
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.listening import PATIENCE
+from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
-from zteam.clock import monotonic
+from zteam.cli.tool_clock import open_clock, still_text
+from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.errors import UsageError, ZteamError
+from zteam.messages import RobotDriver, Twist
 from zteam.nodes.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot_ids import parse_robot_ids
-
-if TYPE_CHECKING:
-    from zteam.bus import Bus
-    from zteam.clock import AutoClock
-    from zteam.messages import RobotStatus, Twist
-    from zteam.runtime.shutdown import Stop
-    from zteam.runtime.wheels import Wheels
+from zteam.runtime.shutdown import Stop, stopping_in_order
+from zteam.runtime.wheels import Wheels
 
 _KEYS_PERIOD = 0.05
 """Host seconds from one command to the next: the robot and the simulator stop when none comes for a while."""
@@ -74,11 +74,6 @@ def _script(text: str | None) -> list[str] | None:
 
 
 def _teleop(args: argparse.Namespace) -> int:
-    from zteam.bus import connect
-    from zteam.cli.listening import PATIENCE
-    from zteam.runtime.shutdown import Stop, stopping_in_order
-    from zteam.runtime.wheels import Wheels
-
     pilot, stop = Pilot(args.ids, args.speed, args.turn), Stop()
     with stopping_in_order(stop), ExitStack() as ends:
         try:
@@ -97,9 +92,7 @@ def _teleop(args: argparse.Namespace) -> int:
         return _drive_by_script(pilot, wheels, bus, args, stop)
 
 
-def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -> int:
-    from zteam.cli.live_line import LiveLine, has_live_line
-
+def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> int:
     print(HELP_TEXT, flush=True)
     with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
         shown = ""
@@ -121,15 +114,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -
     return 0
 
 
-def _drive_by_script(
-    pilot: Pilot,
-    wheels: Mapping[int, "Wheels"],
-    bus: "Bus",
-    args: argparse.Namespace,
-    stop: "Stop",
-) -> int:
-    from zteam.cli.tool_clock import open_clock
-
+def _drive_by_script(pilot: Pilot, wheels: Mapping[int, Wheels], bus: Bus, args: argparse.Namespace, stop: Stop) -> int:
     driven: set[int] = set()
 
     def note() -> None:
@@ -145,11 +130,8 @@ def _drive_by_script(
     return 0
 
 
-def _typed(script: Sequence[str], clock: "AutoClock", stop: "Stop") -> Iterator[tuple[list[str], float]]:
+def _typed(script: Sequence[str], clock: AutoClock, stop: Stop) -> Iterator[tuple[list[str], float]]:
     """The keys, each at its moment of `clock`; the last one counts until the moment after it."""
-    from zteam.cli.tool_clock import still_text
-    from zteam.clock import STILL, Every, Rate, to_ns, to_seconds
-
     stopped = threading.Event()
     stop.on_request(stopped.set)
     rate, nag = Rate(to_ns(PERIOD), clock.steady()), Every(math.inf)
@@ -168,7 +150,7 @@ def _typed(script: Sequence[str], clock: "AutoClock", stop: "Stop") -> Iterator[
         rate.take(clock.steady())
 
 
-def describe(pilot: Pilot, wheels: "Wheels") -> str:
+def describe(pilot: Pilot, wheels: Wheels) -> str:
     """The robot and the speeds of the keys, then what drives it, how fast, and what keeps it from driving."""
     keys = f"{names.robot_name(pilot.robot_id)}: keys {pilot.speed:.2f} m/s, {pilot.turn:.2f} rad/s"
     if wheels.unheard:
@@ -178,19 +160,14 @@ def describe(pilot: Pilot, wheels: "Wheels") -> str:
     status = wheels.status
     if status is None:
         return f"{keys} | no status yet"
-    wanted = f", wanted {_velocity(wheels.command)}" if _is_limited(status, wheels) else ""
+    driven, wanted = _velocity(wheels.driven), _velocity(wheels.command)
+    # The robot's safety layer may drive more slowly than the keys want.
+    limited = f", wanted {wanted}" if status.driver == RobotDriver.TELEOP and driven != wanted else ""
     why = f": {status.reason}" if status.reason else ""
-    return f"{keys} | {status.driver} drives {_velocity(wheels.driven)}{wanted}{why}"
+    return f"{keys} | {status.driver} drives {driven}{limited}{why}"
 
 
-def _is_limited(status: "RobotStatus", wheels: "Wheels") -> bool:
-    """Whether the robot's safety layer drives more slowly than the keys want."""
-    from zteam.messages import RobotDriver
-
-    return status.driver == RobotDriver.TELEOP and _velocity(wheels.driven) != _velocity(wheels.command)
-
-
-def _velocity(command: "Twist") -> str:
+def _velocity(command: Twist) -> str:
     return f"{command.linear.x:.2f} m/s, {command.angular.z:.2f} rad/s"
 
 

@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from zteam.base import LIMITS
 from zteam.cli.arguments import number, whole
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.messages import to_plain
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.numbers import counted
 from zteam.resources import find_world
+from zteam.world import Ranger, Robot, World, load_world
+from zteam.world.devices import KINDS
+from zteam.world.model import base_info
+from zteam.world.placing import find_misplaced
 
 if TYPE_CHECKING:
     from zteam.sim import RobotObservation
-    from zteam.world import Ranger, Robot, World
     from zteam.world.drawing import Fan
 
 
@@ -63,13 +68,11 @@ def build_parser() -> Parser:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from zteam.world import load_world
-
     world = load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps)
     return {"check": _check, "show": _show, "scan": _scan}[args.verb](args, world)
 
 
-def _check(args: argparse.Namespace, world: "World") -> int:
+def _check(args: argparse.Namespace, world: World) -> int:
     summary = _summary(world)
     if args.json:
         print(msgspec.json.encode(summary).decode())
@@ -107,9 +110,7 @@ def _place(x: float, y: float, yaw_deg: float) -> str:
     return f"{round(x, 3) + 0.0:.3f} {round(y, 3) + 0.0:.3f}, {round(yaw_deg, 1) + 0.0:.1f}°"
 
 
-def _summary(world: "World") -> dict[str, Any]:
-    from zteam.world.placing import find_misplaced
-
+def _summary(world: World) -> dict[str, Any]:
     misplaced = [
         f"{world.name}: robot {robot_id} ({world.robots[robot_id].name!r}) has no room at its pose: {hindrance}; "
         "a team with this robot does not start"
@@ -147,11 +148,8 @@ def _summary(world: "World") -> dict[str, Any]:
     }
 
 
-def _bases(world: "World") -> list[dict[str, Any]]:
+def _bases(world: World) -> list[dict[str, Any]]:
     """What `base_info` tells of the robots: each kind of base once, in file order."""
-    from zteam.messages import to_plain
-    from zteam.world.model import base_info
-
     found: list[dict[str, Any]] = []
     for robot in world.robots:
         base = to_plain(base_info(robot))
@@ -172,15 +170,11 @@ def _footprint_text(base: dict[str, Any]) -> str:
 
 def _limits_text(base: dict[str, Any]) -> str:
     """The limits by name; what has no limit is left out."""
-    from zteam.base import LIMITS
-
     absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
     return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name)))
 
 
-def _sensors(robot: "Robot") -> list[str]:
-    from zteam.world.devices import KINDS
-
+def _sensors(robot: Robot) -> list[str]:
     lasers = [
         f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
     ]
@@ -192,7 +186,7 @@ def _degrees(pose: Pose2) -> list[float]:
     return [pose.x, pose.y, math.degrees(pose.yaw)]
 
 
-def _show(args: argparse.Namespace, world: "World") -> int:
+def _show(args: argparse.Namespace, world: World) -> int:
     from zteam.world.drawing import draw_world
 
     fans: dict[int, list[Fan]] = {}
@@ -219,7 +213,7 @@ def _fans(seen: "RobotObservation") -> "list[Fan]":
     return found
 
 
-def _scan(args: argparse.Namespace, world: "World") -> int:
+def _scan(args: argparse.Namespace, world: World) -> int:
     from zteam.sim import Engine
 
     if not 0 <= args.robot < len(world.robots):
@@ -245,10 +239,8 @@ def _scan(args: argparse.Namespace, world: "World") -> int:
     return 0
 
 
-def _rangers(args: argparse.Namespace, robot: "Robot") -> "tuple[Ranger, ...]":
+def _rangers(args: argparse.Namespace, robot: Robot) -> tuple[Ranger, ...]:
     """The robot's own lasers, or the one given by options: at the place of its first laser, else on top of its base."""
-    from zteam.world import Ranger
-
     given = args.beams, args.fov_deg, args.range
     if given == (None, None, None):
         return robot.rangers
@@ -261,7 +253,7 @@ def _rangers(args: argparse.Namespace, robot: "Robot") -> "tuple[Ranger, ...]":
     )
 
 
-def _laser(ranger: "Ranger") -> dict[str, Any]:
+def _laser(ranger: Ranger) -> dict[str, Any]:
     return {
         "name": ranger.name,
         "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,

@@ -3,18 +3,19 @@
 import argparse
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import msgspec
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.cli.arguments import add_path_option, add_seed_option, option_type
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.errors import UsageError
+from zteam.problems import problems_of
 from zteam.process_options import RobotOptions
 from zteam.toml_values import parse_value
-
-if TYPE_CHECKING:
-    from zteam.base import BaseOverride
 
 _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
@@ -81,13 +82,8 @@ def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:
     return key, parse_value(value)
 
 
-def read_base(pairs: Iterable[tuple[str, Any]]) -> "BaseOverride":
+def read_base(pairs: Iterable[tuple[str, Any]]) -> BaseOverride:
     """What the options `--base KEY=VALUE` set. Raises UsageError."""
-    import msgspec
-
-    from zteam.base import BaseOverride
-    from zteam.problems import problems_of
-
     given = dict(pairs)
     for problem in problems_of(given, BaseOverride):
         raise UsageError(f"--base {problem}")
