@@ -38,10 +38,8 @@ class Merger:
         """Texts by child frame, authority and code: each conflict once, however often it happens."""
         self._read_conflicts = 0
         """How many of them `take_conflicts` has returned."""
-        self._bases: list[TransformStamped] = []
+        self._pending: list[TransformStamped] = []
         """For the next bundle."""
-        self._others: list[TransformStamped] = []
-        """Frames of the user's processes for the next bundle."""
         self._held: list[tuple[int, TransformStamped, str]] = []
         """Frames of the user's processes in lock-step, which are not stored before their bundle: the stamp (ns) of the
         tick in which each was sent, the transform and its authority."""
@@ -58,12 +56,10 @@ class Merger:
             stamp = transform.header.stamp
             if now and not -MAX_APART <= stamp.sec * 1_000_000_000 + stamp.nanosec - now <= MAX_APART:
                 self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, now))
-            elif is_base(transform.child_frame_id):
-                self._store(transform, authority, self._bases)
-            elif tick:
+            elif tick and not is_base(transform.child_frame_id):
                 self._held.append((tick, transform, authority))
             else:
-                self._store(transform, authority, self._others)
+                self._store(transform, authority)
 
     def _keep_own(self, robot_id: int, transforms: Iterable[TransformStamped]) -> list[TransformStamped]:
         """The transforms that the robot may publish, with full names; the others are conflicts."""
@@ -83,8 +79,8 @@ class Merger:
         if key not in self._conflicts and len(self._conflicts) < MAX_CONFLICTS:
             self._conflicts[key] = refused.text
 
-    def _store(self, transform: TransformStamped, authority: str, pending: list[TransformStamped]) -> None:
-        """Store a moving sample; it is then `pending` for the next bundle, unless it is an exact duplicate."""
+    def _store(self, transform: TransformStamped, authority: str) -> None:
+        """Store a moving sample for the next bundle too, unless it is an exact duplicate."""
         # Only this thread stores moving transforms, so the count needs no lock.
         duplicates = self.buffer.duplicates
         if is_start_pose(transform):
@@ -97,7 +93,7 @@ class Merger:
         if refused is not None:
             self._report(transform.child_frame_id, authority, refused)
         elif self.buffer.duplicates == duplicates:
-            pending.append(transform)
+            self._pending.append(transform)
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
         """Store the fixed joints of a robot's description; their frames have the description's own names."""
@@ -136,16 +132,13 @@ class Merger:
         With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
         comes at any moment of the tick, so it is taken with the next one, in an order that does not depend on when.
         """
-        bases, self._bases = self._bases, []
-        if self._held:
-            due = [held for held in self._held if held[0] < tick or not tick]
-            self._held = [held for held in self._held if held[0] >= tick > 0]
-            for _, transform, authority in sorted(due, key=_order):
-                self._store(transform, authority, self._others)
-        if not self._others:
-            return bases
-        others, self._others = self._others, []
-        return others + bases
+        due = [held for held in self._held if held[0] < tick or not tick]
+        self._held = [held for held in self._held if held[0] >= tick > 0]
+        for _, transform, authority in sorted(due, key=_order):
+            self._store(transform, authority)
+        pending, self._pending = self._pending, []
+        # Bases stand last: readers look there for the stamp of the tick.
+        return sorted(pending, key=lambda transform: is_base(transform.child_frame_id))
 
     def conflicts(self) -> list[str]:
         """All conflicts so far, each reported once, oldest first."""
@@ -160,8 +153,7 @@ class Merger:
     def jump_back(self) -> None:
         """Forget all moving data, because time went back."""
         self.buffer.clear()
-        self._bases.clear()
-        self._others.clear()
+        self._pending.clear()
         self._held.clear()
         self.statics.restore_start_poses()
 

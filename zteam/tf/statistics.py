@@ -30,12 +30,12 @@ class FrameFigures(msgspec.Struct):
 class _Stream:
     """The sums and newest stamps (ns) of one child frame; their memory is bounded."""
 
+    parent = ""
+    count = oldest = newest = delays = 0
+    total_delay = max_delay = 0.0
+
     def __init__(self) -> None:
-        self.parent = ""
-        self.count = self.oldest = self.newest = 0
         self.recent = deque[int](maxlen=WINDOW)
-        self.delays = 0
-        self.total_delay = self.max_delay = 0.0
 
     def take(self, stamp: int, now: int) -> None:
         self.oldest = min(self.oldest, stamp) if self.count else stamp

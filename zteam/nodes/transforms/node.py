@@ -29,9 +29,8 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
-
-
 _SESSION = holder_text(None, "")
+"""What the authority of a broadcaster begins with, before the id of its session."""
 
 
 class Aggregator:
