@@ -121,7 +121,7 @@ def base_of(message: BaseInfo) -> Base:
 
 def override_base(base: Base, override: BaseOverride) -> Base:
     """`base` with the values that `override` has."""
-    given = {name: getattr(override, name) for name in override.__struct_fields__}
+    given = msgspec.structs.asdict(override)
     return msgspec.structs.replace(base, **{name: value for name, value in given.items() if value is not None})
 
 

@@ -103,21 +103,10 @@ def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
     return {names.SIMULATOR: options}
 
 
-def _aggregator(launch: TeamLaunch) -> dict[str, AggregatorOptions]:
-    """One aggregator, which publishes the static transforms of the team file."""
-    return {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)}
-
-
 def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
     """What the aggregator publishes of a team file in this folder."""
     configured = tuple(static_transform(entry) for entry in team.static_transforms)
     return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
-
-
-def _map_server(launch: TeamLaunch) -> dict[str, MapOptions]:
-    """One map server, if the team file names a map, in the place of the simulator's own."""
-    file = launch.team.team.map
-    return {} if file is None else {names.MAP_SERVER: MapOptions(launch.folder / file)}
 
 
 def _monitor(launch: TeamLaunch) -> dict[str, MonitorOptions]:
@@ -149,11 +138,6 @@ def _navigation(launch: TeamLaunch) -> dict[str, NavigationOptions]:
     return {names.navigation_name(min(found)): NavigationOptions(found, launch.seed)} if found else {}
 
 
-def _view(launch: TeamLaunch) -> dict[str, ViewOptions]:
-    """One view, if it is asked for."""
-    return {} if launch.view is None else {names.VIEW: launch.view}
-
-
 ROUTER = "router"
 
 
@@ -170,7 +154,7 @@ class Kind(msgspec.Struct, frozen=True):
     """The processes of this kind in a team, by name."""
     stop_rank: int
     """A team stops rank by rank, the lowest first."""
-    hint: str
+    hint: str = ""
     """What `zteam doctor` tells the user to do when no such process is alive; `{robots}` is the number of robots.
     Empty for a kind that a team can work without."""
     in_lockstep: bool = False
@@ -226,16 +210,18 @@ KINDS: tuple[Kind, ...] = (
         title="map",
         name=names.MAP_SERVER,
         command="zteam-map",
-        options=_map_server,
+        # In the place of the simulator's own map, where the team file names one.
+        options=lambda launch: (
+            {names.MAP_SERVER: MapOptions(launch.folder / file)} if (file := launch.team.team.map) else {}
+        ),
         stop_rank=1,
-        # The simulator has a map of its own, and few teams need one: `zteam doctor` names it where the map is missing.
-        hint="",
+        # Without a hint, because few teams need one: `zteam doctor` names it where the map is missing.
     ),
     Kind(
         title="transforms",
         name=names.AGGREGATOR,
         command="zteam-tf",
-        options=_aggregator,
+        options=lambda launch: {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)},
         stop_rank=1,
         hint="zteam-tf",
         in_lockstep=True,
@@ -254,8 +240,6 @@ KINDS: tuple[Kind, ...] = (
         command="zteam-nav",
         options=_navigation,
         stop_rank=0,
-        # Robots that follow or run a behaviour need none.
-        hint="",
         in_lockstep=True,
         robot_id_of=names.navigated_robot_of,
     ),
@@ -273,9 +257,8 @@ KINDS: tuple[Kind, ...] = (
         title="view",
         name=names.VIEW,
         command="zteam-view",
-        options=_view,
+        options=lambda launch: {names.VIEW: launch.view} if launch.view else {},
         stop_rank=0,
-        hint="",
         beside=True,
         is_one=names.is_view,
     ),

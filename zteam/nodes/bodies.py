@@ -5,8 +5,8 @@ functions: a process pays for its own kind alone.
 """
 
 import logging
-import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -113,12 +113,11 @@ def _navigation(options: NavigationOptions) -> Part:
 def _view(options: ViewOptions) -> Part:
     from zteam.nodes.web.node import run_view
 
-    return Part(lambda node: run_view(node, options, _print), small=True, name=options.name or names.view_name())
-
-
-def _print(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+    return Part(
+        lambda node: run_view(node, options, partial(print, flush=True)),
+        small=True,
+        name=options.name or names.view_name(),
+    )
 
 
 _MAKERS: dict[type, Callable[[Any], Part]] = {

@@ -5,6 +5,8 @@ one node of your own in the test's process on a `MemoryHub`, `make_view` makes w
 tells what `zteam check` finds wrong.
 """
 
+import importlib
+
 # Not typing's own: every pytest run on a machine with zteam imports this module.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -16,24 +18,15 @@ if TYPE_CHECKING:
 __all__ = ["MemoryHub", "RunningNode", "Team", "find_faults", "make_view", "run_node"]
 
 
+_MODULES = {"MemoryHub": "zteam.bus", "Team": "zteam.testing.team", "find_faults": "zteam.trials.check"}
+"""Where these are; the rest is in `in_memory`."""
+
+
 def __getattr__(name: str) -> object:
-    if name == "MemoryHub":
-        from zteam.bus import MemoryHub
-
-        return MemoryHub
-    if name == "Team":
-        from zteam.testing.team import TeamFixture
-
-        return TeamFixture
-    if name == "find_faults":
-        from zteam.trials.check import find_faults
-
-        return find_faults
-    if name in __all__:
-        from zteam.testing import in_memory
-
-        return getattr(in_memory, name)
-    raise AttributeError(f"module 'zteam.testing' has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module 'zteam.testing' has no attribute {name!r}")
+    module = importlib.import_module(_MODULES.get(name, "zteam.testing.in_memory"))
+    return getattr(module, "TeamFixture" if name == "Team" else name)
 
 
 def __dir__() -> list[str]:

@@ -5,12 +5,11 @@ Waits here count host seconds, because a starting or ending process has no simul
 """
 
 import itertools
-import logging
 import os
 import subprocess
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import partial
 from itertools import takewhile
 from threading import Thread
@@ -21,24 +20,19 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.in_process.run import Body, InProcessRun
+from zteam.in_process.run import InProcessRun
 from zteam.in_process.user_calls import UserCall, user_calls
-from zteam.launch.kinds import ROUTER, Pace, TeamLaunch
-from zteam.launch.plan import plan_team, stop_order
+from zteam.launch.kinds import ROUTER, Pace
+from zteam.launch.plan import stop_order
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.launch.supervisor import GRACE, Job, Member, Supervisor
 from zteam.launch.warm_parent import WarmParent
-from zteam.messages import Message
 from zteam.process_options import LOCKSTEP_TIMEOUT
+from zteam.robot_ids import format_robot_ids
 from zteam.runtime.faults import ENDED
-from zteam.runtime.logs import KEEPER
-from zteam.runtime.shutdown import Stop
-from zteam.services.logs import LogLine
 from zteam.services.simulator import SimStatus, SimulatorClient
 from zteam.testing.view import RobotView, TeamView
-
-log = logging.getLogger("zteam")
 
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
@@ -119,7 +113,8 @@ class TeamProcesses:
         if not self._endpoint:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease)
-        self._look(connect(options, patience=START_LIMIT))
+        self._bus = connect(options, patience=START_LIMIT)
+        self._seen = TeamView(self._bus, self._repeat)
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -140,19 +135,7 @@ class TeamProcesses:
 
     def _words(self, name: str) -> str:
         """The last error of a process with the user's frames, else its last lines."""
-        said = self.lines(name)
-        for i in reversed(range(len(said))):
-            _, found, told = said[i].partition(ENDED)
-            if found:
-                # A process writes each line by itself, up to the next one of its log.
-                text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
-                return "\n".join([*text[-1:], *text])
-        return "\n".join(said[-_LAST_LINES:])
-
-    def _look(self, bus: Bus) -> None:
-        """Look at the team through this session."""
-        self._bus = bus
-        self._seen = TeamView(bus, self._listen)
+        return _last_words(name, self.lines(name))
 
     def _need_processes(self, what: str) -> None:
         if self._in_process is not None:
@@ -182,12 +165,18 @@ class TeamProcesses:
         """The processes of the team, or the nodes in this process, by name."""
         return self._supervisor.members
 
-    def _listen(self, key: str, kind: type[Message], _arrived: Callable[[], bool]) -> None:
-        """Subscribe to a topic that the test looks at for the first time."""
-        self._view.listen(key, kind)
+    def _repeat(self, arrived: Callable[[], bool]) -> None:
+        """A world that stands still publishes no more, so it is asked to publish its last tick again."""
+        if self._interval and self.alive(names.SIMULATOR):
+            self.sim.repeat()
+            self._wait(arrived, START_LIMIT)
 
     def robot(self, robot_id: int) -> RobotView:
-        """What the bus tells about a robot."""
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if robot_id not in self._view.robots and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
         return self._view.robot(robot_id)
 
     def alive(self, name: str) -> bool:
@@ -282,6 +271,9 @@ class TeamProcesses:
         if missing:
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
         self._present.update(self._processes.keys() & {*processes})
+        if names.SIMULATOR in processes:
+            status = self.sim_status
+            self._interval = status.interval if status.lockstep else 0
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
@@ -305,16 +297,6 @@ class TeamProcesses:
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
         return "\n".join(f"[{name}] {line}" for name, line in self.log)
-
-    def _expect(self, launch: TeamLaunch) -> None:
-        """Watch this team from here on. Raises UsageError for a second one."""
-        if self._has_team:
-            text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
-            raise UsageError(text)
-        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
-        plan = plan_team(launch)
-        self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
-        self.expect_end(*plan.beside)
 
     @property
     def sim(self) -> SimulatorClient:
@@ -399,29 +381,14 @@ class TeamProcesses:
         self._check()
 
 
-@contextmanager
-def open_in_process(
-    launch: TeamLaunch,
-    nodes: Mapping[str, Body] | None,
-    take_line: Callable[[str, str], None],
-    take_hang: Callable[[UserCall], bool],
-) -> Iterator[InProcessRun]:
-    """A team that is not started yet; `take_line(name, line)` gets what its nodes say.
-
-    `take_hang(call)` gets the calls of the nodes' own code that last too long, and says whether to end them.
-    """
-    level = log.level
-    # As a process of the team logs.
-    log.setLevel(logging.INFO)
-    try:
-        with InProcessRun(launch, Stop(), nodes, take_hang=take_hang) as run:
-            end = KEEPER.pass_to(lambda line: take_line(line.process, _text(line)))
-            try:
-                yield run
-            finally:
-                end()
-    finally:
-        log.setLevel(level)
+def _last_words(name: str, said: list[str]) -> str:
+    for i in reversed(range(len(said))):
+        _, found, told = said[i].partition(ENDED)
+        if found:
+            # A process writes each line by itself, up to the next one of its log.
+            text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
+            return "\n".join([*text[-1:], *text])
+    return "\n".join(said[-_LAST_LINES:])
 
 
 def _close_in_time(close: Callable[[], None]) -> None:
@@ -445,8 +412,3 @@ def _close_in_time(close: Callable[[], None]) -> None:
             call.end()
     if done.done():
         done.result()
-
-
-def _text(line: LogLine) -> str:
-    level = logging.getLevelName(line.level).lower()
-    return line.text if line.level == logging.INFO else f"{level}: {line.text}"

@@ -5,9 +5,11 @@ The team works in lock-step, and its world stands still except where the test le
 on the seed alone. Limits named `within` are simulated seconds, so that a slow machine makes a test slow and not wrong.
 """
 
+import logging
 import math
 import signal
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,20 +20,25 @@ from zteam.behaviors.registry import look_in
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
-from zteam.in_process.run import Body
+from zteam.in_process.run import Body, InProcessRun
 from zteam.launch.check import check_team, refuse_nodes
 from zteam.launch.kinds import Pace, TeamLaunch, kind_of
-from zteam.launch.plan import plan_team
+from zteam.launch.plan import Plan, plan_team
 from zteam.launch.run import lease_for
-from zteam.messages import Message
+from zteam.messages import TeamState
 from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.resources import find_team, find_world
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.runtime.logs import KEEPER
+from zteam.runtime.shutdown import Stop
+from zteam.services.logs import LogLine
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
 from zteam.team_file.reading import read_team_file, read_team_tables
 from zteam.team_file.sources import argument_texts
-from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout, open_in_process
-from zteam.testing.view import RobotView, TeamView
+from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.testing.view import TeamView
+
+log = logging.getLogger("zteam")
 
 STALL_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds during which simulated time may stand still in a wait."""
@@ -102,8 +109,14 @@ class TeamFixture(TeamProcesses):
         self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, nodes)
 
     def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
-        self._expect(launch)
-        started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch)
+        if self._has_team:
+            text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
+            raise UsageError(text)
+        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
+        plan = plan_team(launch)
+        self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
+        self.expect_end(*plan.beside)
+        started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch, plan)
         self.wait_for_processes(*started)
         if names.SIMULATOR in started:
             known = self.sim_status.robots
@@ -115,11 +128,10 @@ class TeamFixture(TeamProcesses):
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
-    def _start_processes(self, launch: TeamLaunch) -> list[str]:
+    def _start_processes(self, launch: TeamLaunch, plan: Plan) -> list[str]:
         self._need_processes("start")
         self._lease = lease_for(launch.pace, LEASE)
         self._open()
-        plan = plan_team(launch)
         for name, job in plan.jobs.items():
             self._supervisor.start_job(name, structs.replace(job, environment=self.environment))
         return [name for name in plan.jobs if name not in plan.optional]
@@ -127,22 +139,25 @@ class TeamFixture(TeamProcesses):
     def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
         if self._bus is not None or self._in_process is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
-        run = self._in_process_ends.enter_context(open_in_process(launch, nodes, self._take_line, self._take_hang))
+        with ExitStack() as ends:
+            # As a process of the team logs.
+            ends.callback(log.setLevel, log.level)
+            log.setLevel(logging.INFO)
+            run = ends.enter_context(InProcessRun(launch, Stop(), nodes, take_hang=self._take_hang))
+            ends.callback(KEEPER.pass_to(self._take_log))
+            self._in_process_ends = ends.pop_all()
         self._in_process = run
         self._supervisor.close()
         self._supervisor = run.supervisor
-        self._look(run.sessions.bus("test"))
+        self._bus = run.sessions.bus("test")
+        self._seen = TeamView(self._bus, self._repeat)
         for name in run.parts:
             run.start_node(name)
         return [*run.parts]
 
-    def robot(self, robot_id: int) -> RobotView:
-        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
-        if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
-            there = self.sim_status.robots
-            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
-                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
-        return super().robot(robot_id)
+    def _take_log(self, line: LogLine) -> None:
+        level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
+        self._take_line(line.process, f"{level}{line.text}")
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
@@ -202,13 +217,6 @@ class TeamFixture(TeamProcesses):
         if not self._wait(lambda: name not in self.sim_status.participants, START_LIMIT):
             raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
 
-    def _listen(self, key: str, kind: type[Message], arrived: Callable[[], bool]) -> None:
-        super()._listen(key, kind, arrived)
-        if self._interval and self.alive(names.SIMULATOR):
-            # A world that stands still publishes no more, so it is asked to publish its last tick again.
-            self.sim.repeat()
-            self._wait(arrived, START_LIMIT)
-
     @property
     def report(self) -> SimReport:
         """The simulator's own count of the run from GO on, with `trajectory_sha256`."""
@@ -227,19 +235,13 @@ class TeamFixture(TeamProcesses):
     @property
     def is_go(self) -> bool:
         """Whether the monitor has given GO."""
-        return self._view.is_go
+        status = self._view.team_status
+        return status is not None and status.state == TeamState.GO
 
     @property
     def status(self) -> Any:
         """The newest TeamStatus, or None."""
         return self._view.team_status
-
-    def wait_for_processes(self, *processes: str) -> None:
-        """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
-        super().wait_for_processes(*processes)
-        if names.SIMULATOR in processes:
-            status = self.sim_status
-            self._interval = status.interval if status.lockstep else 0
 
     def _need_team(self, call: str) -> None:
         """Raise UsageError before anything was opened: nothing would ever happen."""

@@ -16,7 +16,6 @@ from zteam.messages import (
     Message,
     Odometry,
     RobotStatus,
-    TeamState,
     TeamStatus,
     Twist,
     ns_from_time,
@@ -118,10 +117,11 @@ class RobotView:
 class TeamView:
     """Subscribes to the whole team; `changed` is notified with every message."""
 
-    def __init__(self, bus: Bus, listen: Callable[[str, type[Message], Callable[[], bool]], None]) -> None:
-        """`listen(key, type, arrived)` subscribes; in a world that stands still it also waits until `arrived()`."""
+    def __init__(self, bus: Bus, repeat: Callable[[Callable[[], bool]], None]) -> None:
+        """`repeat(arrived)` follows a subscription: where the world stands still it has its last tick published again,
+        and waits until `arrived()`."""
         self._bus = bus
-        self._begin = listen
+        self._repeat = repeat
         self._wanted: set[str] = set()
         self.version = 0
         """Grows with every message and token that arrives."""
@@ -129,7 +129,8 @@ class TeamView:
         self.now = 0
         """Simulated ns."""
         self.team_status: TeamStatus | None = None
-        self._robots: dict[int, RobotView] = {}
+        self.robots: dict[int, RobotView] = {}
+        """All of which anything has been heard or asked, by id."""
         self._tokens = TokenSet()
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
@@ -151,39 +152,26 @@ class TeamView:
         key = names.robot_key(robot.id, topic)
         if key not in self._wanted:
             self._wanted.add(key)
-            self._begin(key, kind, lambda: topic in robot.newest or topic == names.CMD_VEL)
-
-    def listen(self, key: str, kind: type[Message]) -> None:
-        """Subscribe to a robot's topic."""
-        self._bus.subscribe(key, kind, self._on_robot)
+            self._bus.subscribe(key, kind, self._on_robot)
+            self._repeat(lambda: topic in robot.newest or topic == names.CMD_VEL)
 
     def reaches(self, now: int, robots: Iterable[int]) -> bool:
         """Whether all true poses and subscribed topics of simulated time `now` (ns) have arrived."""
         with self.changed:
-            return all(self._reaches(self.robot(i), now) for i in robots)
-
-    @staticmethod
-    def _reaches(robot: RobotView, now: int) -> bool:
-        heard = [robot.truth, *robot.newest.values()]
-        stamps = [ns_from_time(m.header.stamp) for m in heard if isinstance(m, (Odometry, LaserScan))]
-        return robot.truth is not None and set(stamps) == {now}
-
-    @property
-    def is_go(self) -> bool:
-        """Whether the monitor has given GO."""
-        return self.team_status is not None and self.team_status.state == TeamState.GO
+            for robot in map(self.robot, robots):
+                heard = [robot.truth, *robot.newest.values()]
+                stamps = {ns_from_time(m.header.stamp) for m in heard if isinstance(m, (Odometry, LaserScan))}
+                if robot.truth is None or stamps != {now}:
+                    return False
+            return True
 
     def robot(self, robot_id: int) -> RobotView:
         """The view of one robot."""
-        return self._robots.setdefault(robot_id, RobotView(robot_id, self))
-
-    def knows(self, robot_id: int) -> bool:
-        """Whether anything has been heard or asked of a robot."""
-        return robot_id in self._robots
+        return self.robots.setdefault(robot_id, RobotView(robot_id, self))
 
     def describe(self) -> str:
         """Where the first robots are and why they stand, as the end of a sentence."""
-        known = [robot for _, robot in sorted(self._robots.items()) if robot.truth is not None]
+        known = [robot for _, robot in sorted(self.robots.items()) if robot.truth is not None]
         return "".join(f"; {robot.describe()}" for robot in known[:_DESCRIBED])
 
     def alive(self, name: str) -> bool:
