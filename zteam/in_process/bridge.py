@@ -9,7 +9,6 @@ node, so their sender is known outside, and what comes back of them is told from
 import logging
 import uuid
 from collections.abc import Callable
-from typing import TypeVar
 
 import msgspec
 
@@ -17,12 +16,12 @@ from zteam.bus import Bus, MemoryHub
 from zteam.bus.memory import MemoryTransport, Receiver
 from zteam.bus.transport import (
     Closeable,
+    Handle,
     QueryHandler,
     RawPublisher,
     RawSample,
     Reply,
     SampleHandler,
-    TokenHandler,
     Transport,
 )
 from zteam.clock import monotonic, monotonic_times, wall_ns
@@ -30,8 +29,6 @@ from zteam.in_process.delivery import Delivery, answering_as
 from zteam.messages import Message
 
 log = logging.getLogger("zteam")
-
-P = TypeVar("P", bound="_Pair")
 
 
 def new_instance() -> str:
@@ -44,9 +41,9 @@ class Bridge:
 
     def __init__(self, inside: Transport, outside: Bus, delivery: Delivery) -> None:
         self._inside = inside
-        self._outside = outside
+        self.outside = outside
         self._delivery = delivery
-        self._instances: set[str] = set()
+        self.instances: set[str] = set()
         """Sessions of the nodes."""
         self._own_tokens: set[str] = set()
         """Tokens that nodes have, or had: no other node will have one of them."""
@@ -57,14 +54,9 @@ class Bridge:
         outside.watch_link(self._on_link)
         outside.watch_tokens(["**"], self._on_token)
 
-    def open(self, session: Transport, owner: str) -> "BridgedSession":
-        """The session of the node `owner`, on the hub and outside."""
-        self._instances.add(session.instance)
-        return BridgedSession(session, self, self._outside.transport, owner)
-
     def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
         """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
-        instances, receivers = self._instances, [Receiver(owner, handler)]
+        instances, receivers = self.instances, [Receiver(owner, handler)]
 
         def hear(sample: RawSample) -> None:
             if sample.source not in instances:
@@ -80,7 +72,7 @@ class Bridge:
     def declare_token(self, key: str) -> Closeable:
         """A token outside that a node has on the hub."""
         self._own_tokens.add(key)
-        return self._outside.declare_token(key)
+        return self.outside.declare_token(key)
 
     def _on_token(self, key: str, alive: bool) -> None:
         if key in self._own_tokens:
@@ -94,27 +86,13 @@ class Bridge:
         log.warning("router is back" if up else "router lost: no tool sees the team until it is back")
 
 
-class _Pair:
-    """A declaration on the hub and outside."""
-
-    def __init__(self, inside: Closeable, outside: Closeable, forget: Callable[["_Pair"], None]) -> None:
-        self._ends = inside, outside
-        self._forget = forget
-
-    def close(self) -> None:
-        """Take both back."""
-        self._forget(self)
-        for end in self._ends:
-            end.close()
-
-
-class _PublisherPair(_Pair):
+class _PublisherPair:
     """Publishes to the nodes, and to the outside if there is a subscriber."""
 
-    def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[_Pair], None]) -> None:
-        super().__init__(inside, outside, forget)
+    def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[Closeable], None]) -> None:
         self._inside = inside
         self._outside = outside
+        self._forget = forget
         self._put_inside = inside.put_message
         self._hand_over_inside = inside.hand_over
 
@@ -141,65 +119,60 @@ class _PublisherPair(_Pair):
             self._outside.hand_over(message)
         self._hand_over_inside(message)
 
+    def close(self) -> None:
+        self._forget(self)
+        self._inside.close()
+        self._outside.close()
 
-class BridgedSession:
-    """A session on the hub and outside, under one id."""
 
-    def __init__(self, inside: Transport, bridge: Bridge, outside: Transport, owner: str) -> None:
-        """Handlers of the node `owner` are called for what comes from outside as for what comes from the hub."""
-        self._inside = inside
+class _Session(MemoryTransport):
+    """The session of one node."""
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        return super().declare_queryable(key, answering_as(self._owner, handler))
+
+
+class _BridgedSession(_Session):
+    """The session of one node on the hub and outside, under one id."""
+
+    def __init__(self, hub: MemoryHub, owner: str, bridge: Bridge) -> None:
+        super().__init__(hub, owner, new_instance())
         self._bridge = bridge
-        self._outside = outside
-        self._owner = owner
-        self._declared: set[_Pair] = set()
-        self.instance = inside.instance
-
-    def _keep(self, pair: P) -> P:
-        self._declared.add(pair)
-        return pair
+        self._outside = bridge.outside.transport
+        bridge.instances.add(self.instance)
 
     def _pair(self, inside: Closeable, outside: Closeable) -> Closeable:
-        return self._keep(_Pair(inside, outside, self._declared.discard))
+        return self._keep(Handle(inside.close, outside.close).close)
 
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
-        inside = self._inside.declare_publisher(key, encoding, latched, to_others, source)
+        inside = super().declare_publisher(key, encoding, latched, to_others, source)
         # Outside to others alone: on the hub the nodes have it already.
         outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
-        return self._keep(_PublisherPair(inside, outside, self._declared.discard))
+        pair = _PublisherPair(inside, outside, self._forget)
+        self._open[pair] = None
+        return pair
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        inside = self._inside.declare_subscriber(key_expr, handler, latched, stamped)
+        inside = super().declare_subscriber(key_expr, handler, latched, stamped)
         heard = self._bridge.from_others(self._owner, handler)
         return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        inside = self._inside.declare_queryable(key, handler)
+        inside = super().declare_queryable(key, handler)
         return self._pair(inside, self._outside.declare_queryable(key, answering_as(self._owner, handler)))
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         end = monotonic() + timeout
-        replies = self._inside.get(key_expr, payload, timeout, to_others)
+        replies = super().get(key_expr, payload, timeout, to_others)
         left = end - monotonic()
         return [*replies, *self._outside.get(key_expr, payload, left, to_others=True)] if left > 0.0 else replies
 
     def declare_token(self, key: str) -> Closeable:
-        inside = self._inside.declare_token(key)
-        return self._pair(inside, self._bridge.declare_token(key))
-
-    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        return self._inside.watch_tokens(key_expr, handler)
-
-    def watch_link(self, handler: Callable[[bool], None]) -> None:
-        """The nodes keep each other when the router is lost, so `handler` is never called."""
-
-    def close(self) -> None:
-        for pair in list(self._declared):
-            pair.close()
-        self._inside.close()
+        return self._pair(super().declare_token(key), self._bridge.declare_token(key))
 
 
 class NodeSessions:
@@ -215,17 +188,8 @@ class NodeSessions:
     def bus(self, owner: str) -> Bus:
         """A session of the node `owner`."""
         bridge = self._bridge
-        if bridge is None:
-            return Bus(_Session(self._hub, owner))
-        return Bus(bridge.open(_Session(self._hub, owner, new_instance()), owner))
+        return Bus(_Session(self._hub, owner) if bridge is None else _BridgedSession(self._hub, owner, bridge))
 
     def close(self) -> None:
         """Handle no more messages."""
         self.delivery.close()
-
-
-class _Session(MemoryTransport):
-    """The session of one node."""
-
-    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        return super().declare_queryable(key, answering_as(self._owner, handler))
