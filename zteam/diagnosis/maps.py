@@ -1,13 +1,13 @@
 """Whether a map lies where the world is that the team drives in."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import msgspec
 
 from zteam import names
 from zteam.diagnosis.facts import Facts, Finding, note, ok, problem
-from zteam.geometry import normalize_angle
+from zteam.geometry import Pose2, normalize_angle
 from zteam.services.simulator import MapInfo, SimStatus, map_info
 
 _TURN = 0.01
@@ -97,9 +97,6 @@ def _overlaps(found: MapInfo, world: MapInfo) -> bool:
 def _box(grid: MapInfo) -> tuple[float, float, float, float]:
     """Least x and y, greatest x and y."""
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
-    cos, sin = math.cos(grid.yaw), math.sin(grid.yaw)
-    corners: Sequence[tuple[float, float]] = [
-        (grid.x + cos * u - sin * v, grid.y + sin * u + cos * v) for u in (0.0, width) for v in (0.0, height)
-    ]
-    xs, ys = zip(*corners, strict=True)
+    origin = Pose2(grid.x, grid.y, grid.yaw)
+    xs, ys, _ = zip(*(origin.compose(Pose2(u, v, 0.0)) for u in (0.0, width) for v in (0.0, height)), strict=True)
     return min(xs), min(ys), max(xs), max(ys)

@@ -17,11 +17,12 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.nodes.monitor.members import Event, Member, WatchedTeam, printable
+from zteam.nodes.monitor.members import Event, Member, WatchedTeam
 from zteam.nodes.monitor.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
+from zteam.services.logs import printable
 from zteam.services.transforms import Lookup, TransformClient
 
 log = logging.getLogger("zteam")

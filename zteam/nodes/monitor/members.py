@@ -8,6 +8,7 @@ import msgspec
 from zteam import names
 from zteam.messages import RobotState, RobotStatus
 from zteam.runtime.tokens import TokenSet
+from zteam.services.logs import printable
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer."""
@@ -171,8 +172,3 @@ class WatchedTeam:
                 member.silent = True
                 member.was_ready = False
                 self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")
-
-
-def printable(text: str) -> str:
-    """A robot's own text without what would command a terminal or break a line."""
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)

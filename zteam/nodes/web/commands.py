@@ -11,7 +11,7 @@ import numpy as np
 
 from zteam import names
 from zteam.behaviors.assignment import assign
-from zteam.bus import Bus, Publisher
+from zteam.bus import Publisher
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, quaternion_from_yaw
@@ -190,10 +190,6 @@ class Commands:
             case _:
                 raise ZteamError("this is no command")
 
-    @property
-    def _bus(self) -> Bus:
-        return self._state.node.bus
-
     def _send_goals(self, request: requests.Goal) -> None:
         known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
@@ -229,7 +225,7 @@ class Commands:
         with self._lock:
             publisher = self._publishers.get(key)
             if publisher is None:
-                publisher = self._bus.publisher(key, type(message), to_others=True)
+                publisher = self._state.node.bus.publisher(key, type(message), to_others=True)
                 self._publishers[key] = publisher
         end = monotonic() + HEARD_WITHIN
         while not publisher.has_subscribers and monotonic() < end:

@@ -118,8 +118,7 @@ class Composer:
                 yield frames.encode_doc(name, document)
 
     def _log(self, viewer: Viewer) -> Iterator[bytes]:
-        number, lines = self._documents.log(viewer.log_number)
-        viewer.log_number = number
+        viewer.log_number, lines = self._documents.log(viewer.log_number)
         if lines:
             yield frames.encode_doc("log", msgspec.json.encode(lines[-LINES:]))
 
@@ -133,7 +132,6 @@ class Composer:
                     yield frames.encode_samples(watch.topic, watch.field, pairs)
             elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
                 arrival = self._state.received.get(watch.topic)
-                echo = self._documents.echo(watch.topic) if arrival and arrival.number != number else None
-                if echo is not None:
-                    viewer.watches[watch] = echo[0]
-                    yield frames.encode_doc("echo", echo[1])
+                if arrival is not None and arrival.number != number:
+                    viewer.watches[watch] = arrival.number
+                    yield frames.encode_doc("echo", self._documents.echo(arrival))

@@ -29,9 +29,8 @@ from zteam.messages import (
     to_plain,
 )
 from zteam.nodes.web.received import Arrival
-from zteam.nodes.web.scene import printable
 from zteam.nodes.web.team_view import TeamView, pose2_of
-from zteam.services.logs import HOLD, LogLine, LogOrder, level_name, line_of
+from zteam.services.logs import HOLD, LogLine, LogOrder, level_name, line_of, printable
 
 KEPT = 1000
 
@@ -257,14 +256,10 @@ class Documents:
                 elif (marker := event.read(Marker)) is not None:
                     self._board.take(key, [marker], event.time)
 
-    def echo(self, topic: str) -> tuple[int, bytes] | None:
-        """The number and the document of the newest message of a topic; None before the first."""
-        arrival = self._state.received.get(topic)
-        if arrival is None:
-            return None
-        shown = _shown(arrival)
+    def echo(self, arrival: Arrival) -> bytes:
+        """`echo`: a message of a topic."""
         stamp = to_seconds(self._state.places.stamp)
-        return arrival.number, msgspec.json.encode({"topic": topic, "stamp": stamp, "json": shown})
+        return msgspec.json.encode({"topic": arrival.key, "stamp": stamp, "json": _shown(arrival)})
 
 
 def _lines(events: list[Arrival]) -> Iterator[LogLine]:

@@ -29,21 +29,16 @@ def parse_path(path: str) -> list[str | int] | None:
 def number_at(message: Message, path: list[str | int]) -> float | None:
     """The number of a message at a path; None where there is none."""
     value: Any = message
-    for step in path:
-        try:
+    try:
+        for step in path:
             if isinstance(step, int):
                 value = value[step]
             elif isinstance(value, Message) and step in value.__struct_fields__:
                 value = getattr(value, step)
             else:
                 return None
-        except (IndexError, TypeError, KeyError):
-            return None
-    if isinstance(value, Message | str | bytes | list):
-        return None
-    try:
-        return float(value)
-    except (TypeError, ValueError):
+        return None if isinstance(value, Message | str | bytes | list) else float(value)
+    except (IndexError, TypeError, KeyError, ValueError):
         return None
 
 

@@ -26,6 +26,7 @@ from zteam.nodes.web import frames
 from zteam.nodes.web.commands import Tile, make_tiles
 from zteam.nodes.web.received import Arrival
 from zteam.nodes.web.team_view import TeamView
+from zteam.services.logs import printable
 from zteam.services.simulator import RobotShape, SimStatus
 
 SILENT_AFTER = 3.0
@@ -165,11 +166,6 @@ def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
         models=sorted(models),
         tick=status.tick,
     )
-
-
-def printable(text: str) -> str:
-    """A process's own text without control characters."""
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)
 
 
 M = TypeVar("M", bound=Message)

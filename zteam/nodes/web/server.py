@@ -90,8 +90,6 @@ MAX_WAITING = 32
 """Commands of one page that wait for those before them."""
 BURST, RATE = 200.0, 100.0
 """Messages that a page may send at once, and a second; more are read later, so they delay no other page."""
-
-
 HELLO_LIMIT = 5.0
 """Host seconds for a page's first message."""
 POLICY_VIOLATION = 1008
@@ -121,13 +119,10 @@ class Page:
         self._pages.news.add(self._news)
         try:
             async with asyncio.TaskGroup() as tasks:
-                for work in (
-                    self._receive(viewer),
-                    self._carry_out(viewer.number),
-                    self._send_replies(),
-                    self._send_frames(viewer),
-                ):
-                    tasks.create_task(work)
+                tasks.create_task(self._receive(viewer))
+                tasks.create_task(self._carry_out(viewer.number))
+                tasks.create_task(self._send_replies())
+                tasks.create_task(self._send_frames(viewer))
         except* DecodeError as refusals:
             await self._refuse(str(refusals.exceptions[0]))
         except* WebSocketDisconnect:
