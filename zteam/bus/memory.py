@@ -6,7 +6,6 @@ answer has a thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
 import itertools
-import logging
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +23,7 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    call,
     check_use,
     matches,
     size_problem,
@@ -32,8 +32,6 @@ from zteam.clock import monotonic, wait_until
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encode
 from zteam.messages.cdr import adopt
-
-log = logging.getLogger("zteam.bus")
 
 
 class Receiver(NamedTuple):
@@ -117,19 +115,11 @@ class MemoryHub:
             if alive == (before > 0):
                 return
             told = [
-                Receiver(owner, partial(_tell, handler, key))
+                Receiver(owner, partial(call, handler, key))
                 for owner, expr, handler in self.watchers.values()
                 if matches(expr, key)
             ]
         self.deliver(told, alive)
-
-
-def _tell(handler: TokenHandler, key: str, alive: bool) -> None:
-    try:
-        handler(key, alive)
-    except Exception:
-        # As over Zenoh: the fault of a watcher is not that of the session with the token.
-        log.exception("error in a callback of the bus")
 
 
 class MemoryTransport:
@@ -211,7 +201,7 @@ class MemoryTransport:
             hub.watchers[number] = self._owner, key_expr, handler
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
-            hub.deliver([Receiver(self._owner, partial(_tell, handler, key))], True)
+            hub.deliver([Receiver(self._owner, partial(call, handler, key))], True)
         return self._keep(lambda: hub.watchers.pop(number, None))
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:

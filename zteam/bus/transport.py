@@ -1,5 +1,6 @@
 """What the typed bus needs of whatever carries its messages: Zenoh, or the memory of one process."""
 
+import logging
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -8,6 +9,8 @@ import zenoh
 
 from zteam.errors import BusError
 from zteam.messages import Message, encode
+
+log = logging.getLogger("zteam.bus")
 
 MAX_PAYLOAD = 64 * 1024 * 1024
 """Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. Larger ones are not decoded."""
@@ -42,6 +45,15 @@ def check_use(action: str, key: str, closed: bool) -> None:
     problem = "the session is closed" if closed else problem_of(key)
     if problem:
         raise BusError(f"cannot {action} {key}: {problem}")
+
+
+def call(handler: Callable[..., object], *event: object) -> None:
+    """Call a handler of something other than messages; its error is logged."""
+    try:
+        handler(*event)
+    except Exception:
+        # It must not end the calls that follow, nor be that of a session that has sent the event.
+        log.exception("error in a callback of the bus")
 
 
 class RawSample(msgspec.Struct, eq=False, gc=False):
@@ -98,8 +110,8 @@ class Handle:
     def close(self) -> None:
         """Take it back; a second call does nothing."""
         calls, self._calls = self._calls, ()
-        for call in calls:
-            call()
+        for each in calls:
+            each()
 
 
 class RawPublisher(Closeable, Protocol):

@@ -24,6 +24,7 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    call,
     check_use,
     first_line,
 )
@@ -90,15 +91,6 @@ class Aside:
             return self._waiting.get(timeout=self._period)
         except queue.Empty:
             return self._on_idle
-
-
-def call(handler: Callable[[T], None], event: T) -> None:
-    """Call a handler; its error is logged."""
-    try:
-        handler(event)
-    except Exception:
-        # It must not end the calls that follow, and no other code sees it.
-        log.exception("error in a callback of the bus")
 
 
 def sample_callback(handler: SampleHandler, stamped: bool) -> Any:

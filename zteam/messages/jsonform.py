@@ -1,5 +1,6 @@
 """Messages as JSON, for tools and scripts: ROS's field names, arrays as lists, inf and NaN as null."""
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -82,26 +83,21 @@ def from_words(kind: type[M], words: Sequence[str], now: Now | None = None) -> M
 
 
 def _read(kind: type[Message], text: str) -> Any:
+    """What a text says as JSON or YAML. Raises UsageError."""
+    with contextlib.suppress(msgspec.DecodeError, RecursionError):
+        return msgspec.json.decode(text)
+    import yaml
+
     try:
-        return _parse(text)
+        return yaml.safe_load(text)
     except RecursionError:
         raise UsageError(f"{kind.__name__}: it is nested too deeply") from None
-
-
-def _parse(text: str) -> Any:
-    try:
-        return msgspec.json.decode(text)
-    except msgspec.DecodeError:
-        import yaml
-
-        try:
-            return yaml.safe_load(text)
-        except (yaml.YAMLError, ValueError) as error:
-            # ValueError: a date that the calendar lacks.
-            mark = getattr(error, "problem_mark", None)
-            place = f" at character {mark.index + 1}" if mark is not None else ""
-            told = " ".join(str(getattr(error, "problem", None) or error).split())
-            raise UsageError(f"{text!r} is neither JSON nor YAML{place}: {told}; {_QUOTES}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        # ValueError: a date that the calendar lacks.
+        mark = getattr(error, "problem_mark", None)
+        place = f" at character {mark.index + 1}" if mark is not None else ""
+        told = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise UsageError(f"{text!r} is neither JSON nor YAML{place}: {told}; {_QUOTES}") from None
 
 
 def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None) -> M:

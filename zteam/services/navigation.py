@@ -78,12 +78,6 @@ def goal_message(pose: Pose2) -> PoseStamped:
     return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
 
 
-def stamped(goal: PoseStamped, stamp: int) -> PoseStamped:
-    """The goal with another stamp (ns)."""
-    header = msgspec.structs.replace(goal.header, stamp=time_from_ns(stamp))
-    return msgspec.structs.replace(goal, header=header)
-
-
 def goal_text(goal: PoseStamped) -> str:
     """A goal for users: `x 3.2, y 4, yaw 1.57`, with its frame if that is not the map's."""
     place, turn = goal.pose.position, goal.pose.orientation
@@ -274,7 +268,9 @@ class NavigationClient:
             if waits or not (self.is_pending and self.watch and self._publisher.has_subscribers):
                 return
             self._stamp = max(self._now(), self._stamp + 1)
-            goal = self.watch.goal = stamped(self.watch.goal, self._stamp)
+            goal = self.watch.goal
+            header = Header(time_from_ns(self._stamp), goal.header.frame_id)
+            goal = self.watch.goal = PoseStamped(header, goal.pose)
             self.is_pending = False
         # Without the lock: in memory, handlers of others run within.
         self._publisher.put(goal)
