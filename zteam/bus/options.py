@@ -145,19 +145,13 @@ def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session |
         return None
 
 
-def _base(config: str | None) -> zenoh.Config:
-    if config is None:
-        return zenoh.Config()
-    if not Path(config).is_file():
+def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
+    if config is not None and not Path(config).is_file():
         raise UsageError(f"--config {config}: no such file")
     try:
-        return zenoh.Config.from_file(config)
+        built = zenoh.Config() if config is None else zenoh.Config.from_file(config)
     except zenoh.ZError as error:
         raise UsageError(f"--config {config}: {str(error).splitlines()[0]}") from None
-
-
-def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
-    built = _base(config)
     for key, value in settings.items():
         try:
             built.insert_json5(key, json.dumps(value))

@@ -318,15 +318,12 @@ class Bases:
         self.start, self.is_car = start, is_car
         self.angles, self.rates = np.zeros((2, wheels))
         """(wheels): rad since the start, and rad/s."""
-        of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True))
+        of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True), start=start)
+        of_robots |= {"setpoint": self.setpoint, "velocity": self.velocity, "odom": self.odom}
         self._kept = {
             **{name: _given(name, array, _DOUBLE, robots, 3) for name, array in of_robots.items()},
             "is_car": _given("is_car", is_car, _BOOL, robots),
             "wheelbase": _given("wheelbase", wheelbase, _DOUBLE, robots),
-            "setpoint": _given("setpoint", self.setpoint, _DOUBLE, robots, 3, out=True),
-            "velocity": _given("velocity", self.velocity, _DOUBLE, robots, 3, out=True),
-            "odom": _given("odom", self.odom, _DOUBLE, robots, 3, out=True),
-            "start": _given("start", start, _DOUBLE, robots, 3),
             "wheel_owner": _given("wheel_owner", wheel_owner, _INT64, wheels),
             "wheel_rows": _given("wheel_rows", wheel_rows, _DOUBLE, wheels, 3),
             "angles": _given("angles", self.angles, _DOUBLE, wheels, out=True),

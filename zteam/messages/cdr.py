@@ -115,21 +115,6 @@ def _fields_of(message_type: type[Message], expression: str) -> list[_Field]:
     return found
 
 
-def _least_size(kind: Any) -> int:
-    """The fewest bytes that an element of a list can take."""
-    if kind is str:
-        return 4
-    least = 0
-    for field_kind, _, detail in _fields_of(kind, "m"):
-        if field_kind == "number":
-            least += _SIZES[detail[0]]
-        elif field_kind == "numbers" and detail[1] is not None:
-            least += int(detail[0][1]) * int(detail[1])
-        else:
-            least += 4
-    return least
-
-
 @cache
 def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at."""
@@ -298,7 +283,9 @@ def _read_numbers(source: _Source, value: str, dtype: str, count: int | None, or
 
 def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
     reader = source.name("R", _element_reader(kind, order))
-    source.add(f"if n * {_least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
+    if kind is str or kind.__struct_fields__:
+        # Each element takes a byte at least.
+        source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
     source.add(f"{value} = []")
     source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
 

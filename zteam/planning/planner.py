@@ -205,17 +205,13 @@ class AStarPlanner:
         shape = costmap.costs.shape
         if self._field is None or self._field.shape != shape:
             self._field = Field(*shape)
-        options = self.options
-        barred = self._find_barred(costmap)
-        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
-        return self._field
-
-    def _find_barred(self, costmap: Costmap) -> int:
-        """The least cost of cells that are too near to an obstacle for a robot that drives along its path."""
-        clearance = self.options.clearance
+        options, clearance = self.options, self.options.clearance
         if clearance is None:
             clearance = costmap.footprint.half_width + 0.5 * costmap.frame.resolution
-        return min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
+        # From here on cells are too near to an obstacle for a robot that drives along its path.
+        barred = min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
+        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
+        return self._field
 
     def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
         """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""

@@ -37,15 +37,15 @@ def convert_options(kind: type[T], values: Mapping[str, Any]) -> tuple[dict[str,
     return {name: getattr(converted, name) for name in values}, []
 
 
-def read_options(kind: type[T], parameters: Mapping[str, Any], where: str = "") -> tuple[T, list[str]]:
+def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[str]]:
     """Options of a class such as AmclOptions from `parameters`, and the names that it does not know.
 
-    Raises UsageError for values that cannot be; each line of the text begins with `where`.
+    Raises UsageError for values that cannot be.
     """
     known = {name: value for name, value in parameters.items() if name in kind._fields}  # type: ignore[attr-defined]
     values, problems = convert_options(kind, known)
     if problems:
-        raise UsageError("\n".join(f"{where}{problem}" for problem in problems))
+        raise UsageError("\n".join(map(str, problems)))
     return kind(**values), sorted(parameters.keys() - known.keys())
 
 
