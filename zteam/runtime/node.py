@@ -106,11 +106,6 @@ class NodeGate:
             self._report.stop()
 
 
-def _check_single(key: str) -> None:
-    if names.is_wildcard(key) or len(key.split()) != 1:
-        raise UsageError(f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'")
-
-
 class Node(ProcessNode):
     """One process on the bus under a name of its own.
 
@@ -158,7 +153,10 @@ class Node(ProcessNode):
         """
         from zteam.messages.topics import type_of_key
 
-        _check_single(key)
+        if names.is_wildcard(key) or len(key.split()) != 1:
+            raise UsageError(
+                f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'"
+            )
         carried = type_of_key(key)
         check_message_type(key, message_type)
         if carried not in (None, message_type):

@@ -7,6 +7,7 @@ A first answer may overtake its session's token.
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Container
 
 from zteam import names
@@ -89,8 +90,10 @@ class LockStep:
         """Only `waiting_for` and `take_commands` hold the lock for it."""
         self.resends = 0
         """How often a tick was sent again."""
-        self._early: dict[tuple[str, str], Done | None] = {}
-        """The newest answer by name and session, of sessions that do not hold the name; None once it was refused."""
+        self._early: dict[tuple[str, str], Done] = {}
+        """The newest answer by name and session, of sessions that do not hold the name yet."""
+        self._refused: deque[tuple[str, str]] = deque(maxlen=_MOST_EARLY)
+        """Those whose token has not come in time."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         node.stop.on_request(self._wake)
         node.bus.watch_link(self._on_link)
@@ -133,13 +136,10 @@ class LockStep:
         with self._changed:
             if self._take(*sender, done):
                 return
-            if self._early.get(sender) is None:
-                refused = [known for known, answer in self._early.items() if answer is None]
-                if sender in refused or len(self._early) - len(refused) >= _MOST_EARLY:
+            if sender not in self._early:
+                if sender in self._refused or len(self._early) >= _MOST_EARLY:
                     self._refuse(*sender)
                     return
-                if len(self._early) >= _MOST_EARLY:
-                    del self._early[refused[0]]
                 # Host time: an answer without a token is refused at host time, while the world is held.
                 timer = threading.Timer(TOKEN_GRACE, self._expire, sender)  # noqa: TID251
                 timer.name, timer.daemon = "early answer", True
@@ -159,8 +159,8 @@ class LockStep:
 
     def _expire(self, name: str, session: str) -> None:
         with self._changed:
-            if self._early.get((name, session)) is not None:
-                self._early[name, session] = None
+            if self._early.pop((name, session), None) is not None:
+                self._refused.append((name, session))
                 self._refuse(name, session)
 
     def _refuse(self, name: str, session: str) -> None:

@@ -193,21 +193,14 @@ class TickBoundary:
             if remaining == 0.0:
                 self._begins_anew = False
                 return True
-            self._wait_for_news(remaining)
+            self._node.wait(self._has_news, _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT))
         return False
 
-    def _wait_for_news(self, remaining: float | None) -> None:
-        """Wait until there is a change to make, the next tick is due, or the pace has changed."""
-        due = None if remaining is None else monotonic() + remaining
-
-        def has_news() -> bool:
-            if self._changes or (due is not None and monotonic() >= due):
-                return True
-            now_remaining = self._remaining()
-            # The pace may have changed between the last look and this wait: then `_waits` is to be set again.
-            return now_remaining == 0.0 or (now_remaining is None) != self._waits
-
-        self._node.wait(has_news, _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT))
+    def _has_news(self) -> bool:
+        """Whether there is a change to make, the next tick is due, or the pace has changed."""
+        remaining = self._remaining()
+        # The pace may have changed between the last look and this wait: then `_waits` is to be set again.
+        return bool(self._changes) or remaining == 0.0 or (remaining is None) != self._waits
 
     def _remaining(self) -> float | None:
         if self._begins_anew:
