@@ -65,7 +65,6 @@ class KinematicBodies:
         self.stalled = self.met = np.zeros(self._robots, bool)
 
     def step(self, seconds: float, velocity: Floats) -> None:
-        """As `Bodies.step`."""
         if not self._robots:
             return
         ends = follow(self.poses[: self._robots], velocity, seconds, tangents=self._tangents)
@@ -74,13 +73,11 @@ class KinematicBodies:
         self.poses[self._bodiless] = ends[self._bodiless]
 
     def place(self, index: int, pose: Pose2) -> None:
-        """As `Bodies.place`."""
         self.poses[index] = pose
         if index < self._robots:
             self.stalled[index] = False
 
     def adopt(self, old: "KinematicBodies", kept: Sequence[tuple[int, int]]) -> None:
-        """As `Bodies.adopt`."""
         for here, there in kept:
             if here < self._robots:
                 self.stalled[here] = old.stalled[there]

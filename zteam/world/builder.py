@@ -138,7 +138,6 @@ class Template(msgspec.Struct, frozen=True):
     """A robot macro, from which further robots are made."""
 
     document: Document
-    macro: str
     settings: Settings
 
 
@@ -163,7 +162,7 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
         physics=reader.choice("physics", "dynamic", PHYSICS),
         warnings=remarks.all(),
         templates={
-            name: Template(document, name, settings) for name in document.macros if document.type_of(name) == "position"
+            name: Template(document, settings) for name in document.macros if document.type_of(name) == "position"
         },
     )
 
@@ -290,16 +289,6 @@ class Builder:
                 self.add_model(child, mount)
 
 
-def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> Robot:
-    """The robot of a macro, under a name and at a start pose of its own; raises WorldError."""
-    named = Property("name", (name,), entity.place, (name,))
-    builder = Builder(settings)
-    builder.add_model(msgspec.structs.replace(entity, properties=entity.properties | {"name": named}), GROUND)
-    if len(builder.robots) != 1:
-        raise entity.place.error(f"macro {entity.name!r} holds {len(builder.robots)} robots, not one")
-    return msgspec.structs.replace(builder.robots[0].robot(), pose=pose)
-
-
 BUILT_IN = """
 # The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
 # the body, so that robots see each other.
@@ -330,11 +319,11 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     path = Path(path)
     remarks = Remarks()
     if is_floor_map(path):
-        document = parse_text(FLOOR, remarks, str(path))
+        document, whole_bitmaps = parse_text(FLOOR, remarks, str(path)), True
         model = document.root.children[0]
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
-        return build_world(document, path.parent, True, remarks, default_name=path.stem)
-    document = parse_world(path, remarks)
+    else:
+        document = parse_world(path, remarks)
     return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
 
 
@@ -347,12 +336,16 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     template = world.templates.get(model)
     if template is None and model == "erratic":
         document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
-        template = Template(document, "erratic", Settings(Units(), Path(), Remarks()))
+        template = Template(document, Settings(Units(), Path(), Remarks()))
     if template is None:
         known = ", ".join(sorted({*world.templates, "erratic"}))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
     remarks = Remarks()
-    settings = msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds())
-    robot = build_robot(template.document.expand(template.macro), settings, name, pose)
+    builder = Builder(msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()))
+    entity = template.document.expand(model)
+    entity.properties["name"] = Property("name", (name,), entity.place, (name,))
+    builder.add_model(entity, GROUND)
+    if len(builder.robots) != 1:
+        raise entity.place.error(f"macro {model!r} holds {len(builder.robots)} robots, not one")
     world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
-    return robot
+    return msgspec.structs.replace(builder.robots[0].robot(), pose=pose)
