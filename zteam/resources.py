@@ -79,6 +79,19 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
     return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
 
 
+def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> bytes:
+    """The bytes of a user's file. Raises `error` if it cannot be read, or is larger than `most` bytes."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+    except (OSError, ValueError) as fault:
+        # ValueError: a NUL in the name.
+        raise error(f"{path}: cannot read this {what}: {getattr(fault, 'strerror', None) or fault}") from None
+    if len(data) > most:
+        raise error(f"{path}: a {what} of more than {most / 2**20:g} MB is refused")
+    return data
+
+
 def is_folder(path: Path) -> bool:
     """Whether `path` is a folder; it is not where no file can have such a name."""
     try:

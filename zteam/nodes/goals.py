@@ -12,6 +12,7 @@ from zteam.clock import monotonic, to_seconds
 from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
 from zteam.messages import Odometry
+from zteam.resources import read_file
 from zteam.runtime.node import Node
 from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message
 
@@ -46,15 +47,10 @@ def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """
     import yaml
 
+    data = read_file(path, "file of goals", MAX_BYTES, ConfigError)
     try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
-        if len(text) > MAX_BYTES:
-            raise ConfigError(f"{path}: a file of goals of more than {MAX_BYTES // 2**20} MB is refused")
         # The pure loader: that of C counts no lines where it meets a mistake of its own.
-        root = yaml.compose(text.decode("utf-8-sig"), yaml.SafeLoader)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read the goals: {error.strerror or error}") from None
+        root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         place = f"{path}:{error.problem_mark.line + 1}" if error.problem_mark else f"{path}"
         raise ConfigError(f"{place}: not YAML: {error.problem or error.context}") from None

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from zteam import names
 from zteam.geometry import turn_problem
@@ -17,45 +17,39 @@ _PROCESSES = frozenset(
 )
 _ROBOT_OF = (names.robot_id_of, names.navigated_robot_of)
 """Of the processes of one robot."""
-_ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 
-def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
+def check_robots(robots: Mapping[int, RobotEntry]) -> Iterator[Problem]:
     """Problems of single robots; `robots` by index in the file."""
-    found: list[Problem] = []
     for i, robot in robots.items():
         place: KeyPath = ("robots", i)
         if (robot.model is None) != (robot.pose is None):
             text = "model and pose go together (they add a robot that the world lacks); give both or neither"
-            found.append(Problem((*place, "pose" if robot.model is None else "model"), text))
+            yield Problem((*place, "pose" if robot.model is None else "model"), text)
         if robot.pose is not None and not all(map(math.isfinite, robot.pose)):
             text = f"{toml_text(robot.pose)} is no pose; give finite x, y, yaw"
-            found.append(Problem((*place, "pose"), text))
+            yield Problem((*place, "pose"), text)
         elif robot.pose is not None and (text := turn_problem(robot.pose.yaw)):
-            found.append(Problem((*place, "pose"), f"yaw {text}"))
-        found += _check_params(place, robot)
-    return found
+            yield Problem((*place, "pose"), f"yaw {text}")
+        yield from _check_params(place, robot)
 
 
-def _check_params(place: KeyPath, robot: RobotEntry) -> list[Problem]:
-    found = []
+def _check_params(place: KeyPath, robot: RobotEntry) -> Iterator[Problem]:
     for key, value in robot.params.items():
         if not key.isidentifier():
-            found.append(Problem((*place, key), "cannot be a parameter; use letters, digits and '_'"))
+            yield Problem((*place, key), "cannot be a parameter; use letters, digits and '_'")
         try:
             toml_text(value)
         except TypeError:
             text = "a parameter is a number, text, true, false, or an array or table of such"
-            found.append(Problem((*place, key), text))
-    return found
+            yield Problem((*place, key), text)
 
 
-def check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None) -> list[Problem]:
+def check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None) -> Iterator[Problem]:
     """Problems of leaders and followers; `ids` are all ids of the team, also those of tables with mistakes.
 
     None: some ids could not be read.
     """
-    found = []
     leaders = {robot.id: robot.follow for robot in robots.values()}
     circles: set[int] = set()
     for i, robot in robots.items():
@@ -66,8 +60,7 @@ def check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None)
             chain = " → ".join(map(str, circle))
             text = f"robots follow each other in a circle ({chain}); let one of them lead" if circle else ""
         if text:
-            found.append(Problem(("robots", i, key), text))
-    return found
+            yield Problem(("robots", i, key), text)
 
 
 def _check_follow(robot: RobotEntry, ids: Collection[int] | None) -> tuple[str, str]:
@@ -98,9 +91,8 @@ def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
     return [*chain, robot_id] if leader == robot_id else []
 
 
-def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> list[Problem]:
+def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterator[Problem]:
     """Problems of the names of nodes; `ids` are the ids of the team's robots."""
-    found = []
     seen: dict[str, int] = {}
     for i, node in nodes.items():
         text = ""
@@ -112,43 +104,43 @@ def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> list[Pr
             text = f"nodes[{seen[node.name]}] has this name already; give each node its own"
         seen.setdefault(node.name, i)
         if text:
-            found.append(Problem(("nodes", i, "name"), text))
-    return found
+            yield Problem(("nodes", i, "name"), text)
 
 
-def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]:
+def check_transforms(transforms: Mapping[int, StaticTransform]) -> Iterator[Problem]:
     """Problems of the frames and numbers of static transforms; `transforms` by index in the file."""
-    found = []
     placed: dict[str, int] = {}
     for i, entry in transforms.items():
         place: KeyPath = ("static_transforms", i)
         parent, child = names.strip_slash(entry.parent), names.strip_slash(entry.child)
         if not parent or not child or parent == child:
-            found.append(Problem(place, "parent and child must be the names of two frames"))
+            yield Problem(place, "parent and child must be the names of two frames")
         elif child in placed:
             text = f"static_transforms[{placed[child]}] says where {child} is; keep one of them"
-            found.append(Problem((*place, "child"), text))
+            yield Problem((*place, "child"), text)
         placed.setdefault(child, i)
-        found += _check_numbers(place, entry)
-    return found
+        wrong = [*_check_numbers(place, entry)]
+        yield from wrong
+        if not wrong and (text := _rotation_problem(entry)):
+            yield Problem(place, text)
 
 
-def _check_numbers(place: KeyPath, entry: StaticTransform) -> list[Problem]:
-    found = []
+def _check_numbers(place: KeyPath, entry: StaticTransform) -> Iterator[Problem]:
     for field in ("x", "y", "z", "yaw", "pitch", "roll", "qx", "qy", "qz", "qw"):
         value = getattr(entry, field)
         if value is not None and not math.isfinite(value):
-            found.append(Problem((*place, field), f"{value} is no number to place a frame with"))
-        elif field in _ANGLES and (text := turn_problem(value or 0.0)):
-            found.append(Problem((*place, field), text))
-    if found or all(q is None for q in (entry.qx, entry.qy, entry.qz, entry.qw)):
-        return found
+            yield Problem((*place, field), f"{value} is no number to place a frame with")
+        elif field in ("yaw", "pitch", "roll") and (text := turn_problem(value)):
+            yield Problem((*place, field), text)
+
+
+def _rotation_problem(entry: StaticTransform) -> str:
+    if all(q is None for q in (entry.qx, entry.qy, entry.qz, entry.qw)):
+        return ""
     given = quaternion(entry)
     if not given:
-        return [Problem(place, "a quaternion needs all of qx, qy, qz, qw")]
+        return "a quaternion needs all of qx, qy, qz, qw"
     if entry.yaw or entry.pitch or entry.roll:
-        return [Problem(place, "both a quaternion and yaw, pitch, roll; keep one of them")]
+        return "both a quaternion and yaw, pitch, roll; keep one of them"
     # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.
-    if not 0.9 < math.hypot(*given) < 1.1:
-        return [Problem(place, "qx, qy, qz, qw is no rotation: its length is not 1")]
-    return []
+    return "" if 0.9 < math.hypot(*given) < 1.1 else "qx, qy, qz, qw is no rotation: its length is not 1"

@@ -279,9 +279,12 @@ def _is_text(holder: Any, key: str) -> bool:
 
 def read_toml(path: Path) -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    text = _read_text(path)
+    data = resources.read_file(path, "team file", MAX_BYTES, ConfigError)
     try:
+        text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     except TooDeepError as error:
         raise ConfigError(f"{path}:{error.line}: {error}") from None
     except tomllib.TOMLDecodeError as error:
@@ -293,16 +296,3 @@ def read_toml(path: Path) -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     except ValueError as error:
         # A number of thousands of digits.
         raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
-
-
-def _read_text(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise ConfigError(f"{path}: a team file of more than {MAX_BYTES // 2**20} MB is refused")
-        return data.decode("utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read the team file: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from zteam.errors import ConfigError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import JointState, Time, TransformStamped
+from zteam.resources import read_file
 from zteam.tf.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
@@ -75,14 +76,7 @@ def _moved(joint: Joint, position: float) -> Floats:
 
 def read_description(path: Path) -> Description:
     """The joints of a URDF file. Raises ConfigError that names the file and the joint."""
-    try:
-        data = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
-    except (OSError, ValueError) as error:
-        # ValueError: a NUL in the name.
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"{path}: cannot read this robot description: {reason}") from None
-    if data is None:
-        raise ConfigError(f"{path}: a robot description of more than {MAX_BYTES // 2**20} MB is refused")
+    data = read_file(path, "robot description", MAX_BYTES, ConfigError)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise ConfigError(f"{path}: a robot description defines no document type and no entities")
     try:

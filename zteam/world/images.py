@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2
+from zteam.resources import read_file
 from zteam.world.properties import MAX_LENGTH
 
 if TYPE_CHECKING:
@@ -201,14 +202,7 @@ def _read_fields(path: Path) -> dict[str, Any]:
     import yaml  # imported only for such a map
 
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise WorldError(f"{path}: cannot read this map: {error.strerror or error}") from None
-    if len(data) > MAX_BYTES:
-        raise WorldError(f"{path}: a map file of more than {MAX_BYTES} bytes is refused")
-    try:
-        fields = yaml.safe_load(data)
+        fields = yaml.safe_load(read_file(path, "map", MAX_BYTES, WorldError))
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise WorldError(f"{path}: not a map_server YAML file: {reason:.200}") from None

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from zteam.errors import WorldError
+from zteam.resources import read_file
 from zteam.world.model import Remark
 
 MAX_FILE_BYTES = 16 * 2**20
@@ -79,14 +80,7 @@ def find_file(name: str, folder: Path) -> Path | None:
 
 def read_text(path: Path) -> str:
     """The text of a world file; raises WorldError without a place. Bytes that are not UTF-8 become U+FFFD."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise WorldError(f"{path}: cannot read this world file: {reason}") from None
-    if len(data) > MAX_FILE_BYTES:
-        raise WorldError(f"{path}: a world file of more than {MAX_FILE_BYTES // 2**20} MB is refused")
+    data = read_file(path, "world file", MAX_FILE_BYTES, WorldError)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise WorldError(f"{path}: UTF-16 text; save it as UTF-8")
     return data.decode("utf-8-sig", "replace")

@@ -77,7 +77,7 @@ def test_every_mistake_has_its_line(tmp_path: Path, text: str, told: list[str]) 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     """A file that is missing, is no text, or nests without end is refused with its name."""
-    with pytest.raises(ConfigError, match=r"none\.yaml: cannot read the goals: No such file"):
+    with pytest.raises(ConfigError, match=r"none\.yaml: cannot read this file of goals: No such file"):
         read_goals(tmp_path / "none.yaml")
     path = tmp_path / "goals.yaml"
     path.write_bytes(b"\xff\xfe\x00")

@@ -101,9 +101,9 @@ def test_a_mistake_in_toml_has_its_line(tmp_path: Path, text: str, told: str) ->
 
 def test_a_file_that_cannot_be_read_is_one_error(tmp_path: Path) -> None:
     """A missing file, a folder, and bytes that are not UTF-8."""
-    with pytest.raises(ConfigError, match="cannot read the team file: No such file"):
+    with pytest.raises(ConfigError, match="cannot read this team file: No such file"):
         load_team(tmp_path / "none.toml")
-    with pytest.raises(ConfigError, match="cannot read the team file: Is a directory"):
+    with pytest.raises(ConfigError, match="cannot read this team file: Is a directory"):
         load_team(tmp_path)
     (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'")
     with pytest.raises(ConfigError, match=r"latin\.toml: not UTF-8 text \(byte 5\)"):
