@@ -5,6 +5,7 @@ import difflib
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import NamedTuple
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
@@ -23,13 +24,12 @@ _PATIENCE = 0.5
 """Host seconds for processes to tell their names; one that hangs is shown by its session."""
 
 
-class KeyUsers:
+class KeyUsers(NamedTuple):
     """The publishers and subscribers of all sessions of zteam but the tool's own, by the names of their processes."""
 
-    def __init__(self, declarations: Sequence[Declaration], processes: Sequence[ProcessInfo]) -> None:
-        """`processes` are those of zteam; one may be there with several names."""
-        self._declarations = declarations
-        self._processes = processes
+    declarations: Sequence[Declaration]
+    processes: Sequence[ProcessInfo]
+    """Those of zteam; one may be there with several names."""
 
     def publishers(self, key_expr: str) -> list[str]:
         """The processes that publish on keys of `key_expr`."""
@@ -40,22 +40,22 @@ class KeyUsers:
         return self._names(key_expr, publishes=False)
 
     def _names(self, key_expr: str, *, publishes: bool) -> list[str]:
-        sessions = {d.session for d in self._declarations if d.publishes == publishes and matches(d.key, key_expr)}
+        sessions = {d.session for d in self.declarations if d.publishes == publishes and matches(d.key, key_expr)}
         return self.name_sessions(sessions, key_expr)
 
     def name_sessions(self, sessions: Iterable[str], key: str) -> list[str]:
         """The users of a key by name, sorted; one that is no process of zteam by its session's id."""
-        known = names_of_sessions(self._processes, key)
+        known = names_of_sessions(self.processes, key)
         return sorted(holder_text(known.get(session), session) for session in sessions)
 
     def known_keys(self, heard: Iterable[str] = ()) -> list[str]:
         """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and in `heard`."""
         robots = self.robots(heard)
-        return sorted({key for d in self._declarations for key in names.keys_in(d.key, robots)})
+        return sorted({key for d in self.declarations for key in names.keys_in(d.key, robots)})
 
     def robots(self, heard: Iterable[str] = ()) -> list[int]:
         """The ids of the robots that have a key of their own, declared or `heard`."""
-        keys = (*(declaration.key for declaration in self._declarations), *heard)
+        keys = (*(declaration.key for declaration in self.declarations), *heard)
         return sorted({target[0] for target in map(names.split_robot_key, keys) if target is not None})
 
 

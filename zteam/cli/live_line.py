@@ -5,7 +5,6 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr
-from types import TracebackType
 from typing import Any, TextIO, cast
 
 from zteam.clock import Every
@@ -47,9 +46,7 @@ class LiveLine:
             self._redirection.enter_context(redirect_stderr(cast(TextIO, above)))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_how: object) -> None:
         self._redirection.close()
         self.show(lambda columns: "")
 
@@ -72,16 +69,14 @@ class LiveLine:
 
     def _write(self, text: str, stream: TextIO) -> None:
         columns = self._columns()
-        if not self._in_foreground():
+        is_ours = self._in_foreground()
+        if not is_ours:
             # The shell has the line now.
             self._drawn = 0
+        if not is_ours or (self._left and not self._drawn):
             if text:
                 stream.write(text)
                 stream.flush()
-            return
-        if self._left and not self._drawn:
-            stream.write(text)
-            stream.flush()
             return
         line = "" if self._left else self._render(columns - _MARGIN)
         # A terminal that was made narrower has wrapped the line.

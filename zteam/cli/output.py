@@ -79,7 +79,15 @@ def _discard(stream: TextIO) -> None:
 
 def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) -> int:
     """Run a command's `body`; return its exit code, or 1 if it `needs_output` and that cannot be written."""
-    with _guarded_streams(_raise if needs_output else lambda error: _warn(name, error)):
+
+    def failed(reason: OSError) -> None:
+        error = OutputError(reason)
+        if needs_output:
+            raise error
+        if not error.reader_gone:
+            print(f"{name}: {error}; going on without it", file=sys.stderr)
+
+    with _guarded_streams(failed):
         try:
             try:
                 return body()
@@ -108,16 +116,6 @@ def _guarded_streams(on_failure: Callable[[OSError], None]) -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
-
-
-def _raise(error: OSError) -> None:
-    raise OutputError(error)
-
-
-def _warn(name: str, error: OSError) -> None:
-    failure = OutputError(error)
-    if not failure.reader_gone:
-        print(f"{name}: {failure}; going on without it", file=sys.stderr)
 
 
 def _open_descriptors() -> None:

@@ -1,11 +1,16 @@
-"""Tables for people: columns as wide as their widest cell, readable in a plain pipe."""
+"""Texts for people, readable in a plain pipe: tables, whose columns are as wide as their widest cell, and messages."""
 
 import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
+from typing import Any
+
+from zteam.messages import Message, to_plain
 
 _GAP = "  "
+_SHORT = 12
+"""Elements of an array that the text output shows without --full."""
 _MIN_ROOM = 20
 """Columns of the least room into which a text is wrapped."""
 
@@ -50,3 +55,36 @@ def _wrapped(line: Sequence[str], room: int) -> list[Sequence[str]]:
 
 def _aligned(cell: str, width: int, right: bool) -> str:
     return cell.rjust(width) if right else cell.ljust(width)
+
+
+def format_message(message: Message, full: bool) -> str:
+    """The message as `ros2 topic echo` prints it: one field per line, nested fields indented, long arrays cut."""
+    return "\n".join(_lines(to_plain(message), "", full))
+
+
+def _lines(plain: Any, indent: str, full: bool) -> list[str]:
+    lines = []
+    for name, value in plain.items():
+        if isinstance(value, dict):
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ", full)]
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            lines.append(f"{indent}{name}:")
+            for item in value:
+                first, *rest = _lines(item, indent + "  ", full)
+                lines += [f"{indent}- {first.lstrip()}", *rest]
+        elif isinstance(value, list) and len(value) > _SHORT and not full:
+            shown = ", ".join(map(_word, value[:_SHORT]))
+            lines.append(f"{indent}{name}: [{shown}, … ({len(value)} in all)]")
+        elif isinstance(value, list):
+            lines.append(f"{indent}{name}: [{', '.join(map(_word, value))}]")
+        else:
+            lines.append(f"{indent}{name}: {_word(value)}")
+    return lines
+
+
+def _word(value: Any) -> str:
+    if value is None:
+        return "inf"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"'{value}'" if isinstance(value, str) else str(value)

@@ -4,20 +4,22 @@ import argparse
 import itertools
 import statistics
 import sys
-from collections import deque
-from collections.abc import Callable, Sequence
+import threading
+from collections import defaultdict, deque
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
-from typing import Any
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.bus import Publisher
-from zteam.bus.transport import RawSample
+from zteam.bus.receiving import KeyCount
+from zteam.bus.transport import RawSample, matches
 from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.listening import (
+    NO_KEYS,
     SURVEY,
     KeyUsers,
     Waiter,
@@ -30,10 +32,12 @@ from zteam.cli.listening import (
     open_bus,
     silence,
     wait_for_message,
+    where_to_look,
 )
+from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.cli.topic_keys import show_info, show_list
 from zteam.clock import AutoClock, monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import (
@@ -44,7 +48,6 @@ from zteam.messages import (
     message_type,
     time_from_ns,
     to_json,
-    to_plain,
     type_of_encoding,
 )
 from zteam.messages.jsonform import from_words
@@ -181,10 +184,6 @@ def _heard_encoding(bus: Bus, key: str) -> str:
     return heard[0] if heard else ""
 
 
-_SHORT = 12
-"""Elements of an array that the text output shows without --full."""
-
-
 def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam topic", description=__doc__)
@@ -247,39 +246,6 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     until = parser.add_mutually_exclusive_group()
     until.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
     until.add_argument("-1", "--once", action="store_true", help="end after one message")
-
-
-def format_message(message: Message, full: bool) -> str:
-    """The message as `ros2 topic echo` prints it: one field per line, nested fields indented, long arrays cut."""
-    return "\n".join(_lines(to_plain(message), "", full))
-
-
-def _lines(plain: Any, indent: str, full: bool) -> list[str]:
-    lines = []
-    for name, value in plain.items():
-        if isinstance(value, dict):
-            lines += [f"{indent}{name}:", *_lines(value, indent + "  ", full)]
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            lines.append(f"{indent}{name}:")
-            for item in value:
-                first, *rest = _lines(item, indent + "  ", full)
-                lines += [f"{indent}- {first.lstrip()}", *rest]
-        elif isinstance(value, list) and len(value) > _SHORT and not full:
-            shown = ", ".join(map(_word, value[:_SHORT]))
-            lines.append(f"{indent}{name}: [{shown}, … ({len(value)} in all)]")
-        elif isinstance(value, list):
-            lines.append(f"{indent}{name}: [{', '.join(map(_word, value))}]")
-        else:
-            lines.append(f"{indent}{name}: {_word(value)}")
-    return lines
-
-
-def _word(value: Any) -> str:
-    if value is None:
-        return "inf"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"'{value}'" if isinstance(value, str) else str(value)
 
 
 def _echo(args: argparse.Namespace) -> int:
@@ -373,5 +339,146 @@ def _ms(seconds: float) -> str:
     return f"{seconds * 1e3:.1f} ms"
 
 
-_VERBS = {"list": show_list, "echo": _echo, "hz": _hz, "info": show_info, "pub": publish}
+class KeyRow(msgspec.Struct):
+    """A key, the messages received on it during a survey, and its users."""
+
+    key: str
+    type: str
+    """ROS name, else the encoding, else empty."""
+    count: int = 0
+    bytes: int = 0
+    latched: bool = False
+    """Whether its message was published before the survey began."""
+    sources: list[str] = []
+    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
+    rate: float = 0.0
+    """Hz during the survey."""
+    publishers: list[str] = []
+    """Names of processes, also of those that publish nothing now."""
+    subscribers: list[str] = []
+    """Names of processes; programs that are not zteam's are missing."""
+
+
+def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers]:
+    """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
+    users, rows = find_key_users(bus), survey(bus, key_expr)
+    for key in users.known_keys(rows):
+        if key not in rows and matches(key_expr, key):
+            kind = type_of_key(key)
+            rows[key] = KeyRow(key, kind.ros_type if kind else "")
+    for key, row in rows.items():
+        # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+        row.publishers = sorted({*users.publishers(key), *users.name_sessions(row.sources, key)})
+        row.subscribers = users.subscribers(key)
+    return [rows[key] for key in sorted(rows)], users
+
+
+def survey(bus: Bus, key_expr: str) -> dict[str, KeyRow]:
+    """Listen to `key_expr` for a while: every key that carries data, latched ones included."""
+    rows: dict[str, KeyRow] = {}
+    times: dict[str, list[float]] = defaultdict(list)
+    lock = threading.Lock()
+
+    def take(sample: RawSample) -> None:
+        kind = kind_of(sample, None)
+        with lock:
+            row = rows.setdefault(sample.key, KeyRow(sample.key, kind.ros_type if kind else sample.encoding))
+            row.bytes = len(sample.payload)
+            if sample.source not in row.sources:
+                row.sources.append(sample.source)
+
+    def take_live(sample: RawSample) -> None:
+        with lock:
+            times[sample.key].append(monotonic())
+        take(sample)
+
+    start, live = monotonic(), bus.subscribe_raw(key_expr, take_live)
+    # It receives live samples too.
+    latched = bus.subscribe_raw(key_expr, take, latched=True)
+    Waiter().wait(lambda: False, SURVEY, "")
+    latched.close()
+    live.close()
+    with lock:
+        for key, row in rows.items():
+            row.count, row.rate = len(times[key]), rate_of(times[key], monotonic() - start)
+            row.latched = row.count == 0
+        # A sample may still be on its way.
+        return dict(rows)
+
+
+def rate_of(times: Sequence[float], elapsed: float) -> float:
+    """Hz between messages that came at `times`; that of a single one over the `elapsed` seconds."""
+    span = times[-1] - times[0] if times else 0.0
+    return (len(times) - 1) / span if span > 0.0 else len(times) / elapsed
+
+
+def _rate(row: KeyRow) -> str:
+    if row.latched:
+        return "latched"
+    # One message in the time of a survey says little about a rate.
+    return {0: "-", 1: "~1 Hz"}.get(row.count) or format_rate(row.rate)
+
+
+def _list(args: argparse.Namespace) -> int:
+    """Print a table of all keys."""
+    with closing(open_bus(bus_options(args))) as bus:
+        rows, _ = find_rows(bus, "**")
+    if args.json:
+        print(msgspec.json.encode(rows).decode())
+        return 0
+    if not rows:
+        print(NO_KEYS)
+        return 0
+    print(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
+    return 0
+
+
+def _cells(row: KeyRow) -> tuple[str, ...]:
+    return row.key, row.type or "?", _rate(row), str(len(row.publishers)), str(len(row.subscribers))
+
+
+def _info(args: argparse.Namespace) -> int:
+    """Print everything known about the keys of a key expression."""
+    key = check_key(args.key)
+    with closing(open_bus(bus_options(args))) as bus:
+        rows, users = find_rows(bus, key)
+        nodes = find_nodes(bus)
+        counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
+    if not rows:
+        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, users.known_keys())}")
+    for row in rows:
+        stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
+        heard = writer_names(nodes, row.sources, row.key)
+        info = {
+            "key": row.key,
+            "type": row.type,
+            "rate": round(row.rate, 2),
+            "latched": row.latched,
+            "bytes": row.bytes,
+            "writers": heard,
+            "receivers": stats,
+            "publishers": row.publishers,
+            "subscribers": row.subscribers,
+        }
+        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, heard, stats))
+    return 0
+
+
+def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount]) -> str:
+    from zteam.diagnosis.checks import format_refusals
+
+    received = {name: f"{name}: {count.received} received, {format_refusals(count)}" for name, count in stats.items()}
+    silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]
+    subscribers = [received.get(name, name) for name in row.subscribers or received]
+    lines = [
+        row.key,
+        f"  type      {row.type or '?'}",
+        f"  rate      {_rate(row)}" + (f", {row.bytes} bytes" if row.count or row.latched else ""),
+        *(f"  writer    {name}" for name in [*heard, *silent] or ["none"]),
+        *(f"  receiver  {text}" for text in subscribers or ["none"]),
+    ]
+    return "\n".join(lines)
+
+
+_VERBS = {"list": _list, "echo": _echo, "hz": _hz, "info": _info, "pub": publish}
 main = partial(run_tool, build_parser, lambda args: _VERBS[args.verb](args))

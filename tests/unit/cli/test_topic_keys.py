@@ -9,9 +9,9 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
-from zteam.cli import listening, topic, topic_keys
+from zteam.cli import listening, topic
 from zteam.cli.listening import near_keys
-from zteam.cli.topic_keys import rate_of
+from zteam.cli.topic import rate_of
 from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
 
 
@@ -19,9 +19,8 @@ from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
 def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     """The bus of the tool and of everything else; a survey is short, because what is on the bus is latched."""
     hub = MemoryHub()
-    for module in (topic, topic_keys):
-        monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
-    for module in (listening, topic_keys):
+    monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
+    for module in (listening, topic):
         monkeypatch.setattr(module, "SURVEY", 0.05)
     return hub
 
