@@ -9,17 +9,18 @@ import logging
 from collections.abc import Mapping
 
 from zteam import names
+from zteam.bus import NoRequest
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.messages import JointState, TFMessage, Tick, ns_from_time
+from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
-from zteam.nodes.transforms.queries import serve_queries
+from zteam.nodes.transforms.queries import answer_frames, answer_history, answer_lookups
 from zteam.process_options import AggregatorOptions
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import GRACE, TokenLossFilter, TokenSet
-from zteam.services.transforms import StaticReply, StaticRequest
+from zteam.services.transforms import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.tf.merge import Merger, base_stamp
 from zteam.tf.urdf import Description
 
@@ -64,8 +65,13 @@ class Aggregator:
         node.bus.subscribe_raw(names.all_robots_key(names.TF_STATIC), self._on_statics, latched=True)
         node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key(), self._on_token)
-        node.bus.serve(names.service_key(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
-        serve_queries(node.bus, self._merger, lambda: self._last)
+        serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
+        serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
+        serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
+        serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
+        serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: self._merger.conflicts())
+        serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(self._merger))
+        serve(service(names.AGGREGATOR, "newest"), NoRequest, lambda _: BundleReply(encode(self._last)))
         for robot_id, description in self._descriptions.items():
             self._merger.describe(robot_id, description.static_transforms())
         if self._descriptions:

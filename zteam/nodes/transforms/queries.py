@@ -1,37 +1,18 @@
-"""The aggregator's answers to queries about its tree."""
+"""The aggregator's answers to queries about its tree, without a bus."""
 
-from collections.abc import Callable
 from contextlib import suppress
 
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus, Deferred, NoRequest
+from zteam.bus import Deferred
 from zteam.clock import monotonic
 from zteam.errors import UsageError
-from zteam.messages import TFMessage, encode, ns_from_time
-from zteam.services.transforms import (
-    MAX_LOOKUPS,
-    BundleReply,
-    HistoryReply,
-    HistoryRequest,
-    Lookup,
-    LookupReply,
-    LookupRequest,
-)
+from zteam.messages import ns_from_time
+from zteam.services.transforms import MAX_LOOKUPS, HistoryReply, HistoryRequest, Lookup, LookupReply, LookupRequest
 from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.merge import Merger
 from zteam.tf.rigid import floats_of
-
-
-def serve_queries(bus: Bus, merger: Merger, newest: Callable[[], TFMessage]) -> None:
-    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` from the bus."""
-    serve, service, buffer = bus.serve, names.service_key, merger.buffer
-    serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
-    serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
-    serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: merger.conflicts())
-    serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: _answer_frames(merger))
-    serve(service(names.AGGREGATOR, "newest"), NoRequest, lambda _: BundleReply(encode(newest())))
 
 
 def answer_lookups(buffer: Buffer, request: LookupRequest) -> list[LookupReply] | Deferred:
@@ -88,7 +69,7 @@ def answer_history(buffer: Buffer, request: HistoryRequest) -> HistoryReply:
     return HistoryReply(rows)
 
 
-def _answer_frames(merger: Merger) -> dict[str, FrameInfo]:
+def answer_frames(merger: Merger) -> dict[str, FrameInfo]:
     """Every child frame, by name, with its authority as users read it."""
     return {
         child: msgspec.structs.replace(info, authority=merger.statics.shown(info.authority))
