@@ -10,8 +10,6 @@ import math
 from collections.abc import Mapping, Set
 from typing import Any, Literal, NamedTuple
 
-import msgspec
-
 from zteam import names
 from zteam.behaviors.behavior import View
 from zteam.geometry import Pose2
@@ -21,7 +19,7 @@ STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
 """What a behaviour declares as `inputs` that asks for the chain."""
 
 
-class Seen(msgspec.Struct, frozen=True):
+class Seen(NamedTuple):
     """Where a robot is."""
 
     pose: Pose2

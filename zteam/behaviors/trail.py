@@ -189,13 +189,12 @@ class Trail:
 
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
-        way = self._own
-        if not len(way) or math.dist(own[:2], way.last) >= SPACING:
-            if len(way) and math.dist(own[:2], way.last) > JUMP:
-                self._own, self._left = Polyline(), None
-                way = self._own
-            way.append(own.x, own.y)
-            way.drop_before(way.end - KEPT)
+        moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING
+        if moved > JUMP:
+            self._own, self._left = Polyline(), None
+        if moved >= SPACING:
+            self._own.append(own.x, own.y)
+            self._own.drop_before(self._own.end - KEPT)
 
     def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits) -> Answer:
         """The velocity of a robot at `own` (map) behind the robots `place.before`, and why it is zero."""

@@ -23,7 +23,6 @@ from zteam.trials.situations import (
     bounds,
     elsewhere,
     given_params,
-    nothing,
 )
 from zteam.trials.subject import (
     Answer,
@@ -83,7 +82,7 @@ def _look(views: Callable[[ViewMaker], Iterable[View]], run: TrialRun) -> list[A
 
 def _before_anything(run: TrialRun) -> list[Answer]:
     """No robot asks for a step before its first scan, so an error there is a remark."""
-    view, subject = nothing(run.moment), run.make()
+    view, subject = run.moment.view(1.0, 0.0, None, {}, has_odom=False), run.make()
     subject.prepare(view)
     subject.step_anyhow(view)
     return []

@@ -171,10 +171,6 @@ def _near(moment: ViewMaker) -> Iterator[View]:
     return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})
 
 
-def _alone(moment: ViewMaker) -> Iterator[View]:
-    return moment.views(poses={ROBOT: POSES[ROBOT]})
-
-
 SITUATIONS: dict[str, Callable[[ViewMaker], Iterator[View]]] = {
     "in the middle of a room": lambda moment: moment.views(),
     "all beams say nothing (nan)": lambda moment: moment.views(_all(math.nan)),
@@ -188,7 +184,7 @@ SITUATIONS: dict[str, Callable[[ViewMaker], Iterator[View]]] = {
     "a laser of 2000 beams": lambda moment: moment.views(room(2000)),
     "a robot right before it": _near,
     "no transforms": lambda moment: moment.views(poses={}),
-    "no other robot known": _alone,
+    "no other robot known": lambda moment: moment.views(poses={ROBOT: POSES[ROBOT]}),
     "it is put elsewhere": _moved,
     "time stands still, then leaps": _odd_times,
 }
@@ -204,11 +200,6 @@ def elsewhere(*, own: bool) -> list[Poses]:
     """Other poses than POSES, with another `own` one only if asked for: far apart, and close together."""
     moved = [_ELSEWHERE, _CLOSE]
     return moved if own else [{**poses, ROBOT: POSES[ROBOT]} for poses in moved]
-
-
-def nothing(moment: ViewMaker) -> View:
-    """Before anything has come."""
-    return moment.view(1.0, 0.0, None, {}, has_odom=False)
 
 
 _INSIDE = 1e-3

@@ -10,7 +10,7 @@ import sys
 import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType, FunctionType, ModuleType
@@ -48,25 +48,16 @@ class Fault(msgspec.Struct, frozen=True):
     """Whether no robot ever gets there, so that it is not wrong."""
 
 
-def place_of_error(error: BaseException, kind: type[Behavior]) -> str:
-    """The innermost line of the author's that raised."""
-    return _innermost(((f.filename, f.lineno or 0) for f in traceback.extract_tb(error.__traceback__)), kind)
-
-
-def place_of_frame(frame: FrameType, kind: type[Behavior]) -> str:
-    """The author's line that runs in `frame` or has called what runs there."""
-    return _innermost(((f.filename, f.lineno or 0) for f in traceback.extract_stack(frame)), kind)
+def place_in(stack: traceback.StackSummary, kind: type[Behavior]) -> str:
+    """The author's innermost line in a stack; where there is none, that of its `step`."""
+    own = [frame for frame in stack if is_authors(frame.filename, kind)]
+    return _line_text(own[-1].filename, own[-1].lineno or 0) if own else place_of_step(kind)
 
 
 def place_of_step(kind: type[Behavior], method: str = "step") -> str:
     """Where its `step`, or another method, begins."""
     code = getattr(inspect.unwrap(getattr(kind, method)), "__code__", None)
     return "" if code is None else _line_text(code.co_filename, code.co_firstlineno)
-
-
-def _innermost(lines: Iterable[tuple[str, int]], kind: type[Behavior]) -> str:
-    own = [(name, line) for name, line in lines if is_authors(name, kind)]
-    return _line_text(*own[-1]) if own else place_of_step(kind)
 
 
 def is_authors(filename: str, kind: type[Behavior]) -> bool:
@@ -119,7 +110,7 @@ class HeardCalls:
 
     def _note(self, heard: dict[str, str], name: str, frame: FrameType) -> None:
         if name not in heard:
-            heard[name] = place_of_frame(frame, self._kind)
+            heard[name] = place_in(traceback.extract_stack(frame), self._kind)
 
 
 _NO_STATE = (type, ModuleType, FunctionType, classmethod, staticmethod, property)
@@ -205,7 +196,7 @@ class StepWatch:
         frame = sys._current_frames().get(self._thread) if seconds > TICK else None
         if frame is None or self._began != began:
             return None
-        place = place_of_frame(frame, self._kind)
+        place = place_in(traceback.extract_stack(frame), self._kind)
         self._places[place] += 1
         if seconds < HANGS_AFTER:
             return None
@@ -287,7 +278,7 @@ class Subject:
             self._behavior.step(view)
         except BaseException as error:
             text = f"before its first scan step raises {error_text(error)}; no robot asks it then, but a test may"
-            place = place_of_error(error, self._candidate.kind)
+            place = place_in(traceback.extract_tb(error.__traceback__), self._candidate.kind)
             self._blame(Fault("raises", text, _hint(error), place, is_remark=True))
 
     def step(self, view: View) -> Answer:
@@ -314,7 +305,11 @@ class Subject:
         if abs(most.x - motion.x) > _TOLERANCE or abs(most.turn - motion.turn) > _TOLERANCE:
             hint = "limit it, for example max(-1.0, min(1.0, speed)); view.base has the limits"
             self._accuse("limit", f"step asks for {velocity_text(motion)}, this robot does {velocity_text(most)}", hint)
-        for name, value in _ignored(wanted):
+        linear, angular = wanted.linear, wanted.angular
+        ignored = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
+        for name, value in ignored.items():
+            if not isinstance(value, int | float) or not value:
+                continue
             hint = (
                 "a robot only drives forward (linear.x) and turns (angular.z): Twist(Vector3(speed), Vector3(z=turn))"
             )
@@ -332,20 +327,20 @@ class Subject:
         except BaseException as error:
             # The author's own code may raise anything, also SystemExit.
             text = f"{method} raises {error_text(error)}{self._label}"
-            self._blame(Fault("raises", text, _hint(error), place_of_error(error, self._candidate.kind)))
+            self._blame(
+                Fault(
+                    "raises",
+                    text,
+                    _hint(error),
+                    place_in(traceback.extract_tb(error.__traceback__), self._candidate.kind),
+                )
+            )
         raise TrialOver
 
 
 def velocity_text(motion: Motion) -> str:
     """A velocity, for people."""
     return f"{motion.x:.3g} m/s, {motion.turn:.3g} rad/s"
-
-
-def _ignored(wanted: Twist) -> list[tuple[str, float]]:
-    """The parts of a velocity that reach no wheel and are not zero."""
-    parts = [("linear.y", wanted.linear.y), ("linear.z", wanted.linear.z)]
-    parts += [("angular.x", wanted.angular.x), ("angular.y", wanted.angular.y)]
-    return [(name, value) for name, value in parts if isinstance(value, int | float) and value]
 
 
 def _bytes_of(view: View) -> dict[str, bytes]:

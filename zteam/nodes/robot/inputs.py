@@ -277,10 +277,9 @@ class RobotInputs:
             return False
         if self.odom is None or self.odom_stamp < stamp:
             return False
-        return not tf or (self.transforms.stamp >= stamp and (not connected or self._is_connected(stamp)))
-
-    def _is_connected(self, stamp: int) -> bool:
-        newest = self.transforms.newest(names.MAP_FRAME, self._base)
+        if not tf or self.transforms.stamp < stamp:
+            return not tf
+        newest = self.transforms.newest(names.MAP_FRAME, self._base) if connected else stamp
         return newest is not None and newest >= stamp
 
     def view(self, now: int, dt: float, team: tuple[int, ...], seed: int = 1, *, is_first: bool = False) -> View:

@@ -8,6 +8,7 @@ import logging
 from collections.abc import Callable
 from functools import partial
 from itertools import count
+from typing import Any
 
 from zteam import names
 from zteam.behaviors import Behavior
@@ -162,9 +163,10 @@ class RobotNode:
         node.subscribe(key(names.BASE_SCAN), LaserScan, self._on_scan)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        node.subscribe(key(names.ODOM), Odometry, self._on_odom)
+        node.subscribe(key(names.ODOM), Odometry, partial(self._on_input, self._inputs.take_odom))
         node.subscribe(names.TF, TFMessage, self._on_tf)
-        node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+        take_static = partial(self._on_input, self._inputs.transforms.take_static)
+        node.subscribe(names.TF_STATIC, TFMessage, take_static, latched=True)
         for source in SOURCES:
             velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
             node.subscribe_from(key(source.topic), source.type, velocity)
@@ -188,8 +190,8 @@ class RobotNode:
         self._first_data = self._first_data or monotonic()
         self._go_on()
 
-    def _on_odom(self, _key: str, odom: Odometry) -> None:
-        self._inputs.take_odom(odom)
+    def _on_input(self, take: Callable[[Any], None], _key: str, message: Message) -> None:
+        take(message)
         self._go_on()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
@@ -199,10 +201,6 @@ class RobotNode:
         if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
             self._inputs.transforms.take_bundle(bundle)
             self._go_on()
-
-    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self._inputs.transforms.take_static(message)
-        self._go_on()
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])
