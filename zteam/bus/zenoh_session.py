@@ -83,14 +83,14 @@ class Aside:
         self._waiting.put(None)
 
     def _work(self) -> None:
-        while (work := self._next()) is not None:
+        while True:
+            try:
+                work = self._waiting.get(timeout=self._period)
+            except queue.Empty:
+                work = self._on_idle
+            if work is None:
+                return
             work()
-
-    def _next(self) -> Callable[[], None] | None:
-        try:
-            return self._waiting.get(timeout=self._period)
-        except queue.Empty:
-            return self._on_idle
 
 
 def sample_callback(handler: SampleHandler, stamped: bool) -> Any:

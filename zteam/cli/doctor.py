@@ -35,7 +35,7 @@ from zteam.diagnosis.maps import check_map_file
 from zteam.errors import BusError, DecodeError
 from zteam.launch import kinds
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
-from zteam.messages.message import NO_INT8
+from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.numbers import counted
 from zteam.services.simulator import MapInfo, find_status
@@ -105,7 +105,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        map=msgspec.structs.replace(grid, data=NO_INT8) if isinstance(grid, OccupancyGrid) else None,
+        map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),

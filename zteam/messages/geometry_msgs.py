@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import msgspec
 
-from zteam.messages.message import NO_COVARIANCE, Covariance, Message, float32, float64
+from zteam.messages.message import Covariance, Message, float32, float64, zeros
 from zteam.messages.std_msgs import Header
 
 
@@ -44,7 +44,7 @@ class PoseWithCovariance(Message):
     """A pose and its 6 by 6 covariance, row by row (x, y, z, roll, pitch, yaw)."""
 
     pose: Pose = msgspec.field(default_factory=Pose)
-    covariance: Covariance = NO_COVARIANCE
+    covariance: Covariance = zeros("float64", 36)
 
 
 class PoseStamped(Message):
@@ -121,7 +121,7 @@ class TwistWithCovariance(Message):
     """A velocity and its 6 by 6 covariance, row by row."""
 
     twist: Twist = msgspec.field(default_factory=Twist)
-    covariance: Covariance = NO_COVARIANCE
+    covariance: Covariance = zeros("float64", 36)
 
 
 class Transform(Message):

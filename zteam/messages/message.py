@@ -32,20 +32,12 @@ Covariance = Annotated[NDArray[np.float64], "float64[36]"]
 Covariance3 = Annotated[NDArray[np.float64], "float64[9]"]
 
 
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    # Messages share their defaults, so no message may write into them.
+@cache
+def zeros(dtype: str, count: int = 0) -> NDArray[Any]:
+    """An array that messages share as their default, so that none may write into it."""
+    array = np.zeros(count, dtype)
     array.flags.writeable = False
     return array
-
-
-NO_UINT8: NDArray[np.uint8] = _frozen(np.zeros(0, np.uint8))
-NO_INT8: NDArray[np.int8] = _frozen(np.zeros(0, np.int8))
-NO_INT32: NDArray[np.int32] = _frozen(np.zeros(0, np.int32))
-NO_FLOAT32: NDArray[np.float32] = _frozen(np.zeros(0, np.float32))
-NO_FLOAT64: NDArray[np.float64] = _frozen(np.zeros(0, np.float64))
-NO_BOOL: NDArray[np.bool_] = _frozen(np.zeros(0, np.bool_))
-NO_COVARIANCE: NDArray[np.float64] = _frozen(np.zeros(36, np.float64))
-NO_COVARIANCE3: NDArray[np.float64] = _frozen(np.zeros(9, np.float64))
 
 
 REGISTERED: dict[str, type["Message"]] = {}

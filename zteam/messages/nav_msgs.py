@@ -3,7 +3,7 @@
 import msgspec
 
 from zteam.messages.geometry_msgs import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
-from zteam.messages.message import NO_INT8, Int8Seq, Message, float32, uint32
+from zteam.messages.message import Int8Seq, Message, float32, uint32, zeros
 from zteam.messages.std_msgs import Header, Time
 
 
@@ -31,7 +31,7 @@ class OccupancyGrid(Message):
 
     header: Header = msgspec.field(default_factory=Header)
     info: MapMetaData = msgspec.field(default_factory=MapMetaData)
-    data: Int8Seq = NO_INT8
+    data: Int8Seq = zeros("int8")
 
 
 class Path(Message):

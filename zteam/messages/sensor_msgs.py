@@ -3,19 +3,7 @@
 import msgspec
 
 from zteam.messages.geometry_msgs import Quaternion, Vector3
-from zteam.messages.message import (
-    NO_COVARIANCE3,
-    NO_FLOAT32,
-    NO_FLOAT64,
-    NO_UINT8,
-    Covariance3,
-    Float32Seq,
-    Float64Seq,
-    Message,
-    Uint8Seq,
-    float32,
-    uint8,
-)
+from zteam.messages.message import Covariance3, Float32Seq, Float64Seq, Message, Uint8Seq, float32, uint8, zeros
 from zteam.messages.std_msgs import Header
 
 
@@ -30,8 +18,8 @@ class LaserScan(Message):
     scan_time: float32 = 0.0
     range_min: float32 = 0.0
     range_max: float32 = 0.0
-    ranges: Float32Seq = NO_FLOAT32
-    intensities: Float32Seq = NO_FLOAT32
+    ranges: Float32Seq = zeros("float32")
+    intensities: Float32Seq = zeros("float32")
 
 
 class Range(Message):
@@ -51,9 +39,9 @@ class JointState(Message):
 
     header: Header = msgspec.field(default_factory=Header)
     name: list[str] = msgspec.field(default_factory=list)
-    position: Float64Seq = NO_FLOAT64
-    velocity: Float64Seq = NO_FLOAT64
-    effort: Float64Seq = NO_FLOAT64
+    position: Float64Seq = zeros("float64")
+    velocity: Float64Seq = zeros("float64")
+    effort: Float64Seq = zeros("float64")
 
 
 class Imu(Message):
@@ -64,11 +52,11 @@ class Imu(Message):
 
     header: Header = msgspec.field(default_factory=Header)
     orientation: Quaternion = msgspec.field(default_factory=Quaternion)
-    orientation_covariance: Covariance3 = NO_COVARIANCE3
+    orientation_covariance: Covariance3 = zeros("float64", 9)
     angular_velocity: Vector3 = msgspec.field(default_factory=Vector3)
-    angular_velocity_covariance: Covariance3 = NO_COVARIANCE3
+    angular_velocity_covariance: Covariance3 = zeros("float64", 9)
     linear_acceleration: Vector3 = msgspec.field(default_factory=Vector3)
-    linear_acceleration_covariance: Covariance3 = NO_COVARIANCE3
+    linear_acceleration_covariance: Covariance3 = zeros("float64", 9)
 
 
 class CompressedImage(Message):
@@ -76,4 +64,4 @@ class CompressedImage(Message):
 
     header: Header = msgspec.field(default_factory=Header)
     format: str = ""
-    data: Uint8Seq = NO_UINT8
+    data: Uint8Seq = zeros("uint8")

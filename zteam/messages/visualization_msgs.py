@@ -3,7 +3,7 @@
 import msgspec
 
 from zteam.messages.geometry_msgs import Point, Pose, Vector3
-from zteam.messages.message import NO_UINT8, Message, Uint8Seq, bool_, float32, int32
+from zteam.messages.message import Message, Uint8Seq, bool_, float32, int32, zeros
 from zteam.messages.sensor_msgs import CompressedImage
 from zteam.messages.std_msgs import ColorRGBA, Duration, Header
 
@@ -19,7 +19,7 @@ class MeshFile(Message):
     """A mesh file with its name."""
 
     filename: str = ""
-    data: Uint8Seq = NO_UINT8
+    data: Uint8Seq = zeros("uint8")
 
 
 class Marker(Message):

@@ -7,8 +7,6 @@ import msgspec
 
 from zteam.messages.geometry_msgs import Polygon, PoseStamped, Twist
 from zteam.messages.message import (
-    NO_BOOL,
-    NO_INT32,
     BoolSeq,
     Int32Seq,
     Message,
@@ -19,6 +17,7 @@ from zteam.messages.message import (
     uint8,
     uint32,
     uint64,
+    zeros,
 )
 from zteam.messages.std_msgs import ColorRGBA, Duration, Header, Time
 
@@ -43,7 +42,7 @@ class Bumper(Message):
     """Which pieces of a robot's bumpers are pressed, in file order."""
 
     header: Header = msgspec.field(default_factory=Header)
-    pressed: BoolSeq = NO_BOOL
+    pressed: BoolSeq = zeros("bool")
 
 
 class Blob(Message):
@@ -104,9 +103,9 @@ class TeamStatus(Message):
     epoch: uint32 = 0
     go_stamp: Time = msgspec.field(default_factory=Time)
     team_size: int32 = 0
-    ready: Int32Seq = NO_INT32
-    missing: Int32Seq = NO_INT32
-    lost: Int32Seq = NO_INT32
+    ready: Int32Seq = zeros("int32")
+    missing: Int32Seq = zeros("int32")
+    lost: Int32Seq = zeros("int32")
     waiting_for: str = ""
 
 
@@ -170,7 +169,7 @@ class Tick(Message):
     stamp: Time = msgspec.field(default_factory=Time)
     epoch: uint32 = 0
     tick: uint64 = 0
-    robots: Int32Seq = NO_INT32
+    robots: Int32Seq = zeros("int32")
     participants: list[str] = msgspec.field(default_factory=list)
 
 

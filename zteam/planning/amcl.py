@@ -248,17 +248,15 @@ class Amcl:
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:
             options = self.options
-            self._field = (
-                range_max,
-                make_likelihood_field(
-                    self._grid,
-                    z_hit=options.z_hit,
-                    z_rand=options.z_rand,
-                    sigma_hit=options.sigma_hit,
-                    max_dist=options.laser_likelihood_max_dist,
-                    range_max=min(range_max, options.laser_max_range),
-                ),
+            field = make_likelihood_field(
+                self._grid,
+                z_hit=options.z_hit,
+                z_rand=options.z_rand,
+                sigma_hit=options.sigma_hit,
+                max_dist=options.laser_likelihood_max_dist,
+                range_max=min(range_max, options.laser_max_range),
             )
+            self._field = range_max, field
         return self._field[1]
 
     def _resample(self) -> None:
