@@ -1,6 +1,7 @@
 """What a behaviour is, what it sees each step, and the further inputs that it may declare."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from zteam.counter_random import uniform
 from zteam.errors import BehaviorError, UsageError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist
+from zteam.messages.message import check_message_type
 
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
@@ -142,8 +144,6 @@ def check_inputs(inputs: Any) -> None:
 
 def _check_input(topic: Any, kind: Any) -> None:
     # Imported here, because most behaviours declare nothing.
-    from zteam.bus.bus import check_message_type
-    from zteam.bus.transport import problem_of
     from zteam.messages.topics import type_of_key
 
     if not isinstance(topic, str) or not topic:
@@ -152,8 +152,8 @@ def _check_input(topic: Any, kind: Any) -> None:
     single = names.keys_in(key, [0])
     if not single:
         raise UsageError(f"{topic!r} stands for many keys: take one topic, of every robot as 'robot_$*/status'")
-    if problem := problem_of(key):
-        raise UsageError(f"{topic!r} is no topic: {problem}")
+    if not all(re.fullmatch(r"[\w.-]+", chunk) for chunk in single[0].split("/")):
+        raise UsageError(f"{topic!r} is no topic: join words of letters, digits and _ by single slashes")
     check_message_type(topic, kind)
     carried = type_of_key(single[0])
     if carried not in (None, kind):

@@ -22,6 +22,7 @@ from zteam.bus.transport import (
 )
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
+from zteam.messages.message import check_message_type
 from zteam.names import declarations_key, stats_key
 
 M = TypeVar("M", bound=Message)
@@ -29,13 +30,6 @@ T = TypeVar("T")
 
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
-
-
-def check_message_type(key: str, message_type: Any) -> None:
-    """Raise UsageError if `message_type`, which goes over `key`, is no class of messages."""
-    if not (isinstance(message_type, type) and issubclass(message_type, Message)):
-        shown = getattr(message_type, "__name__", None) or repr(message_type)
-        raise UsageError(f"{key}: {shown} is no message type; take a class of zteam.messages, such as Twist")
 
 
 class Publisher(Held[RawPublisher], Generic[M]):

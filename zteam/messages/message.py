@@ -162,3 +162,10 @@ def _import_offered(package: str) -> None:
         load_offered(MESSAGES, package)
     except UsageError as error:
         log.warning("%s", error)
+
+
+def check_message_type(key: str, message_type: Any) -> None:
+    """Raise UsageError if `message_type`, which goes over `key`, is no class of messages."""
+    if not (isinstance(message_type, type) and issubclass(message_type, Message)):
+        shown = getattr(message_type, "__name__", None) or repr(message_type)
+        raise UsageError(f"{key}: {shown} is no message type; take a class of zteam.messages, such as Twist")

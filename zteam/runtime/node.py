@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, Publisher, connect
-from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
@@ -22,6 +21,7 @@ from zteam.messages import (
     Twist,
     ns_from_time,
 )
+from zteam.messages.message import check_message_type
 from zteam.messages.velocity import checked_command
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ClockMode, ProcessNode, run_body

@@ -6,11 +6,11 @@ other processes ask for meanwhile is the last one again.
 
 import logging
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import msgspec
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior
 from zteam.bus import Publisher
 from zteam.clock import to_ns
 from zteam.messages import (
@@ -89,6 +89,33 @@ class Readiness:
         self.state, self.reason = RobotState.STOPPED, "stopped"
 
 
+class Driving(Protocol):
+    """What a status tells of what drives the robot: a behaviour has it."""
+
+    leader: int | None
+    follows: int | None
+    gap: float
+    turns: int
+    navigation: NavigationStatus | None
+
+    def why_it_rests(self) -> str:
+        """Why it wants zero velocity; empty = no word."""
+
+
+class OwnStep:
+    """The step of a `zteam.Node`, which has no place in a line and no goal."""
+
+    leader: int | None = None
+    follows: int | None = None
+    gap = 0.0
+    turns = -1
+    navigation: NavigationStatus | None = None
+
+    def why_it_rests(self) -> str:
+        """It gives no reason."""
+        return ""
+
+
 class StatusReport:
     """Publishes the status of robot `robot_id`. The caller holds `node.changed`."""
 
@@ -112,7 +139,7 @@ class StatusReport:
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
-        self.tells_of = Behavior(None)
+        self.tells_of: Driving = OwnStep()
         """Whose place in a line, goal and rest it tells."""
         self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None
