@@ -1,7 +1,6 @@
 """Feeds a team from the bus: statuses, the holders of the names, the link, and which processes command a robot."""
 
 import logging
-from collections.abc import Mapping, Sequence
 
 from zteam import names
 from zteam.bus.presence import holder_text
@@ -31,26 +30,23 @@ class WriterWatch:
     def __init__(self, node: ProcessNode, team: WatchedTeam) -> None:
         self._node = node
         self._team = team
-        self._tokens = TokenSet()
+        self.tokens = TokenSet()
+        """Of all processes; the caller tells of them."""
         self._due = Every(LOOK)
         self._heard: Writers | None = None
         self._told: dict[int, list[str]] = {}
         """Sessions that command a robot, where there is more than one."""
 
-    def take_token(self, name: str, session: str, alive: bool) -> None:
-        """A presence token came or went."""
-        self._tokens.take(name, session, alive)
-
     def look(self) -> None:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
         if not self._due.due():
             return
-        found = self._ask() if names.SIMULATOR in self._tokens else self._listen()
+        found = self._ask() if names.SIMULATOR in self.tokens else self._listen()
         if found is not None:
             with self._node.changed:
                 self._tell(found)
 
-    def _ask(self) -> Mapping[int, Sequence[str]] | None:
+    def _ask(self) -> dict[int, list[str]] | None:
         status = find_status(self._node.bus, _ANSWER_LIMIT)
         if status is None:
             return None
@@ -58,7 +54,7 @@ class WriterWatch:
             self._team.take_world(status.robots)
         return status.writers
 
-    def _listen(self) -> Mapping[int, Sequence[str]] | None:
+    def _listen(self) -> dict[int, list[str]] | None:
         clock = self._node.clock
         if not clock.decided or clock.simulated:
             return None
@@ -75,16 +71,16 @@ class WriterWatch:
             with self._node.changed:
                 self._heard.take(target[0], sample.source, monotonic())
 
-    def _tell(self, found: Mapping[int, Sequence[str]]) -> None:
+    def _tell(self, found: dict[int, list[str]]) -> None:
         for robot_id, sessions in found.items():
-            if self._told.get(robot_id) != list(sessions):
-                writers = ", ".join(holder_text(self._tokens.name_of(session), session) for session in sessions)
+            if self._told.get(robot_id) != sessions:
+                writers = ", ".join(holder_text(self.tokens.name_of(session), session) for session in sessions)
                 key = names.robot_key(robot_id, names.CMD_VEL)
                 text = f"is commanded by {len(sessions)} processes: {writers} (see 'zteam topic info {key}')"
                 self._team.tell("writers", robot_id, text)
         for robot_id in self._told.keys() - found.keys():
             self._team.tell("writers", robot_id, "is commanded by one process again")
-        self._told = {robot_id: list(sessions) for robot_id, sessions in found.items()}
+        self._told = found
 
 
 _SERVERS = {
@@ -169,7 +165,7 @@ class TeamWatch:
         if token is None:
             return
         name, instance = token
-        self.writers.take_token(name, instance, alive)
+        self.writers.tokens.take(name, instance, alive)
         if name == names.SIMULATOR and alive:
             self.simulator_came = True
         robot_id = names.robot_id_of(name)

@@ -61,14 +61,14 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     """Each change is told once, with the names of the processes that have one."""
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
     simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
-    desk.watch.take_token(names.SIMULATOR, simulator.instance, True)
-    desk.watch.take_token("robot_0", "a1", True)
+    desk.watch.tokens.take(names.SIMULATOR, simulator.instance, True)
+    desk.watch.tokens.take("robot_0", "a1", True)
     assert desk.tell() == []
     status.writers = {0: ["a1", "b2"]}
     text = "is commanded by 2 processes: robot_0, session b2 (see 'zteam topic info robot_0/cmd_vel')"
     assert desk.tell() == [("writers", 0, text)]
     assert desk.tell() == []
-    desk.watch.take_token("joystick", "b2", True)
+    desk.watch.tokens.take("joystick", "b2", True)
     status.writers = {0: ["a1", "b2", "c3"]}
     ((_, _, more),) = desk.tell()
     assert "3 processes: robot_0, joystick, session c3" in more
@@ -79,7 +79,7 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
 
 def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
     """Without an answer of the simulator nothing new is told."""
-    desk.watch.take_token(names.SIMULATOR, "s1", True)
+    desk.watch.tokens.take(names.SIMULATOR, "s1", True)
     assert desk.tell() == []
 
 
@@ -87,7 +87,7 @@ def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) 
     """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
     robot, rival = hub.bus(), hub.bus()
     publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
-    desk.watch.take_token("robot_3", robot.instance, True)
+    desk.watch.tokens.take("robot_3", robot.instance, True)
     desk.tell()
     for publisher in publishers:
         publisher.put(Twist())
