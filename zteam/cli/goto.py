@@ -69,17 +69,12 @@ def _read(args: argparse.Namespace) -> None:
         args.pose = Pose2(*parse_pose([*args.pose, "0"][:3]))
 
 
-def _check_robot(bus: Bus, robot_id: int) -> None:
-    """Raise BusError for a robot that neither the world nor a process knows."""
-    absence = absence_of(bus, robot_id)
-    keys = navigation_query(robot_id, "info"), names.service_key(names.robot_name(robot_id), "info")
-    if absence and not any(bus.query(key, ProcessInfo) for key in keys):
-        raise BusError(absence)
-
-
 def _send(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
-        _check_robot(bus, args.robot)
+        absence = absence_of(bus, args.robot)
+        keys = navigation_query(args.robot, "info"), names.service_key(names.robot_name(args.robot), "info")
+        if absence and not any(bus.query(key, ProcessInfo) for key in keys):
+            raise BusError(absence)
         return (_cancel if args.cancel else _go)(args, bus)
 
 

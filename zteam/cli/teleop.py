@@ -61,16 +61,12 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    args.ids, args.script = parse_robot_ids(args.ids, "--id"), _script(args.script)
-
-
-def _script(text: str | None) -> list[str] | None:
-    """The presses of `--script`; None for those of the terminal. Raises UsageError where there is neither."""
-    if text is not None:
-        return parse_script(text)
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    """Read robots and script. Raises UsageError where there is neither a script nor a terminal."""
+    args.ids = parse_robot_ids(args.ids, "--id")
+    if args.script is not None:
+        args.script = parse_script(args.script)
+    elif not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise UsageError("standard input and output are no terminal: give the keys with --script 'i*10 l*5 k'")
-    return None
 
 
 def _teleop(args: argparse.Namespace) -> int:

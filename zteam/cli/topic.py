@@ -200,7 +200,10 @@ def build_parser() -> Parser:
     rate = verb("hz", "measure the publish rate")
     info = verb("info", "print type, rate, size, publishers and subscribers of a key")
     pub = verb("pub", "publish messages until Ctrl+C")
-    _add_echo_options(echo)
+    echo.add_argument("--once", action="store_true", help="end after one message")
+    echo.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
+    echo.add_argument("--full", action="store_true", help="print whole arrays")
+    add_timeout(echo, "a message")
     rate.add_argument(
         "--window",
         type=whole(2, 1_000_000, "messages"),
@@ -217,13 +220,6 @@ def build_parser() -> Parser:
     for sub in (listing, echo, rate, info, pub):
         add_bus_options(sub)
     return parser
-
-
-def _add_echo_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--once", action="store_true", help="end after one message")
-    parser.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
-    parser.add_argument("--full", action="store_true", help="print whole arrays")
-    add_timeout(parser, "a message")
 
 
 def _add_pub_options(parser: argparse.ArgumentParser) -> None:

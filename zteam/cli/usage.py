@@ -90,13 +90,11 @@ def in_short(parser: argparse.ArgumentParser, message: str, words: Iterable[str]
     else:
         return message
     # argparse does not come to tell of an option that it does not know if a required one is missing.
-    unknown = [word for word in words if word.startswith("--") and not _is_known(parser, word)]
+    known = list(parser._option_string_actions)
+    unknown = [
+        word for word in words if word.startswith("--") and not any(o.startswith(word.partition("=")[0]) for o in known)
+    ]
     return f"{text}; {unknown_words(parser, unknown)}" if unknown else text
-
-
-def _is_known(parser: argparse.ArgumentParser, word: str) -> bool:
-    name = word.partition("=")[0]
-    return any(option.startswith(name) for option in parser._option_string_actions)
 
 
 def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:

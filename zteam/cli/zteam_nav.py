@@ -66,15 +66,6 @@ def _table(args: argparse.Namespace) -> dict[str, Any]:
     return table
 
 
-def _joined(table: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Both tables; values of `above` count."""
-    joined = {**table, **above}
-    for node, value in above.items():
-        if isinstance(value, Mapping) and isinstance(table.get(node), Mapping):
-            joined[node] = {**table[node], **value}
-    return joined
-
-
 def _options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team_file.entries import navigation_of
@@ -95,7 +86,9 @@ def _options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
         own = navigation_of(entry) or {}
         folder = Path(args.team).parent if own.get("params") is not None and args.params is None else Path()
         source = f"{args.team}: robot {robot_id}, navigation"
-        robots[robot_id] = NavigatedRobot(_joined(own, given), folder, source, entry.base)
+        # What the command line gives for a node joins what the file gives for it.
+        nodes = {node: {**own[node], **table} for node, table in given.items() if isinstance(own.get(node), Mapping)}
+        robots[robot_id] = NavigatedRobot({**own, **given, **nodes}, folder, source, entry.base)
     return NavigationOptions(robots, args.seed)
 
 

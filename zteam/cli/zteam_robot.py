@@ -23,19 +23,6 @@ _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
-    _add_robot_options(parser)
-    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
-    parser.add_argument(
-        "--no-safety", action="store_true", help="drive without the safety layer: nothing stops it before obstacles"
-    )
-    add_seed_option(parser)
-    add_clock_option(parser)
-    add_bus_options(parser)
-    return parser
-
-
-def _add_robot_options(parser: argparse.ArgumentParser) -> None:
-    """Which robot it is, what it does and on which base."""
     robot_id = option_type(names.parse_robot_id)
     parser.add_argument("--id", type=robot_id, required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
@@ -60,6 +47,14 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
         help="set footprint or a limit instead of what base_info tells, e.g. max_vel_x=0.4 (repeatable)",
     )
     add_path_option(parser)
+    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
+    parser.add_argument(
+        "--no-safety", action="store_true", help="drive without the safety layer: nothing stops it before obstacles"
+    )
+    add_seed_option(parser)
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
 
 
 def add_param_option(parser: argparse.ArgumentParser) -> None:

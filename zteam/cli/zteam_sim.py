@@ -33,14 +33,6 @@ def build_parser() -> Parser:
         help="cell size of the published map, metres (default: %(default)s)",
     )
     parser.add_argument("--no-map", action="store_true", help="publish no map: zteam-map serves another one")
-    _add_robot_options(parser)
-    _add_time_options(parser)
-    _add_simulation_options(parser)
-    add_bus_options(parser)
-    return parser
-
-
-def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("robots")
     group.add_argument(
         "--add",
@@ -57,6 +49,10 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar="FOLLOWER:LEADER",
         help="measure the gap between two robots, e.g. 1:0 (repeatable)",
     )
+    _add_time_options(parser)
+    _add_simulation_options(parser)
+    add_bus_options(parser)
+    return parser
 
 
 def _add_time_options(parser: argparse.ArgumentParser) -> None:
