@@ -17,15 +17,7 @@ import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
-from zteam.bus.options import (
-    FROM_STDIN,
-    BusOptions,
-    client_config,
-    host_port,
-    open_session,
-    port_accepts,
-    try_open,
-)
+from zteam.bus.options import FROM_STDIN, BusOptions, client_config, host_port, open_session, port_accepts, try_open
 from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import Every, monotonic, pause

@@ -12,16 +12,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from zteam.bus.options import (
-    LEASE,
-    RELEASE,
-    BusOptions,
-    host_port,
-    open_session,
-    port_accepts,
-    router_config,
-    try_open,
-)
+from zteam.bus.options import LEASE, RELEASE, BusOptions, host_port, open_session, port_accepts, router_config, try_open
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError
 

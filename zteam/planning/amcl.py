@@ -15,14 +15,7 @@ from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import BeamEnds, Floats, find_cluster, move_poses, resample
 from zteam.planning.grid import FREE, GridMap
-from zteam.planning.likelihood import (
-    GlobalSearch,
-    LikelihoodField,
-    beams_of,
-    make_likelihood_field,
-    match,
-    weigh_poses,
-)
+from zteam.planning.likelihood import GlobalSearch, LikelihoodField, beams_of, make_likelihood_field, match, weigh_poses
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 BIN_SIZE = 0.5, 0.5, math.radians(10.0)

@@ -14,18 +14,8 @@ from numpy.typing import NDArray
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
-from zteam.kernels.binding import (
-    UNREACHED,
-    Bytes,
-    Cells,
-    Floats,
-    Steps,
-    measure_lines,
-    search,
-    shorten,
-    trace,
-    weigh_cells,
-)
+from zteam.kernels import binding
+from zteam.kernels.binding import UNREACHED, Bytes, Cells, Floats, Steps
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
 from zteam.planning.grid import Frame
 
@@ -75,12 +65,7 @@ class Field:
         self._costs = np.full((rows + 2, columns + 2), UNREACHED, np.uint32)
 
     def set_costs(
-        self,
-        costs: Costs,
-        neutral: int,
-        factor: float,
-        allow_unknown: bool,
-        barred: int = INSCRIBED_INFLATED_OBSTACLE,
+        self, costs: Costs, neutral: int, factor: float, allow_unknown: bool, barred: int = INSCRIBED_INFLATED_OBSTACLE
     ) -> None:
         """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
 
@@ -90,7 +75,7 @@ class Field:
         heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
         if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
             raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
+        binding.weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:
@@ -116,11 +101,11 @@ class Field:
         end = self._nearest(self.weights, 0, goal, tolerance)
         if end is None:
             return None
-        found, (low, high, left, right) = search(self.weights, begin, end, self.steps, self._costs)
+        found, (low, high, left, right) = binding.search(self.weights, begin, end, self.steps, self._costs)
         if not found:
             # All that can be reached has been.
             end = self._nearest(self._costs, UNREACHED, goal, tolerance)
-        cells = None if end is None else trace(self.weights, begin, end, self.steps, self._costs)
+        cells = None if end is None else binding.trace(self.weights, begin, end, self.steps, self._costs)
         self._costs[low : high + 1, left : right + 1] = UNREACHED
         if cells is None:
             return None
@@ -263,7 +248,7 @@ def make_any_angle(weights: Bytes, way: Cells, least: int) -> Cells:
 
 def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
     """The corners of the cheapest way along lines between points of `way`, and its cost."""
-    best, before = shorten(weights, way, stride, reach, float(least))
+    best, before = binding.shorten(weights, way, stride, reach, float(least))
     found = [len(way) - 1]
     while before[found[-1]] >= 0:
         found.append(int(before[found[-1]]))
@@ -304,7 +289,7 @@ def _shift(weights: Bytes, points: Cells, width: int) -> Cells:
     count = len(points) - 1
     begins = np.repeat(places[:-1], sides, axis=1).reshape(-1, 2)
     ends = np.tile(places[1:], (1, sides, 1)).reshape(-1, 2)
-    lines = measure_lines(weights, begins, ends).reshape(count, sides, sides)
+    lines = binding.measure_lines(weights, begins, ends).reshape(count, sides, sides)
     best, before = lines[0].min(axis=0), np.zeros((count + 1, sides), np.int64)
     for i in range(1, count):
         sums = best[:, None] + lines[i]

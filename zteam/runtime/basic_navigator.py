@@ -14,14 +14,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.clock import Every, monotonic, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
-from zteam.messages import (
-    Duration,
-    Header,
-    PoseStamped,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    time_from_ns,
-)
+from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, time_from_ns
 from zteam.runtime.node import Node
 from zteam.services.maps import is_finite
 from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message

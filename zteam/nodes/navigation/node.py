@@ -34,11 +34,7 @@ class NavigationNode:
     """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
 
     def __init__(
-        self,
-        node: Node,
-        parameters: Mapping[int, Parameters],
-        overrides: Mapping[int, BaseOverride],
-        seed: int,
+        self, node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
     ) -> None:
         """By robot: its parameters, and what holds instead of its `base_info`."""
         self._node = node
