@@ -174,7 +174,7 @@ class Driver:
         if not is_first:
             inputs.messages.handle_due(now)
         view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
-        lacking = [] if self.readiness.released else inputs.base_input.missing()
+        lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
         return StepInput(view, choice, epoch, self.jumps, self._parameters.given, lacking)
 

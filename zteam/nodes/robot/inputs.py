@@ -90,39 +90,6 @@ class Mux:
         self._newest.clear()
 
 
-class BaseInput:
-    """The base of robot `robot_id`; `override` holds instead of what `base_info` tells."""
-
-    def __init__(self, robot_id: int, override: BaseOverride) -> None:
-        self._key = names.robot_key(robot_id, names.BASE_INFO)
-        self._override = override
-        self.base = override_base(DEFAULT_BASE, override)
-        """DEFAULT_BASE and the override until `base_info` has come."""
-        self.has_come = False
-        """Whether `base_info` has come."""
-        self._given_up = False
-        self._waits_since = 0.0
-        """Host time of the first scan in real time; 0 before."""
-
-    def take(self, message: BaseInfo) -> None:
-        """`base_info` has come: the first one, or another one because the base has changed."""
-        self.base = override_base(base_of(message), self._override)
-        self.has_come = True
-
-    def missing(self) -> list[str]:
-        """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
-        return [] if self.has_come or self._given_up else [f"its footprint ({self._key})"]
-
-    def wait_no_longer(self) -> None:
-        """A scan is acted on in real time: from BASE_INFO_LIMIT after the first one on, do without `base_info`."""
-        if self.has_come or self._given_up:
-            return
-        self._waits_since = self._waits_since or monotonic()
-        if monotonic() - self._waits_since > BASE_INFO_LIMIT:
-            self._given_up = True
-            log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", self._key)
-
-
 class DeclaredInputs:
     """The newest message of each input that the behaviour declares."""
 
@@ -218,7 +185,13 @@ class RobotInputs:
 
         `transforms` are those of this process, its own ones otherwise.
         """
-        self.base_input = BaseInput(robot_id, override or BaseOverride())
+        self._override = override or BaseOverride()
+        self.base = override_base(DEFAULT_BASE, self._override)
+        """DEFAULT_BASE and the override until the own `base_info` has come."""
+        self._given_up = False
+        """Whether the robot does without `base_info`."""
+        self._waits_since = 0.0
+        """Host time of the first scan in real time; 0 before."""
         self.messages = TickMessages(newest_only=True)
         """For `mux` and `declared`: those of lock-step that do not count yet."""
         self.mux = Mux()
@@ -255,9 +228,23 @@ class RobotInputs:
     def take_base(self, robot_id: int, message: BaseInfo) -> None:
         """`base_info` of any robot of the team has come."""
         if robot_id == self._id:
-            self.base_input.take(message)
+            self.base = override_base(base_of(message), self._override)
         self._told[robot_id] = base_of(message)
         self.bases, self._robots = dict(self._told), None
+
+    def missing(self) -> list[str]:
+        """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
+        key = names.robot_key(self._id, names.BASE_INFO)
+        return [] if self._id in self._told or self._given_up else [f"its footprint ({key})"]
+
+    def wait_no_longer(self) -> None:
+        """A scan is acted on in real time: from BASE_INFO_LIMIT after the first one on, do without `base_info`."""
+        if self._id in self._told or self._given_up:
+            return
+        self._waits_since = self._waits_since or monotonic()
+        if monotonic() - self._waits_since > BASE_INFO_LIMIT:
+            self._given_up, key = True, names.robot_key(self._id, names.BASE_INFO)
+            log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", key)
 
     def has_bases(self, robots: frozenset[int]) -> bool:
         """Whether the bases of all robots of a tick have come; from then on `bases` has theirs alone."""
@@ -273,7 +260,7 @@ class RobotInputs:
         `tf` = False leaves the transforms out. With `connected` the transforms must lead from the map to the robot: the
         fixed ones may come later than the first bundle.
         """
-        if not self.base_input.has_come or self.scan is None or self.scan_stamp < stamp:
+        if self._id not in self._told or self.scan is None or self.scan_stamp < stamp:
             return False
         if self.odom is None or self.odom_stamp < stamp:
             return False
@@ -294,7 +281,7 @@ class RobotInputs:
             scan=self.scan,
             odom=self.odom,
             lookup=self.lookup,
-            base=self.base_input.base,
+            base=self.base,
             bases=self.bases,
             team=team,
             inputs=(DeclaredInputs(self.declared.declared) if is_first else self.declared).view(),

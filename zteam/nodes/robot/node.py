@@ -302,7 +302,7 @@ class RobotNode:
             self._acted = inputs.scan_stamp
             # A scan that was held up on its way is as old as the clock says.
             now = max(self._acted, now)
-            inputs.base_input.wait_no_longer()
+            inputs.wait_no_longer()
         if self._driver.behavior.uses_tf:
             scan, jumps = inputs.scan, self._driver.jumps
             self._node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)

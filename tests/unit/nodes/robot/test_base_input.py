@@ -8,7 +8,7 @@ from support.world_texts import box_points
 from zteam.base import DEFAULT_BASE, BaseOverride
 from zteam.messages import BaseInfo, Point32, Polygon
 from zteam.nodes.robot import inputs as module
-from zteam.nodes.robot.inputs import BaseInput
+from zteam.nodes.robot.inputs import RobotInputs
 
 WIDE = BaseInfo(model="wide", footprint=Polygon([Point32(x, y) for x, y in box_points(0.6)]), max_vel_x=0.5)
 
@@ -23,20 +23,20 @@ def seconds(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 def test_the_default_holds_until_the_base_tells() -> None:
     """A robot is not ready without `base_info`, and has a footprint all the same (`--no-gate`)."""
-    known = BaseInput(3, BaseOverride())
+    known = RobotInputs(3)
     assert known.base.footprint == DEFAULT_BASE.footprint
     assert known.missing() == ["its footprint (robot_3/base_info)"]
-    known.take(WIDE)
+    known.take_base(3, WIDE)
     assert known.missing() == []
     assert (known.base.half_width, known.base.max_vel_x) == (0.6, 0.5)
 
 
 def test_the_newest_message_counts_below_the_override() -> None:
     """A base that changes tells so; what the team file sets holds for each of them, and before the first."""
-    known = BaseInput(0, BaseOverride(max_vel_x=0.3))
+    known = RobotInputs(0, BaseOverride(max_vel_x=0.3))
     assert known.base.max_vel_x == 0.3
-    known.take(BaseInfo(model="narrow"))
-    known.take(WIDE)
+    known.take_base(0, BaseInfo(model="narrow"))
+    known.take_base(0, WIDE)
     assert (known.base.model, known.base.half_width, known.base.max_vel_x) == ("wide", 0.6, 0.3)
 
 
@@ -44,7 +44,7 @@ def test_a_base_that_tells_nothing_is_waited_for_two_seconds(
     seconds: list[float], caplog: pytest.LogCaptureFixture
 ) -> None:
     """From the first scan on, not from the start; then the default holds, which is said once."""
-    known = BaseInput(0, BaseOverride())
+    known = RobotInputs(0)
     with caplog.at_level(logging.WARNING, "zteam"):
         for now in (100.0, 101.0, 102.0):
             seconds.append(now)
@@ -57,15 +57,15 @@ def test_a_base_that_tells_nothing_is_waited_for_two_seconds(
     (record,) = caplog.records
     assert record.getMessage().startswith("no robot_0/base_info: an erratic's footprint and limits hold")
     # It may come later all the same.
-    known.take(WIDE)
+    known.take_base(0, WIDE)
     assert known.base.half_width == 0.6
 
 
 def test_a_base_that_has_told_is_not_missed_later(seconds: list[float], caplog: pytest.LogCaptureFixture) -> None:
     """No warning comes, however long the robot drives."""
-    known = BaseInput(0, BaseOverride())
+    known = RobotInputs(0)
     known.wait_no_longer()
-    known.take(WIDE)
+    known.take_base(0, WIDE)
     seconds.append(900.0)
     known.wait_no_longer()
     assert caplog.records == []

@@ -29,7 +29,7 @@ def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = Tru
 def inputs() -> RobotInputs:
     """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
     made = RobotInputs(1)
-    made.base_input.take(BaseInfo())
+    made.take_base(1, BaseInfo())
     made.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
@@ -97,7 +97,7 @@ def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> Non
 def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
     inputs = RobotInputs(1)
-    inputs.base_input.take(BaseInfo())
+    inputs.take_base(1, BaseInfo())
     give(inputs, S)
     assert inputs.complete_for(S)
     assert not inputs.complete_for(S, connected=True)
@@ -110,7 +110,7 @@ def test_no_tick_is_complete_without_the_base() -> None:
     inputs = RobotInputs(1)
     give(inputs, S)
     assert not inputs.complete_for(S)
-    inputs.base_input.take(BaseInfo())
+    inputs.take_base(1, BaseInfo())
     assert inputs.complete_for(S)
 
 
