@@ -153,9 +153,7 @@ class _Scan:
         return bisect_right(self._newlines, at - 1) + 1
 
     def _skip(self, what: re.Pattern[str]) -> int:
-        match = what.match(self._text, self._at)
-        assert match is not None
-        self._at = match.end()
+        self._take(what)
         return self._at
 
     def _take(self, what: re.Pattern[str]) -> str | None:

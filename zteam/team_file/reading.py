@@ -4,7 +4,7 @@ One direction: files (`sources`), one table a robot (`groups`), typed entries (`
 together (`rules`).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -133,24 +133,21 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
     return file
 
 
-def _check_keys(table: Table) -> list[Mistake]:
+def _check_keys(table: Table) -> Iterator[Mistake]:
     """Unknown keys of the file, and a missing one; `table` gets what a misspelt key means.
 
     So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
     """
-    mistakes = []
     for key in [key for key in table if key not in KEYS]:
         place = table.place_of(key)
-        mistakes.append(Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}"))
+        yield Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}")
         meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in table), None)
         if meant is not None:
             table.put(meant, table[key], place)
     if "robots" not in table:
-        mistakes.append(Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id"))
+        yield Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id")
     elif table["robots"] == []:
-        told = "no robot is listed: add a table [[robots]] with an id"
-        mistakes.append(Mistake(table.place_of("robots"), told))
-    return mistakes
+        yield Mistake(table.place_of("robots"), "no robot is listed: add a table [[robots]] with an id")
 
 
 def _tables_of(table: Table, name: str, mistakes: list[Mistake]) -> list[Table]:

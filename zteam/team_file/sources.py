@@ -6,7 +6,7 @@ other: first those of the included files, in their order. Every table knows wher
 
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -226,18 +226,16 @@ class Files:
             return text
         return _placed(parse_value(given), place)
 
-    def _included(self, table: Table) -> list[tuple[KeyPlace, str]]:
+    def _included(self, table: Table) -> Iterator[tuple[KeyPlace, str]]:
         value, place = table.get("include", []), table.place_of("include")
         if not isinstance(value, list):
             self.mistakes.append(Mistake(place, 'a list of team files is expected, such as ["base.toml"]'))
-            return []
-        found = []
+            return
         for i, text in enumerate(value):
             if isinstance(text, str) and text:
-                found.append((place.below(i), text))
+                yield place.below(i), text
             else:
                 self.mistakes.append(Mistake(place.below(i), "the name of a team file is expected"))
-        return found
 
     def _find(self, place: KeyPlace, text: str, above: tuple[Path, ...]) -> Path | None:
         beside = place.source.path.parent / text

@@ -28,6 +28,7 @@ MAX_ENTITIES = 100_000
 """Entities of the whole world once macros are expanded."""
 
 Value = float | str
+_VALUES = (TokenKind.NUMBER, TokenKind.STRING)
 
 
 class Property(msgspec.Struct, frozen=True):
@@ -221,20 +222,17 @@ class _Parser:
             self._parse_item(item, entity, level + 1)
 
     def _parse_property(self, name: Token) -> Property:
-        if self._token.kind in (TokenKind.NUMBER, TokenKind.STRING):
-            return _property(name, [self._advance()])
-        if self._token.kind is not TokenKind.OPEN_TUPLE:
+        tokens: list[Token] = []
+        if self._token.kind in _VALUES:
+            tokens.append(self._advance())
+        elif self._token.kind is TokenKind.OPEN_TUPLE:
+            self._advance()
+            while self._token.kind in _VALUES:
+                tokens.append(self._advance())
+            self._expect(TokenKind.CLOSE_TUPLE, f"a number, a string or ']' on the line of {name}")
+        else:
             hint = "; text needs quotes" if self._token.kind is TokenKind.NAME else ""
             raise self._token.place.error(f"expected the value of {name}, found {self._token}{hint}")
-        self._advance()
-        values: list[Token] = []
-        while self._token.kind in (TokenKind.NUMBER, TokenKind.STRING):
-            values.append(self._advance())
-        self._expect(TokenKind.CLOSE_TUPLE, f"a number, a string or ']' on the line of {name}")
-        return _property(name, values)
-
-
-def _property(name: Token, tokens: list[Token]) -> Property:
-    values = tuple(token.value for token in tokens if token.value is not None)
-    written = tuple(token.text if token.kind is TokenKind.NUMBER else str(token.value) for token in tokens)
-    return Property(str(name.value), values, name.place, written)
+        values = tuple(token.value for token in tokens if token.value is not None)
+        written = tuple(token.text if token.kind is TokenKind.NUMBER else str(token.value) for token in tokens)
+        return Property(str(name.value), values, name.place, written)
