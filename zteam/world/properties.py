@@ -55,32 +55,25 @@ _DISPLAY = {
     *("map_resolution", "event_queue", "alwayson", "friction"),
     *("blob_return", "gripper_return"),
 }
-_WORLD_DISPLAY = {
-    *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test"),
-}
 SILENT: dict[str, set[str]] = {
-    "world": _WORLD_DISPLAY,
+    "world": {
+        *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test"),
+    },
     "sensor": {"color", "color_rgba"},
     "block": {"color", "color_rgba"},
 }
 
-_ENERGY = "energy is not simulated"
-REMARKED: dict[str, str] = {
-    "ctrl": "controllers of Stage are not run: every robot's process is its controller",
-    "quit_time": "the world does not end by itself: end a run with --for SECONDS",
-    "update_interval": "every sensor is read once a tick",
-    "velocity": "robots start at rest",
-    "localization_origin": "odometry starts at zero where the robot starts",
+_ENERGY = "energy is not simulated", None
+REMARKED: dict[str, tuple[str, float | None]] = {
+    "ctrl": ("controllers of Stage are not run: every robot's process is its controller", None),
+    "quit_time": ("the world does not end by itself: end a run with --for SECONDS", 0.0),
+    "update_interval": ("every sensor is read once a tick", 100.0),
+    "velocity": ("robots start at rest", 0.0),
+    "localization_origin": ("odometry starts at zero where the robot starts", 0.0),
     **dict.fromkeys(("joules", "joules_capacity", "kjoules", "kjoules_capacity"), _ENERGY),
     **dict.fromkeys(("watts", "give_watts", "take_watts"), _ENERGY),
 }
-HARMLESS: dict[str, tuple[float, ...]] = {
-    "velocity": (0.0,),
-    "localization_origin": (0.0,),
-    "quit_time": (0.0,),
-    "update_interval": (100.0,),
-}
-"""Values of remarked properties that change nothing, and so need no remark."""
+"""Why each is ignored, and the value, if any, that changes nothing and so needs no remark."""
 
 _INDEX = re.compile(r"\[\d*\]")
 
@@ -95,8 +88,9 @@ def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str
     if plain in read or plain in SILENT.get(kind, _DISPLAY):
         return None
     if plain in REMARKED:
-        harmless = plain in HARMLESS and set(values) <= set(HARMLESS[plain])
-        return None if harmless else f"{name} is ignored: {REMARKED[plain]}"
+        reason, harmless = REMARKED[plain]
+        is_harmless = harmless is not None and set(values) <= {harmless}
+        return None if is_harmless else f"{name} is ignored: {reason}"
     return f"unknown property {name!r:.60} is ignored{did_you_mean(plain, sorted(read), form=MEANT)}"
 
 
