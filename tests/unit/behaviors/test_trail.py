@@ -110,6 +110,7 @@ def followers(count: int) -> list[Behavior]:
     return [load_behavior("follow", {"leader": i - 1, "gap": GAP}, i) for i in range(1, count)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("delay", "most"), [(0, 0.06), (2, 0.08)])
 def test_no_robot_cuts_corners(delay: int, most: float) -> None:
     """Two bends of 0.6 m at 0.5 m/s, poses up to 0.2 s old: the last of six keeps to the path of the first.
@@ -284,6 +285,7 @@ def test_a_robot_behind_a_wall_goes_back_over_its_own_way() -> None:
     assert floor.poses[1].y == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("side", [0.0, 0.05, -0.05])
 def test_it_passes_a_robot_that_is_gone(side: float) -> None:
     """The middle one of three is lost where it stands: the last one drives past it to its place, 0.8 m behind."""

@@ -29,6 +29,7 @@ def test_the_library_was_made_of_these_sources() -> None:
     assert build.digest_sources() == declarations.SOURCES, "the C sources have changed: run pip install -e . again"
 
 
+@pytest.mark.ci
 def test_a_wheel_is_for_this_platform_and_any_python(elsewhere: Path) -> None:
     """The hook compiles, and says that the wheel holds a library for this platform."""
     if build.find_compiler() is None:
