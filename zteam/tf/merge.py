@@ -38,8 +38,9 @@ class Merger:
         """Texts by child frame, authority and code: each conflict once, however often it happens."""
         self._read_conflicts = 0
         """How many of them `take_conflicts` has returned."""
-        self._pending: list[TransformStamped] = []
-        """For the next bundle."""
+        self._bases: list[TransformStamped] = []
+        self._others: list[TransformStamped] = []
+        """For the next bundle: the robots' bases, and frames of the user's processes."""
         self._held: list[tuple[int, TransformStamped, str]] = []
         """Frames of the user's processes in lock-step, which are not stored before their bundle: the stamp (ns) of the
         tick in which each was sent, the transform and its authority."""
@@ -93,7 +94,7 @@ class Merger:
         if refused is not None:
             self._report(transform.child_frame_id, authority, refused)
         elif self.buffer.duplicates == duplicates:
-            self._pending.append(transform)
+            (self._bases if is_base(transform.child_frame_id) else self._others).append(transform)
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
         """Store the fixed joints of a robot's description; their frames have the description's own names."""
@@ -136,9 +137,9 @@ class Merger:
         self._held = [held for held in self._held if held[0] >= tick > 0]
         for _, transform, authority in sorted(due, key=_order):
             self._store(transform, authority)
-        pending, self._pending = self._pending, []
         # Bases stand last: readers look there for the stamp of the tick.
-        return sorted(pending, key=lambda transform: is_base(transform.child_frame_id))
+        pending, self._others, self._bases = self._others + self._bases, [], []
+        return pending
 
     def conflicts(self) -> list[str]:
         """All conflicts so far, each reported once, oldest first."""
@@ -153,18 +154,24 @@ class Merger:
     def jump_back(self) -> None:
         """Forget all moving data, because time went back."""
         self.buffer.clear()
-        self._pending.clear()
+        self._bases.clear()
+        self._others.clear()
         self._held.clear()
         self.statics.restore_start_poses()
 
 
 def base_stamp(robot_id: int, message: TFMessage) -> int:
     """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
-    base, newest = names.robot_frame(robot_id, names.BASE_FOOTPRINT), -1
+    newest = -1
     for transform in message.transforms:
-        if _own(robot_id, transform.header.frame_id, transform.child_frame_id)[1] == base:
+        if _is_base_of(robot_id, transform.child_frame_id):
             newest = max(newest, ns_from_time(transform.header.stamp))
     return newest
+
+
+@lru_cache(maxsize=4096)
+def _is_base_of(robot_id: int, child: str) -> bool:
+    return names.resolve_frame(names.robot_name(robot_id), child) == names.robot_frame(robot_id, names.BASE_FOOTPRINT)
 
 
 @lru_cache(maxsize=4096)
