@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import msgspec
@@ -20,7 +19,6 @@ from zteam.messages.message import check_message_type
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
 two frames moves), or None where the look-up failed."""
-NO_BASES: Mapping[int, Base] = MappingProxyType({})
 
 
 class Teammate(NamedTuple):
@@ -57,7 +55,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """What the behaviour declares in `inputs`, by name: the newest message or None; for a topic of every robot the
     newest messages by robot id."""
     seed: int = 1
-    bases: Mapping[int, Base] = NO_BASES
+    bases: Mapping[int, Base] = {}
     """The bases of the robots that have told theirs, by id."""
 
     @cached_property

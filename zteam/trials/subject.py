@@ -103,12 +103,12 @@ class HeardCalls:
         owner = getattr(called, "__self__", None)
         asked = getattr(owner, "__name__", ""), getattr(called, "__name__", "")
         if isinstance(owner, random.Random):
-            self._note(self.chance, "random", frame)
+            heard, name = self.chance, "random"
         elif asked in _CLOCKS and is_authors(frame.f_code.co_filename, self._kind):
             # A library such as `logging` may look at the clock.
-            self._note(self.clocks, ".".join(asked), frame)
-
-    def _note(self, heard: dict[str, str], name: str, frame: FrameType) -> None:
+            heard, name = self.clocks, ".".join(asked)
+        else:
+            return
         if name not in heard:
             heard[name] = place_in(traceback.extract_stack(frame), self._kind)
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
-from zteam.behaviors.behavior import NO_BASES, DeclaredInput, FindPose, View
+from zteam.behaviors.behavior import DeclaredInput, FindPose, View
 from zteam.clock import monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import (
@@ -206,7 +206,7 @@ class RobotInputs:
         """Stamp of the newest odometry; 0 = none."""
         self.team: TeamStatus | None = None
         self.transforms = transforms or TransformInputs()
-        self.bases: Mapping[int, Base] = NO_BASES
+        self.bases: Mapping[int, Base] = {}
         """The bases of the robots by id: of all that have told theirs; in lock-step of those of the tick."""
         self._told: dict[int, Base] = {}
         self._robots: frozenset[int] | None = None
