@@ -203,16 +203,6 @@ class InProcessRun(TeamRun):
     def __enter__(self) -> Self:
         self._ends.enter_context(naming_nodes())
         self._ends.enter_context(self.calls.watching())
-        try:
-            if self._outside is not None:
-                assert self.bus is not None
-                if self._outside.given is not None:
-                    refuse_second_team(self.bus, (*self.parts, *self.plan.nodes))
-                self._hold_namespace()
-                self._open_log(self.bus)
-        except BaseException:
-            self.__exit__()
-            raise
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -234,8 +224,15 @@ class InProcessRun(TeamRun):
     def beside_simulator(self, work: Callable[[], R]) -> R:
         """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
 
-        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
+        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal. Raises BusError if
+        another team runs outside.
         """
+        if self._outside is not None:
+            assert self.bus is not None
+            if self._outside.given is not None:
+                refuse_second_team(self.bus, (*self.parts, *self.plan.nodes))
+            self._hold_namespace()
+            self._open_log(self.bus)
         simulator, result = self._make(names.SIMULATOR), Future[R]()
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 

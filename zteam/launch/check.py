@@ -8,7 +8,8 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from zteam import names
@@ -43,8 +44,6 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
     with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
-            problems += _description_problems(file.path, i, entry)
-            problems += _navigation_problems(file.path, i, entry)
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
@@ -57,7 +56,7 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
             told.append(str(error))
         for i, answered in zip(own, inquiry.answers(), strict=True):
             problems += _behavior_problems(i, answered, topics)
-    problems += [*_sensor_problems(file, name, robots, topics), *_node_problems(file), *_map_problems(file)]
+    problems += [*_file_problems(file), *_sensor_problems(file, name, robots, topics), *_node_problems(file)]
     mistakes = [*file.mistakes, *file.locate(problems)]
     if mistakes:
         told.insert(0, str(error_of(mistakes)))
@@ -92,18 +91,32 @@ def _behavior_problems(i: int, answered: Answer, topics: dict[int, list[str]]) -
         yield Problem(("robots", i, *path), text)
 
 
-def _navigation_problems(path: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
-    """Parameters of the robot's navigation with wrong types, here or in the parameter file that is named here."""
-    table = navigation_of(entry)
-    if table:
-        # Imported here, because few teams have such a table.
-        from zteam.planning.parameters import navigation_of_robot
+def _refused(path: tuple[str | int, ...], read: Callable[[], object]) -> Iterator[Problem]:
+    """One problem at `path` for each mistake that `read()` raises."""
+    try:
+        read()
+    except UsageError as error:
+        for line in str(error).splitlines():
+            yield Problem(path, line.removeprefix(": "))
 
-        try:
-            navigation_of_robot(table, entry.id, path.parent, "")
-        except UsageError as error:
-            for line in str(error).splitlines():
-                yield Problem(("robots", i, "navigation"), line.removeprefix(": "))
+
+def _file_problems(file: TeamFile) -> Iterator[Problem]:
+    """Parameters of a navigation with wrong types, here or in a parameter file; descriptions and the map in place of
+    the simulator's own that cannot be used. Imports are inside, because few teams have these."""
+    folder = file.path.parent
+    for i, entry in file.robots.items():
+        if table := navigation_of(entry):
+            from zteam.planning.parameters import navigation_of_robot
+
+            yield from _refused(("robots", i, "navigation"), partial(navigation_of_robot, table, entry.id, folder, ""))
+        if entry.description is not None:
+            from zteam.tf.urdf import read_description
+
+            yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
+    if file.team.team.map is not None:
+        from zteam.planning.map_files import check_map_file
+
+        yield from _refused(("team", "map"), partial(check_map_file, folder / file.team.team.map))
 
 
 def _node_problems(file: TeamFile) -> Iterator[Problem]:
@@ -121,18 +134,6 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
             yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
 
 
-def _map_problems(file: TeamFile) -> Iterator[Problem]:
-    """What is wrong with the map in the place of the simulator's own."""
-    if file.team.team.map is not None:
-        # Imported here, because few teams have a map of their own.
-        from zteam.planning.map_files import check_map_file
-
-        try:
-            check_map_file(file.path.parent / file.team.team.map)
-        except UsageError as error:
-            yield Problem(("team", "map"), str(error))
-
-
 def _find_program(program: str, folder: Path) -> bool:
     try:
         return shutil.which(folder / program if os.sep in program else program) is not None
@@ -146,17 +147,6 @@ def refuse_nodes(file: TeamFile, way_out: str) -> None:
     text = f"a node is a process, which cannot reach a team in one process: {way_out}"
     if file.nodes:
         raise file.error([Problem(("nodes", i, "command"), text) for i in file.nodes])
-
-
-def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
-    if entry.description is not None:
-        # Imported here, because few teams have a description and the XML parser imports slowly.
-        from zteam.tf.urdf import read_description
-
-        try:
-            read_description(team_file.parent / entry.description)
-        except ConfigError as error:
-            yield Problem(("robots", i, "description"), str(error))
 
 
 def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:

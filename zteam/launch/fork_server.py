@@ -4,6 +4,7 @@ It has one thread and opens nothing, so a child begins like a new program. N is 
 each message is an order; each order has a reply. The launcher's side is `warm_parent.py`.
 """
 
+import contextlib
 import gc
 import importlib
 import os
@@ -102,12 +103,9 @@ def _fork(module: str) -> Reply:
             pid = os.fork()
     except OSError as error:
         return str(error)
-    try:
-        # In both processes: the launcher, too, may send a signal to the group at once.
+    # In both processes: the launcher, too, may send a signal to the group at once. It may have ended already.
+    with contextlib.suppress(OSError):
         os.setpgid(pid, pid)
-    except OSError:
-        # It has ended already.
-        pass
     return pid
 
 
@@ -128,11 +126,9 @@ def _become(start: Start, descriptors: Sequence[int]) -> None:
 
 
 def _collect(pid: int) -> Reply:
-    try:
+    # It may have been the last of its group.
+    with contextlib.suppress(OSError):
         os.killpg(pid, signal.SIGKILL)
-    except OSError:
-        # It was the last of its group.
-        pass
     try:
         return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     except OSError as error:
@@ -140,11 +136,9 @@ def _collect(pid: int) -> Reply:
 
 
 def _load(module: str) -> None:
-    try:
+    # The child that needs it imports it again, and says what is wrong.
+    with contextlib.suppress(Exception):
         importlib.import_module(module)
-    except Exception:
-        # The child that needs it imports it again, and says what is wrong.
-        pass
 
 
 def main() -> None:

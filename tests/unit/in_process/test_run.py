@@ -39,8 +39,9 @@ def test_the_router_ends_with_it() -> None:
     with open_outside(zteam.BusOptions(), Pace()) as outside:
         tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
         with InProcessRun(launch, Stop(), outside=outside) as run:
+            info = run.beside_simulator(lambda: tool.ask(names.info_key(names.LAUNCHER), ProcessInfo))
             assert run.bus is not None
-            assert tool.ask(names.info_key(names.LAUNCHER), ProcessInfo).instance == run.bus.instance
+            assert info.instance == run.bus.instance
         assert tool.query(names.info_key(names.LAUNCHER), ProcessInfo) == []
         tool.close()
     assert not port_accepts(outside.endpoint)
