@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from zteam.launch.run import TeamRun
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
-    from zteam.team_file.entries import Team
 
 log = logging.getLogger("zteam")
 
@@ -179,12 +178,13 @@ def _print_arguments(args: argparse.Namespace) -> int:
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
-    from zteam.launch.check import check_team, refuse_nodes
+    from zteam.launch.check import check_team, random_parts, refuse_nodes
     from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import check_writable
     from zteam.process_options import ViewOptions
     from zteam.team_file.reading import read_team_file
     from zteam.team_file.sources import parse_arguments
+    from zteam.world import load_world
 
     if args.report:
         check_writable(Path(args.report))
@@ -194,22 +194,17 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
         refuse_nodes(file, "say --bus too, or leave --in-process out")
     if world is None:
         _refuse_without_simulator(args)
-    if args.seed is not None:
-        _note_unused_seed(args.seed, file.team, world)
+    if args.seed is not None and not random_parts(file.team, load_world(world) if world else None):
+        log.info(
+            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
+            "the behaviour wander, behaviours of your own)",
+            args.seed,
+        )
     resolved = world.resolve() if world else None
     pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
     token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
     view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
-    return TeamLaunch(
-        file.team,
-        resolved,
-        args.seed,
-        team_file=file.path,
-        run_for=args.run_for,
-        until=args.until,
-        pace=pace,
-        view=view,
-    )
+    return TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
 
 
 def _refuse_without_simulator(args: argparse.Namespace) -> None:
@@ -304,18 +299,6 @@ def _run(
         team_run.watch(args.go_timeout)
     display.say("stopping")
     return team_run.finish()
-
-
-def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
-    from zteam.launch.check import random_parts
-    from zteam.world import load_world
-
-    if not random_parts(team, load_world(world) if world else None):
-        log.info(
-            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
-            "the behaviour wander, behaviours of your own)",
-            seed,
-        )
 
 
 def _conclude(

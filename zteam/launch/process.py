@@ -62,21 +62,17 @@ def zteam_command(command: str, *arguments: str) -> list[str]:
 
 
 class Child(Protocol):
-    """What `Process` needs of a child: as in `subprocess.Popen`, but `wait` also ends the rest of its group."""
+    """What `Process` needs of a child: as in `subprocess.Popen`, but `wait` also ends the rest of its group, and
+    releases the process id only then."""
 
     pid: int
     returncode: int | None
     stdin: IO[str] | None
     stdout: IO[str] | None
 
-    def poll(self) -> int | None:
-        """Find out whether it has ended; its exit code."""
-
-    def wait(self) -> int:
-        """Wait until it has ended, end the rest of its group, release its process id, and return its exit code."""
-
-    def send_signal(self, sig: int) -> None:
-        """Send it a signal if it still runs."""
+    def poll(self) -> int | None: ...
+    def wait(self) -> int: ...
+    def send_signal(self, sig: int) -> None: ...
 
 
 StartChild = Callable[[Sequence[str], int, Mapping[str, str], Path | None], Child]

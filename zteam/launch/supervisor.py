@@ -143,32 +143,20 @@ class Job(msgspec.Struct, frozen=True):
 
 
 class Member(Protocol):
-    """What the supervisor needs of a member of a team; `Process` is one."""
+    """What the supervisor needs of a member of a team; `Process` is one, and says what each of these is."""
 
     name: str
     stopping: bool
-    """Whether it was asked to end."""
 
     @property
-    def lines(self) -> Collection[str]:
-        """The newest that it has written."""
-
+    def lines(self) -> Collection[str]: ...
     @property
-    def exit_code(self) -> int | None:
-        """As of a process; None while it runs."""
-
+    def exit_code(self) -> int | None: ...
     @property
-    def running(self) -> bool:
-        """Whether it has not ended yet."""
-
-    def terminate(self) -> None:
-        """Ask it to stop."""
-
-    def kill(self) -> None:
-        """End it at once, if that can be done."""
-
-    def join(self, timeout: float) -> bool:
-        """Wait for its end; False if it did not come within `timeout` host seconds."""
+    def running(self) -> bool: ...
+    def terminate(self) -> None: ...
+    def kill(self) -> None: ...
+    def join(self, timeout: float) -> bool: ...
 
 
 class Supervisor:

@@ -120,10 +120,6 @@ class TeamFixture(TeamProcesses):
         self.wait_for_processes(*started)
         if names.SIMULATOR in started:
             known = self.sim_status.robots
-            lacking = {names.robot_id_of(name) for name in started} - {None, *known}
-            if lacking:
-                ids = format_robot_ids(i for i in lacking if i is not None)
-                raise UsageError(f"the world has no robot {ids} (it has {format_robot_ids(known) or 'none'})")
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
