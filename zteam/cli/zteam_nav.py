@@ -60,7 +60,7 @@ def _table(args: argparse.Namespace) -> dict[str, Any]:
     for text in args.param:
         key, equals, value = text.partition("=")
         node, dot, name = key.partition(".")
-        if not (equals and dot and node and name):
+        if not (equals and dot and node and name) or node in ("params", "localizer"):
             raise UsageError(f"--param {text!r} is not NODE.NAME=VALUE, e.g. --param amcl.max_particles=5000")
         table.setdefault(node, {})[name] = parse_value(value)
     return table

@@ -46,6 +46,7 @@ def test_names_that_are_not_known_are_listed_once(caplog: pytest.LogCaptureFixtu
     ("arguments", "told"),
     [
         (("--id", "0", "--param", "alpha1"), "--param 'alpha1' is not NODE.NAME=VALUE"),
+        (("--id", "0", "--params", "x.yaml", "--param", "params.a=1"), "--param 'params.a=1' is not NODE.NAME=VALUE"),
         (("--id", "0", "--param", "amcl.alpha1=fast"), 'the parameters: amcl.alpha1: a number is expected, not "fast"'),
         (("--id", "0", "--params", "none.yaml"), "cannot read the parameters none.yaml"),
         (("--id", "x"), "robot id 'x' is not a whole number"),
