@@ -198,9 +198,8 @@ def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
 def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:
     """The table with the numbers and truth values in its command as texts: an argument may be one."""
     command = node.get("command")
-    return {**node, "command": [_as_word(part) for part in command]} if isinstance(command, list) else {**node}
-
-
-def _as_word(part: Any) -> Any:
-    is_number = isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63)
-    return toml_text(part) if is_number else part
+    if not isinstance(command, list):
+        return {**node}
+    are_numbers = [isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63) for part in command]
+    words = [toml_text(part) if is_number else part for part, is_number in zip(command, are_numbers, strict=True)]
+    return {**node, "command": words}

@@ -281,11 +281,9 @@ class Builder:
 
     def _add_children(self, entity: Entity, mount: Mount) -> None:
         for child in entity.children:
-            if child.type == "sensor" and entity.type in ("ranger", "laser"):
-                continue
             if child.type == "block":
                 self._settings.reader(child).remark_unused("block")
-            else:
+            elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
                 self.add_model(child, mount)
 
 

@@ -122,17 +122,9 @@ def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
     low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
     if not 0 <= low < high:
         reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
-    finder = Finder(
-        name,
-        *seat,
-        fov=_read_fov(reader, math.pi),
-        range_min=low,
-        range_max=high,
-        range_max_id=reader.length("range_max_id", 5.0),
-        key=reader.whole("fiducial_key", 0),
-        ignore_zloc=reader.flag("ignore_zloc", False),
-    )
-    return [finder]
+    fov, range_max_id = _read_fov(reader, math.pi), reader.length("range_max_id", 5.0)
+    key, ignore_zloc = reader.whole("fiducial_key", 0), reader.flag("ignore_zloc", False)
+    return [Finder(name, *seat, fov, low, high, range_max_id, key, ignore_zloc)]
 
 
 def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
@@ -165,15 +157,8 @@ def read_blobfinder(reader: Reader, name: str, seat: Pose3) -> list[Blobfinder]:
     high = reader.length("range", 12.0)
     if not high > 0:
         reader.fail("range", f"range must be above 0, not {high:g}")
-    finder = Blobfinder(
-        name,
-        *seat._replace(yaw=seat.yaw + reader.angle("pan", 0.0)),
-        fov=_read_fov(reader, math.radians(60.0)),
-        samples=int(width),
-        range_max=high,
-        colors=listed,
-    )
-    return [finder]
+    turned = seat._replace(yaw=seat.yaw + reader.angle("pan", 0.0))
+    return [Blobfinder(name, *turned, _read_fov(reader, math.radians(60.0)), int(width), high, listed)]
 
 
 def _read_fov(reader: Reader, default: float) -> float:
