@@ -46,11 +46,9 @@ def spread(
     """
     robots = sorted(poses)
     places = _nearest_places(goal, len(robots), is_free)
-    if len(robots) > MAX_ASSIGNED:
-        order = range(len(robots))
-    else:
-        ways = [[(p.x - poses[i].x) ** 2 + (p.y - poses[i].y) ** 2 for p in places] for i in robots]
-        order = assign(ways)  # type: ignore[assignment]
+    order: Sequence[int] = range(len(robots))
+    if len(robots) <= MAX_ASSIGNED:
+        order = assign([[(p.x - poses[i].x) ** 2 + (p.y - poses[i].y) ** 2 for p in places] for i in robots])
     return {robot_id: places[place] for robot_id, place in zip(robots, order, strict=True)}
 
 

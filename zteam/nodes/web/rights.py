@@ -2,9 +2,12 @@
 
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 
+_HOST = re.compile(r"(?:\[([^\[\]]+)\]|([^:\[\]]+))(?::[0-9]*)?")
+"""An address of IPv6 in brackets, or a name or another address; then a port."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -40,9 +43,10 @@ class Gatekeeper:
 
     def takes_host(self, header: str) -> bool:
         """Whether a request with this `Host` is answered; a published port may be another one than the server's."""
-        name = _host_of(header)
-        if name is None:
+        match = _HOST.fullmatch(header)
+        if match is None:
             return False
+        name = (match[1] or match[2]).lower()
         if name in self._names:
             return True
         try:
@@ -55,17 +59,3 @@ class Gatekeeper:
     def takes_origin(self, origin: str | None, host_header: str) -> bool:
         """Whether a page from `origin` may open a socket; a program that is no browser sends none."""
         return origin is None or origin in (f"http://{host_header}", f"https://{host_header}")
-
-
-def _host_of(header: str) -> str | None:
-    """The name or address in a `Host`; None if it is none."""
-    name, bracket, port = header.rpartition("]")
-    if bracket:
-        name = name[1:] if name.startswith("[") else ""
-        port = port.removeprefix(":")
-    else:
-        name, colon, port = header.partition(":")
-        port = port if colon else ""
-    if not name or (port and not (port.isascii() and port.isdigit())):
-        return None
-    return name.lower()
