@@ -33,11 +33,11 @@ from zteam.diagnosis.checks import check_team
 from zteam.diagnosis.facts import Facts, Fault, Finding, Level, ok, problem
 from zteam.diagnosis.maps import check_map_file
 from zteam.errors import BusError, DecodeError
-from zteam.launch import kinds
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.numbers import counted
+from zteam.runtime import kinds
 from zteam.services.simulator import MapInfo, find_status
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")

@@ -32,9 +32,9 @@ from zteam.resources import find_team, find_world, names, teams_folder
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
     from zteam.cli.up_display import Display
-    from zteam.launch.kinds import TeamLaunch
     from zteam.launch.report import RunReport
     from zteam.launch.run import TeamRun
+    from zteam.launch.team_launch import TeamLaunch
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
 
@@ -179,8 +179,8 @@ def _print_arguments(args: argparse.Namespace) -> int:
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.launch.check import check_team, random_parts, refuse_nodes
-    from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import check_writable
+    from zteam.launch.team_launch import Pace, TeamLaunch
     from zteam.process_options import ViewOptions
     from zteam.team_file.reading import read_team_file
     from zteam.team_file.sources import parse_arguments

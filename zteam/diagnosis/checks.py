@@ -7,10 +7,10 @@ from zteam.bus.receiving import KeyCount
 from zteam.clock import to_seconds
 from zteam.diagnosis.facts import Facts, Fault, Finding, note, ok, problem
 from zteam.diagnosis.maps import check_map
-from zteam.launch import kinds
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.numbers import counted
 from zteam.robot_ids import format_robot_ids
+from zteam.runtime import kinds
 
 
 def check_world(facts: Facts) -> Iterator[Finding]:

@@ -21,7 +21,6 @@ from zteam.errors import BusError, UsageError
 from zteam.in_process.bridge import NodeSessions
 from zteam.in_process.delivery import marks_owner
 from zteam.in_process.user_calls import CallWatch, UserCall, naming_nodes
-from zteam.launch.kinds import KINDS, Pace, TeamLaunch
 from zteam.launch.run import (
     ANY_PORT,
     ROUTER_DEADLINE,
@@ -32,9 +31,11 @@ from zteam.launch.run import (
     refuse_second_team,
 )
 from zteam.launch.supervisor import Again, Member, Supervisor
+from zteam.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.nodes.bodies import Part, part_of, printing_monitor, robot_part
 from zteam.nodes.robot.inputs import TransformInputs
 from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.runtime.kinds import KINDS
 from zteam.runtime.node import Node, stepping
 from zteam.runtime.process_node import ProcessNode, run_body
 from zteam.runtime.shutdown import Stop
@@ -65,7 +66,7 @@ def parts_of(
         name: _part(options, transforms, lambda line, name=name: say(name, line))  # type: ignore[misc]
         for kind in KINDS
         if not kind.beside
-        for name, options in kind.options(launch).items()
+        for name, options in options_of(kind, launch).items()
     }
     for name, body in (nodes or {}).items():
         if name in parts:

@@ -12,10 +12,10 @@ from zteam.errors import UsageError, ZteamError
 from zteam.in_process.run import Body, InProcessRun, NodeThread, open_outside
 from zteam.in_process.user_calls import prefixing_lines
 from zteam.launch.check import check_team, refuse_nodes
-from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.process import exit_text
 from zteam.launch.report import RunReport
 from zteam.launch.run import warn_of_endpoint
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.resources import find_team, find_world
 from zteam.runtime.shutdown import Stop, stopping_in_order
 from zteam.team_file.reading import read_team_file

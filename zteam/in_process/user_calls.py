@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.in_process.delivery import Delivery, current_owner
-from zteam.launch.kinds import Pace
+from zteam.launch.team_launch import Pace
 from zteam.runtime.faults import frames_text, is_own
 from zteam.runtime.logs import KEEPER, node_of
 from zteam.runtime.step_watch import hanging

@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.launch import kinds
-from zteam.launch.kinds import TeamLaunch
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
+from zteam.launch.team_launch import TeamLaunch, options_of
 from zteam.process_options import FROM_STDIN, to_line
+from zteam.runtime import kinds
 from zteam.team_file.entries import NodeEntry
 
 
@@ -51,9 +51,11 @@ def plan_team(launch: TeamLaunch) -> Plan:
     own: dict[str, Job] = {}
     beside: dict[str, Job] = {}
     for kind in kinds.KINDS:
-        for name, options in kind.options(launch).items():
+        for name, options in options_of(kind, launch).items():
             words = to_line(name, options)
-            job = Job(kind.command_line(FROM_STDIN), words=words, restarts=name in restarting, may_end=kind.beside)
+            job = Job(
+                zteam_command(kind.command, FROM_STDIN), words=words, restarts=name in restarting, may_end=kind.beside
+            )
             (beside if kind.beside else own)[name] = job
     nodes = {
         node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)

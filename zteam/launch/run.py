@@ -20,14 +20,15 @@ from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.router import release_port
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
-from zteam.launch.kinds import ROUTER, ROUTER_KIND, Pace, TeamLaunch, kind_of
 from zteam.launch.plan import plan_team, stop_order
-from zteam.launch.process import Process, exit_text
+from zteam.launch.process import Process, exit_text, zteam_command
 from zteam.launch.progress import Progress, TeamOverview
 from zteam.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
 from zteam.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import FROM_STDIN
+from zteam.runtime.kinds import ROUTER, ROUTER_KIND, kind_of
 from zteam.runtime.process_node import LogPublisher
 from zteam.runtime.shutdown import HUNG, Stop
 
@@ -110,7 +111,7 @@ def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
 def start_router(supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE) -> Process:
     """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence."""
     arguments = ("--listen", listen, "--announce", "--lease", str(lease))
-    return supervisor.start(ROUTER_KIND.name, ROUTER_KIND.command_line(*arguments))
+    return supervisor.start(ROUTER_KIND.name, zteam_command(ROUTER_KIND.command, *arguments))
 
 
 def wait_for_endpoint(

@@ -22,15 +22,16 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
 from zteam.in_process.run import InProcessRun
 from zteam.in_process.user_calls import UserCall, user_calls
-from zteam.launch.kinds import ROUTER, Pace
 from zteam.launch.plan import stop_order
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.launch.supervisor import GRACE, Job, Member, Supervisor
+from zteam.launch.team_launch import Pace
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot_ids import format_robot_ids
 from zteam.runtime.faults import ENDED
+from zteam.runtime.kinds import ROUTER
 from zteam.services.simulator import SimStatus, SimulatorClient
 from zteam.testing.view import RobotView, TeamView
 

@@ -22,13 +22,14 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
 from zteam.in_process.run import Body, InProcessRun
 from zteam.launch.check import check_team, refuse_nodes
-from zteam.launch.kinds import Pace, TeamLaunch, kind_of
 from zteam.launch.plan import Plan, plan_team
 from zteam.launch.run import lease_for
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.messages import TeamState
 from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.resources import find_team, find_world
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.runtime.kinds import kind_of
 from zteam.runtime.logs import KEEPER
 from zteam.runtime.shutdown import Stop
 from zteam.services.logs import LogLine

@@ -6,11 +6,11 @@ import pytest
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts
 from zteam.diagnosis.checks import check_elsewhere, check_processes, check_robots_of_world, check_team
 from zteam.diagnosis.facts import Facts, Finding
-from zteam.launch import kinds
-from zteam.launch.kinds import KINDS, Kind
 from zteam.messages import RobotState
+from zteam.runtime import kinds
+from zteam.runtime.kinds import KINDS, Kind
 
-PLANNER = Kind("planner", "planner", "zteam-planner", lambda _launch: {}, 0, "start the planner of {robots} robots")
+PLANNER = Kind("planner", "planner", "zteam-planner", 0, "start the planner of {robots} robots")
 
 
 def findings(*alive: str) -> dict[str, Finding]:

@@ -12,11 +12,12 @@ from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.errors import BusError
 from zteam.in_process.run import InProcessRun, open_outside, parts_of
-from zteam.launch.kinds import KINDS, Pace, TeamLaunch
 from zteam.launch.plan import plan_team
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.planning.grid import make_map
 from zteam.planning.map_files import write_map
 from zteam.resources import find_world
+from zteam.runtime.kinds import KINDS
 from zteam.runtime.shutdown import Stop
 from zteam.team_file.entries import RobotEntry, Team
 from zteam.team_file.reading import load_team

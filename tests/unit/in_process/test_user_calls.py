@@ -10,7 +10,7 @@ from support.log_capture import captured_log
 from zteam.in_process import user_calls
 from zteam.in_process.delivery import Delivery, call_as
 from zteam.in_process.user_calls import CallWatch
-from zteam.launch.kinds import Pace
+from zteam.launch.team_launch import Pace
 from zteam.runtime import step_watch
 from zteam.runtime.step_watch import StepWatch
 

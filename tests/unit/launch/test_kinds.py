@@ -6,10 +6,12 @@ import pytest
 
 from zteam import names
 from zteam.cli import main
-from zteam.launch import kinds
-from zteam.launch.kinds import KINDS, Kind, Pace, TeamLaunch, kind_of
+from zteam.launch import team_launch
 from zteam.launch.plan import plan_team, stop_order
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.process_options import MonitorOptions, SimOptions, from_line
+from zteam.runtime import kinds
+from zteam.runtime.kinds import KINDS, Kind, kind_of
 from zteam.team_file.entries import NodeEntry, RobotEntry, Team
 from zteam.team_file.rules import check_nodes
 
@@ -19,7 +21,6 @@ PLANNER = Kind(
     title="planner",
     name="planner",
     command="zteam-monitor",
-    options=lambda launch: {"planner": MonitorOptions(len(launch.team.robots))},
     stop_rank=2,
     hint="start the planner of {robots} robots",
     in_lockstep=True,
@@ -28,8 +29,10 @@ PLANNER = Kind(
 
 @pytest.fixture
 def planner(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A further row in the table."""
+    """A further row in both tables."""
     monkeypatch.setattr(kinds, "KINDS", (*KINDS, PLANNER))
+    told = {**team_launch.OPTIONS, "planner": lambda launch: {"planner": MonitorOptions(len(launch.team.robots))}}
+    monkeypatch.setattr(team_launch, "OPTIONS", told)
 
 
 def test_a_row_is_a_process_of_every_team(planner: None) -> None:

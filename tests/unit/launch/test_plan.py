@@ -9,10 +9,10 @@ import pytest
 
 from zteam.cli import zteam_robot, zteam_sim
 from zteam.geometry import Pose2
-from zteam.launch.kinds import KINDS, Pace, TeamLaunch
 from zteam.launch.plan import Plan, plan_team, stop_order
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
+from zteam.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.process_options import (
     AggregatorOptions,
     MapOptions,
@@ -22,6 +22,7 @@ from zteam.process_options import (
     from_line,
 )
 from zteam.resources import shipped_team
+from zteam.runtime.kinds import KINDS
 from zteam.team_file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
 from zteam.team_file.reading import load_team
 
@@ -196,5 +197,5 @@ def test_shipped_teams_make_a_plan(name: str) -> None:
     launch = TeamLaunch(load_team(path), WORLD, team_file=path, run_for=1.0)
     plan = plan_team(launch)
     for kind in KINDS:
-        for each, options in kind.options(launch).items():
+        for each, options in options_of(kind, launch).items():
             assert told(plan, each, type(options)) == options

@@ -21,10 +21,10 @@ from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
-from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.process import Process
 from zteam.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
 from zteam.launch.supervisor import Job
+from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.shutdown import Stop
 from zteam.team_file.entries import RobotEntry, Team
@@ -63,7 +63,8 @@ class Pretend:
         self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
         self._started: list[Process] = []
-        monkeypatch.setattr("zteam.launch.kinds.zteam_command", self._command)
+        for module in ("plan", "run"):
+            monkeypatch.setattr(f"zteam.launch.{module}.zteam_command", self._command)
         # The real bus needs a real router.
         monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from zteam.launch.fork_server import PRELOADS
-from zteam.launch.kinds import TeamLaunch, kind_of
 from zteam.launch.plan import plan_team, stop_order
+from zteam.launch.team_launch import TeamLaunch
 from zteam.names import is_view, view_name
 from zteam.process_options import ViewOptions, from_line
+from zteam.runtime.kinds import kind_of
 from zteam.team_file.entries import NodeEntry, RobotEntry, Team
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])

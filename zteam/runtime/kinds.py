@@ -1,0 +1,126 @@
+"""The kinds of process that make a team: one table, one row per kind.
+
+The plan, the launcher, the `team` fixture and `zteam doctor` read it. A new kind of process needs its options
+(`process_options`) and its body (`nodes.bodies`), its command under `cli/`, its row here, and in `launch.team_launch`
+what it is told of a team.
+"""
+
+from collections.abc import Callable
+
+import msgspec
+
+from zteam import names
+
+ROUTER, NAVIGATION, ROBOT = "router", "nav_N", "robot_N"
+
+
+class Kind(msgspec.Struct, frozen=True):
+    """One row."""
+
+    title: str
+    """What `zteam doctor` calls it."""
+    name: str
+    """Name of the process; for one process per robot, the pattern that a user reads."""
+    command: str
+    """The command that runs it, such as `zteam-sim`."""
+    stop_rank: int
+    """A team stops rank by rank, the lowest first."""
+    hint: str = ""
+    """What `zteam doctor` tells the user to do when no such process is alive; `{robots}` is the number of robots.
+    Empty for a kind that a team can work without."""
+    in_lockstep: bool = False
+    """Whether every tick of lock-step waits for it."""
+    carries_run: bool = False
+    """Whether a run with a time limit cannot be finished without it."""
+    on_bus: bool = True
+    """Whether it holds its name on the bus."""
+    beside: bool = False
+    """Whether a team runs on as before without it: it may come and go at any time."""
+    is_one: Callable[[str], bool] | None = None
+    """Where several of its processes may run: whether a name is that of one."""
+    robot_id_of: Callable[[str], int | None] | None = None
+    """For one process per robot: the robot's id in a process name, None where the name is of another kind."""
+
+    def includes(self, name: str) -> bool:
+        """Whether a process of this name is of this kind."""
+        if self.is_one is not None:
+            return self.is_one(name)
+        return name == self.name if self.robot_id_of is None else self.robot_id_of(name) is not None
+
+
+ROUTER_KIND = Kind(
+    title="router",
+    name=ROUTER,
+    command="zteam-router",
+    stop_rank=3,
+    hint="start anything of zteam (it brings a router), or 'zteam-router'",
+    carries_run=True,
+    on_bus=False,
+)
+
+KINDS: tuple[Kind, ...] = (
+    ROUTER_KIND,
+    # The simulator takes longest to start, so it is started first. Robots stop before it: their last command, a zero
+    # velocity, must reach the wheels.
+    Kind(
+        title="simulator",
+        name=names.SIMULATOR,
+        command="zteam-sim",
+        stop_rank=2,
+        hint="zteam-sim WORLD (or real robots that publish the same keys)",
+        carries_run=True,
+    ),
+    Kind(
+        title="map",
+        name=names.MAP_SERVER,
+        command="zteam-map",
+        stop_rank=1,
+        # Without a hint, because few teams need one: `zteam doctor` names it where the map is missing.
+    ),
+    Kind(
+        title="transforms",
+        name=names.AGGREGATOR,
+        command="zteam-tf",
+        stop_rank=1,
+        hint="zteam-tf",
+        in_lockstep=True,
+    ),
+    Kind(
+        title="monitor",
+        name=names.MONITOR,
+        command="zteam-monitor",
+        stop_rank=1,
+        hint="zteam-monitor --team-size {robots}",
+    ),
+    Kind(
+        title="navigation",
+        name=NAVIGATION,
+        command="zteam-nav",
+        stop_rank=0,
+        in_lockstep=True,
+        robot_id_of=names.navigated_robot_of,
+    ),
+    Kind(
+        title="robots",
+        name=ROBOT,
+        command="zteam-robot",
+        stop_rank=0,
+        hint="zteam-robot --id 0",
+        in_lockstep=True,
+        robot_id_of=names.robot_id_of,
+    ),
+    Kind(
+        title="view",
+        name=names.VIEW,
+        command="zteam-view",
+        stop_rank=0,
+        beside=True,
+        is_one=names.is_view,
+    ),
+)
+"""In the order of starting."""
+
+
+def kind_of(name: str) -> Kind | None:
+    """The kind of a process by its name; None for a user's own process."""
+    return next((kind for kind in KINDS if kind.includes(name)), None)
