@@ -256,7 +256,7 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monke
 @pytest.mark.parametrize("gone", [False, True])
 def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
     """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
-    pretend.others = "input(); input()"
+    pretend.others = "input(); input()" if gone else WAIT
     pretend.routers = [ANNOUNCE.replace("600", "1")]
     with pretend.run() as run:
         if gone:
