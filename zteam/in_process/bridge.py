@@ -31,11 +31,6 @@ from zteam.messages import Message
 log = logging.getLogger("zteam")
 
 
-def new_instance() -> str:
-    """The id of a session that is known outside. Zenoh leaves out zeros at the front, so there is none."""
-    return f"{uuid.uuid4().int | 1 << 127:032x}"
-
-
 class Bridge:
     """The outside of a hub; `outside` is this process's session there, and `inside` one on the hub."""
 
@@ -136,7 +131,8 @@ class _BridgedSession(_Session):
     """The session of one node on the hub and outside, under one id."""
 
     def __init__(self, hub: MemoryHub, owner: str, bridge: Bridge) -> None:
-        super().__init__(hub, owner, new_instance())
+        # Zenoh leaves out zeros at the front of an id, so there is none.
+        super().__init__(hub, owner, f"{uuid.uuid4().int | 1 << 127:032x}")
         self._bridge = bridge
         self._outside = bridge.outside.transport
         bridge.instances.add(self.instance)

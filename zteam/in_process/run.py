@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from threading import Thread
 from typing import NamedTuple, Self, TypeVar
 
@@ -63,7 +64,7 @@ def parts_of(
     """What the nodes of a simulated team and a user's own do, by name; `say(name, line)` prints a line of a node."""
     transforms = TransformInputs()
     parts = {
-        name: _part(options, transforms, lambda line, name=name: say(name, line))  # type: ignore[misc]
+        name: _part(options, transforms, partial(say, name))
         for kind in KINDS
         if not kind.beside
         for name, options in options_of(kind, launch).items()

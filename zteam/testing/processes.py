@@ -7,7 +7,7 @@ Waits here count host seconds, because a starting or ending process has no simul
 import itertools
 import os
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
@@ -25,7 +25,7 @@ from zteam.in_process.user_calls import UserCall, user_calls
 from zteam.launch.plan import stop_order
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.run import lease_for, start_router, wait_for_endpoint
-from zteam.launch.supervisor import GRACE, Job, Member, Supervisor
+from zteam.launch.supervisor import GRACE, Job, Supervisor
 from zteam.launch.team_launch import Pace
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import LOCKSTEP_TIMEOUT
@@ -70,7 +70,7 @@ class TeamProcesses:
         """Key prefix of this team alone."""
         self.log: list[tuple[str, str]] = []
         """(process, line) in the order of arrival, for the report of a failed test."""
-        self._supervisor = Supervisor(self._take_line, lambda _process, _delay: None, WARM_PARENT.start)
+        self._supervisor = Supervisor(lambda *line: self.log.append(line), lambda *_: None, WARM_PARENT.start)
         self._bus: Bus | None = None
         """None until the router runs or the team in this process is made."""
         self._endpoint = ""
@@ -95,9 +95,6 @@ class TeamProcesses:
         """Processes that are started again when they have failed."""
         self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
-
-    def _take_line(self, name: str, line: str) -> None:
-        self.log.append((name, line))
 
     def _open(self) -> None:
         """Start the router and open the test's own session, unless that was done before.
@@ -160,11 +157,6 @@ class TeamProcesses:
     def _view(self) -> TeamView:
         self._open()
         return self._seen
-
-    @property
-    def _processes(self) -> Mapping[str, Member]:
-        """The processes of the team, or the nodes in this process, by name."""
-        return self._supervisor.members
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
         """A world that stands still publishes no more, so it is asked to publish its last tick again."""
@@ -252,16 +244,16 @@ class TeamProcesses:
 
     def _process(self, name: str) -> Any:
         """A process of the team, or a node in this process. Raises UsageError."""
-        if name not in self._processes:
-            known = ", ".join(self._processes) or "no process yet"
+        if name not in self._supervisor.members:
+            known = ", ".join(self._supervisor.members) or "no process yet"
             raise UsageError(f"there is no process {name!r}; this team has {known}")
-        return self._processes[name]
+        return self._supervisor.members[name]
 
     def wait_for_processes(self, *processes: str) -> None:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
 
         def ended() -> list[str]:
-            known = self._processes
+            known = self._supervisor.members
             return [n for n in processes if n in known and not known[n].running]
 
         self._wait(lambda: bool(ended()) or all(self.alive(n) for n in processes), START_LIMIT)
@@ -271,15 +263,10 @@ class TeamProcesses:
         missing = [n for n in processes if not self.alive(n)]
         if missing:
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
-        self._present.update(self._processes.keys() & {*processes})
+        self._present.update(self._supervisor.members.keys() & {*processes})
         if names.SIMULATOR in processes:
             status = self.sim_status
             self._interval = status.interval if status.lockstep else 0
-
-    def wait_for_line(self, name: str, text: str) -> None:
-        """Wait until a process has written a line that holds `text`."""
-        if not self._wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
-            raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
 
     def wait_for_exit(self, name: str) -> int:
         """Wait until a process has ended, which it may do; its exit code."""
@@ -289,15 +276,6 @@ class TeamProcesses:
             raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
         code: int = process.exit_code
         return code
-
-    def wait_for(self, condition: Callable[[], bool]) -> None:
-        """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
-        if not self._wait(condition, START_LIMIT):
-            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
-
-    def report_log(self) -> str:
-        """Everything the processes wrote, for a failed test's report."""
-        return "\n".join(f"[{name}] {line}" for name, line in self.log)
 
     @property
     def sim(self) -> SimulatorClient:
@@ -321,7 +299,7 @@ class TeamProcesses:
             )
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
-        for name in left.intersection(self._processes) - self._may_end - self._restarts:
+        for name in left.intersection(self._supervisor.members) - self._may_end - self._restarts:
             if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
         self._check()

@@ -154,7 +154,7 @@ class TeamFixture(TeamProcesses):
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self._take_line(line.process, f"{level}{line.text}")
+        self.log.append((line.process, f"{level}{line.text}"))
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
@@ -213,6 +213,20 @@ class TeamFixture(TeamProcesses):
             return
         if not self._wait(lambda: name not in self.sim_status.participants, START_LIMIT):
             raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
+
+    def wait_for_line(self, name: str, text: str) -> None:
+        """Wait until a process has written a line that holds `text`."""
+        if not self._wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
+            raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
+        if not self._wait(condition, START_LIMIT):
+            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
+
+    def report_log(self) -> str:
+        """Everything the processes wrote, for a failed test's report."""
+        return "\n".join(f"[{name}] {line}" for name, line in self.log)
 
     @property
     def report(self) -> SimReport:
