@@ -200,7 +200,7 @@ class TeamWatch:
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
 
     def look(self) -> None:
-        """Look at who commands the robots, and take what has been gone for long enough to be lost."""
+        """Look at what commands the robots, and take what has been gone for long enough to be lost."""
         self.writers.look()
         with self._node.changed:
             self._take_losses(monotonic())
