@@ -77,8 +77,8 @@ if TYPE_CHECKING:
     from zteam.runtime.node import Node, run
     from zteam.services.navigation import TaskResult
     from zteam.services.parameters import ParametersClient
-    from zteam.services.simulator import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
+    from zteam.simulator.client import SimulatorClient
     from zteam.team_file.entries import Team
     from zteam.team_file.reading import load_team
 
@@ -128,7 +128,7 @@ _HOMES = {
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
-    "SimulatorClient": "services.simulator",
+    "SimulatorClient": "simulator.client",
     "TaskResult": "services.navigation",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms",

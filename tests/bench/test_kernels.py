@@ -12,7 +12,7 @@ import pytest
 from zteam.cli.bench_team import free_poses
 from zteam.kernels.binding import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.resources import find_world
-from zteam.sim.casting import bitmap_of, build_fields, group_shapes, make_polygons
+from zteam.simulator.core.casting import bitmap_of, build_fields, group_shapes, make_polygons
 from zteam.world import World, add_robot, load_world
 
 SCANS, ROUNDS = 100, 30

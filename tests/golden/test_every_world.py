@@ -9,8 +9,8 @@ import pytest
 from support.recordings import SHARED, WORLDS
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
+from zteam.simulator.world.drawing import draw_world
 from zteam.world import load_world
-from zteam.world.drawing import draw_world
 
 STAGE = "benchmark/cave circuit fasr pioneer_flocking pioneer_follow pioneer_walle roomba sensor_noise_demo simple"
 STAGE_ROS = "willow-erratic willow-four-erratics willow-four-erratics-multisensor willow-lesson3"

@@ -8,8 +8,8 @@ from support.recordings import SHARED, stage
 from support.small_worlds import is_occupied
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
+from zteam.simulator.world.images import occupied_box, read_bitmap
 from zteam.world import Ranger, Robot, add_robot, load_world
-from zteam.world.images import occupied_box, read_bitmap
 
 if not SHARED.is_dir():
     pytest.skip(f"the worlds of Stage and the full recordings are not here ({SHARED})", allow_module_level=True)

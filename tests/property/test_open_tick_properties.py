@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.open_tick import OpenTick
+from zteam.simulator.process.open_tick import OpenTick
 
 NAMES = st.sampled_from(["robot_0", "robot_1", "robot_10", "tf"])
 EPOCHS, TICKS = st.integers(0, 1), st.integers(1, 3)

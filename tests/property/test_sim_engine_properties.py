@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from support.examples import examples
 from support.small_worlds import drive, make_maze, make_robot
 from zteam.sim import Engine, Options
-from zteam.sim.casting import is_occupied
-from zteam.world.model import Limits
+from zteam.simulator.core.casting import is_occupied
+from zteam.simulator.world.model import Limits
 
 FAST = Limits(x=(-30.0, 30.0), y=(-30.0, 30.0), yaw=(-20.0, 20.0))
 SPEEDS = st.one_of(st.floats(-1.0, 1.0), st.sampled_from([30.0, -30.0, 1e300]))

@@ -25,8 +25,8 @@ from zteam.kernels.binding import (
     find_overlaps,
     follow,
 )
-from zteam.sim.casting import NO_MOVER, Group, build_fields, make_polygons, place_shape
-from zteam.world.model import Shape
+from zteam.simulator.core.casting import NO_MOVER, Group, build_fields, make_polygons, place_shape
+from zteam.simulator.world.model import Shape
 
 LIMIT = 9.0
 EIGHTH = math.pi / 4

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from support.examples import examples
 from zteam.errors import WorldError
 from zteam.geometry import convex_hull, signed_area
+from zteam.simulator.world.bodies import Block, fit_blocks, is_simple
+from zteam.simulator.world.images import rectangles
+from zteam.simulator.world.parser import Entity, Property, parse_text
+from zteam.simulator.world.properties import Size3
+from zteam.simulator.world.text import Remarks, TextPlace
 from zteam.world import load_world
-from zteam.world.bodies import Block, fit_blocks, is_simple
-from zteam.world.images import rectangles
-from zteam.world.parser import Entity, Property, parse_text
-from zteam.world.properties import Size3
-from zteam.world.text import Remarks, TextPlace
 
 PLACE = TextPlace("", 0, 0)
 

@@ -10,11 +10,11 @@ from zteam import names
 from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
-from zteam.nodes.simulator.pacing import Pacer, TickBoundary
-from zteam.nodes.simulator.queries import Queries
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
+from zteam.simulator.client import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
+from zteam.simulator.process.pacing import Pacer, TickBoundary
+from zteam.simulator.process.queries import Queries
 
 TICK = 1_000_000
 """Simulated nanoseconds."""

@@ -11,7 +11,7 @@ from support.small_worlds import drive
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.sim import Engine
-from zteam.world.model import Floorplan, Limits, Obstacle, Robot, Shape, World
+from zteam.simulator.world.model import Floorplan, Limits, Obstacle, Robot, Shape, World
 
 HALF = 2.0
 """Half of a room's width in metres."""

@@ -32,10 +32,10 @@ from zteam.resources import shipped_world
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.parameters import ParametersClient
-from zteam.services.simulator import SimStatus
-from zteam.sim import to_messages
+from zteam.simulator.client import SimStatus
+from zteam.simulator.core import to_messages
+from zteam.simulator.world.model import base_info
 from zteam.world import load_world
-from zteam.world.model import base_info
 
 TICK = 100_000_000
 """Nanoseconds."""

@@ -4,10 +4,10 @@ from support.in_process_team import SCENE, load_scene
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Message
-from zteam.nodes.simulator.node import Simulation
 from zteam.process_options import SimOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
+from zteam.simulator.process.node import Simulation
 
 
 class SimulatorParts(Simulation):

@@ -7,7 +7,7 @@ import numpy as np
 
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
+from zteam.simulator.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
 
 BODY = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 LASER = Ranger("laser", 0.0, 0.0, 0.1, 0.0, math.pi, 91, 0.0, 8.0)

@@ -20,7 +20,7 @@ from zteam.messages import (
     TeamState,
     TeamStatus,
 )
-from zteam.services.simulator import MapInfo, SimStatus
+from zteam.simulator.client import MapInfo, SimStatus
 
 WORLD_MAP = MapInfo(-5.0, -4.0, 0.0, 0.05, 200, 160)
 

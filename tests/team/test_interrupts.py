@@ -82,7 +82,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "call", "zteam.bus.zenoh_session.close", "topic list"),
         ("start", "return", "zteam.bus.zenoh_session.close", "topic list"),
         ("start", "call", "zteam.cli.doctor.collect_facts", "doctor"),
-        ("start", "call", "zteam.services.simulator._ask", "sim status"),
+        ("start", "call", "zteam.simulator.client._ask", "sim status"),
         ("start", "import", "zteam.world", "world check arena"),
         ("start", "import", "zteam.launch.run", "up"),
         ("start_simulator", "import", "zteam.simulation_options", "arena"),

@@ -10,7 +10,7 @@ import zenoh
 from support.limits import ASKED, LIMIT
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
-from zteam.services.simulator import SimulatorClient
+from zteam.simulator.client import SimulatorClient
 from zteam.testing.team import TeamFixture
 from zteam.tf import FrameInfo
 

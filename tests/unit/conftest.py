@@ -6,7 +6,7 @@ import pytest
 
 from support.lockstep_doubles import LONG, SHORT, HarnessFactory
 from zteam.bus import MemoryHub
-from zteam.nodes.simulator import lockstep
+from zteam.simulator.process import lockstep
 
 
 @pytest.fixture

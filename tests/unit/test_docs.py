@@ -8,8 +8,8 @@ import pytest
 
 from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
 from support.rooms import PICTURE, draw, layers
-from zteam.world import properties
-from zteam.world.devices import device_models
+from zteam.simulator.world import properties
+from zteam.simulator.world.devices import device_models
 
 PACKAGES = ["behaviors", "errors", "messages", "planning", "sim", "testing", "tf", "world"]
 PUBLIC = {"zteam", *(f"zteam.{package}" for package in PACKAGES)}

@@ -89,7 +89,7 @@ def add_seed_option(parser: argparse.ArgumentParser) -> None:
 def parse_speed(text: str) -> float | None:
     """Simulated seconds per host second: a number, or None for `max`. Raises UsageError."""
     # Only the commands with a speed pay for this import.
-    from zteam.services.simulator import MAX_SPEED, MIN_SPEED
+    from zteam.simulator.client import MAX_SPEED, MIN_SPEED
 
     if text == "max":
         return None

@@ -66,7 +66,7 @@ def _bench(args: argparse.Namespace) -> int:
 
 def _measure_core(args: argparse.Namespace) -> tuple[Any, str]:
     from zteam.cli.bench_team import measure_simulation
-    from zteam.world import load_world
+    from zteam.simulator.world import load_world
 
     world, options = load_world(find_world(args.world)), Options(physics=args.physics)
     figures = measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)

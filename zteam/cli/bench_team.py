@@ -28,13 +28,13 @@ from zteam.planning.grid import OCCUPIED
 from zteam.planning.planner import AStarPlanner, NoPathError
 from zteam.runtime.lockstep import RoundTiming
 from zteam.services.maps import map_grid
-from zteam.services.simulator import Timing
-from zteam.sim import Engine
-from zteam.sim.casting import is_occupied
-from zteam.sim.occupancy_grid import map_message
 from zteam.simulation_options import Options
+from zteam.simulator.client import Timing
+from zteam.simulator.core import Engine
+from zteam.simulator.core.casting import is_occupied
+from zteam.simulator.core.occupancy_grid import map_message
+from zteam.simulator.world import Ranger, World, add_robot, load_world
 from zteam.toml_values import toml_text
-from zteam.world import Ranger, World, add_robot, load_world
 
 GAP = 0.8
 """Metres along the way between neighbours at the start."""

@@ -38,7 +38,7 @@ from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.numbers import counted
 from zteam.runtime import kinds
-from zteam.services.simulator import MapInfo, find_status
+from zteam.simulator.client import MapInfo, find_status
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 
@@ -251,7 +251,7 @@ def _examine(args: argparse.Namespace) -> int:
 
 
 def _read_map(path: Path) -> MapInfo:
-    from zteam.world.images import read_floor_map
+    from zteam.simulator.world.images import read_floor_map
 
     found = read_floor_map(path)
     rows, columns = found.occupied.shape

@@ -26,7 +26,7 @@ from zteam.messages import Duration, NavigationState
 from zteam.numbers import MAX_SECONDS, counted
 from zteam.services.goal_queries import navigation_query
 from zteam.services.navigation import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
-from zteam.services.simulator import absence_of
+from zteam.simulator.client import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
 _LOOK = 0.25

@@ -16,7 +16,7 @@ from zteam.messages import OccupancyGrid
 from zteam.numbers import MAX_SECONDS
 from zteam.planning.map_files import to_three_values, write_map
 from zteam.services.maps import map_grid
-from zteam.world.images import Mode
+from zteam.simulator.world.images import Mode
 
 
 def build_parser() -> Parser:

@@ -19,7 +19,7 @@ from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
 from zteam.numbers import parse_number
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
+from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from zteam.bus import Bus
 from zteam.cli.listening import Waiter
 from zteam.clock import AutoClock, Ticker, to_seconds
 from zteam.runtime.process_node import ClockMode
-from zteam.services.team_clock import ask_time, follow_clock, team_clock
+from zteam.simulator.team_clock import ask_time, follow_clock, team_clock
 
 
 def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:

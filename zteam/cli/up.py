@@ -182,9 +182,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.launch.report import check_writable
     from zteam.launch.team_launch import Pace, TeamLaunch
     from zteam.process_options import ViewOptions
+    from zteam.simulator.world import load_world
     from zteam.team_file.reading import read_team_file
     from zteam.team_file.sources import parse_arguments
-    from zteam.world import load_world
 
     if args.report:
         check_writable(Path(args.report))

@@ -17,14 +17,14 @@ from zteam.messages import to_plain
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.numbers import counted
 from zteam.resources import find_world
-from zteam.world import Ranger, Robot, World, load_world
-from zteam.world.devices import KINDS
-from zteam.world.model import base_info
-from zteam.world.placing import find_misplaced
+from zteam.simulator.world import Ranger, Robot, World, load_world
+from zteam.simulator.world.devices import KINDS
+from zteam.simulator.world.model import base_info
+from zteam.simulator.world.placing import find_misplaced
 
 if TYPE_CHECKING:
-    from zteam.sim import RobotObservation
-    from zteam.world.drawing import Fan
+    from zteam.simulator.core import RobotObservation
+    from zteam.simulator.world.drawing import Fan
 
 
 def build_parser() -> Parser:
@@ -187,11 +187,11 @@ def _degrees(pose: Pose2) -> list[float]:
 
 
 def _show(args: argparse.Namespace, world: World) -> int:
-    from zteam.world.drawing import draw_world
+    from zteam.simulator.world.drawing import draw_world
 
     fans: dict[int, list[Fan]] = {}
     if args.scan:
-        from zteam.sim import Engine
+        from zteam.simulator.core import Engine
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
     draw_world(world, Path(args.output), width=args.width, fans=fans)
@@ -200,7 +200,7 @@ def _show(args: argparse.Namespace, world: World) -> int:
 
 
 def _fans(seen: "RobotObservation") -> "list[Fan]":
-    from zteam.world.drawing import Fan
+    from zteam.simulator.world.drawing import Fan
 
     found = []
     for ranger, reading in zip(seen.robot.rangers, seen.readings, strict=True):
@@ -214,7 +214,7 @@ def _fans(seen: "RobotObservation") -> "list[Fan]":
 
 
 def _scan(args: argparse.Namespace, world: World) -> int:
-    from zteam.sim import Engine
+    from zteam.simulator.core import Engine
 
     if not 0 <= args.robot < len(world.robots):
         known = ", ".join(map(str, range(len(world.robots)))) or "none"

@@ -16,8 +16,8 @@ from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS, parse_number
 from zteam.process_options import LockStepOptions, SimOptions
 from zteam.resources import find_world
-from zteam.services.simulator import MAX_PLACE
 from zteam.simulation_options import PHYSICS, Options
+from zteam.simulator.client import MAX_PLACE
 
 
 def build_parser() -> Parser:

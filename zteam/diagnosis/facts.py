@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 Level = Literal["ok", "note", "problem"]
 

@@ -8,7 +8,7 @@ import msgspec
 from zteam import names
 from zteam.diagnosis.facts import Facts, Finding, note, ok, problem
 from zteam.geometry import Pose2, normalize_angle
-from zteam.services.simulator import MapInfo, SimStatus, map_info
+from zteam.simulator.client import MapInfo, SimStatus, map_info
 
 _TURN = 0.01
 """Radians by which a map may be turned."""

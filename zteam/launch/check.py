@@ -20,14 +20,14 @@ from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
+from zteam.simulator.world import add_robot, load_world
+from zteam.simulator.world.devices import KINDS
+from zteam.simulator.world.model import Robot, World
+from zteam.simulator.world.placing import find_hindrance
 from zteam.team_file.entries import RobotEntry, Team, behavior_of, navigation_of
 from zteam.team_file.groups import GROUP_KEYS
 from zteam.team_file.reading import TeamFile, team_world
 from zteam.team_file.sources import error_of
-from zteam.world import add_robot, load_world
-from zteam.world.devices import KINDS
-from zteam.world.model import Robot, World
-from zteam.world.placing import find_hindrance
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 

@@ -12,7 +12,7 @@ from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, pause, to_seconds
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
-from zteam.services.simulator import FinishReply, SimStatus, WaitRequest, find_status
+from zteam.simulator.client import FinishReply, SimStatus, WaitRequest, find_status
 
 log = logging.getLogger("zteam")
 

@@ -17,7 +17,7 @@ from zteam.launch.process import PROC, Usage, measure_usage
 from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
 from zteam.runtime.lockstep import RoundTiming
-from zteam.services.simulator import RunFigures, SimReport
+from zteam.simulator.client import RunFigures, SimReport
 
 
 class ProcessReport(msgspec.Struct):

@@ -40,8 +40,8 @@ class Part(NamedTuple):
 
 
 def _simulator(options: SimOptions) -> Part:
-    from zteam.nodes.simulator.node import run_simulator
-    from zteam.world import add_robot, load_world
+    from zteam.simulator.process.node import run_simulator
+    from zteam.simulator.world import add_robot, load_world
 
     world = load_world(options.world)
     robots = dict(enumerate(world.robots)) if options.world_robots else {}

@@ -14,7 +14,7 @@ from zteam.errors import UsageError
 from zteam.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
 
 if TYPE_CHECKING:
-    from zteam.world.images import MapFile, Mode
+    from zteam.simulator.world.images import MapFile, Mode
 
 _FORMATS = {".pgm": "PPM", ".png": "PNG"}
 _UNKNOWN_SHADE = 205
@@ -23,7 +23,7 @@ _UNKNOWN_SHADE = 205
 
 def read_map(path: Path | str) -> GridMap:
     """The map of a YAML file. Raises UsageError, which names file and key, for whatever is wrong."""
-    from zteam.world.images import read_channels  # imported only where there is such a file
+    from zteam.simulator.world.images import read_channels  # imported only where there is such a file
 
     file = check_map_file(Path(path))
     return make_map(interpret(read_channels(file.image, alpha=True), file), file.resolution, file.origin)
@@ -31,7 +31,7 @@ def read_map(path: Path | str) -> GridMap:
 
 def check_map_file(path: Path) -> "MapFile":
     """What the YAML file of a map says. Raises UsageError, also for thresholds that do not fit or a missing picture."""
-    from zteam.world.images import read_map_file
+    from zteam.simulator.world.images import read_map_file
 
     file = read_map_file(path)
     if not file.image.is_file():

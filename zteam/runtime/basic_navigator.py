@@ -18,7 +18,7 @@ from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, Po
 from zteam.runtime.node import Node
 from zteam.services.maps import is_finite
 from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message
-from zteam.services.team_clock import team_clock
+from zteam.simulator.team_clock import team_clock
 
 log = logging.getLogger("zteam")
 

@@ -9,7 +9,7 @@ from zteam.bus.transport import Closeable
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import absence_of
+from zteam.simulator.client import absence_of
 
 log = logging.getLogger("zteam")
 

@@ -32,7 +32,7 @@ from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot_ids import format_robot_ids
 from zteam.runtime.faults import ENDED
 from zteam.runtime.kinds import ROUTER
-from zteam.services.simulator import SimStatus, SimulatorClient
+from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.testing.view import RobotView, TeamView
 
 _LAST_LINES = 5

@@ -33,7 +33,7 @@ from zteam.runtime.kinds import kind_of
 from zteam.runtime.logs import KEEPER
 from zteam.runtime.shutdown import Stop
 from zteam.services.logs import LogLine
-from zteam.services.simulator import SimReport, SimStatus, StepRequest
+from zteam.simulator.client import SimReport, SimStatus, StepRequest
 from zteam.team_file.reading import read_team_file, read_team_tables
 from zteam.team_file.sources import argument_texts
 from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout

@@ -14,11 +14,11 @@ from zteam.clock import NS_PER_S, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.resources import find_world
-from zteam.sim import Engine, Observation
-from zteam.sim.to_messages import odometry_message, scan_message
+from zteam.simulator.core import Engine, Observation
+from zteam.simulator.core.to_messages import odometry_message, scan_message
+from zteam.simulator.world import World, add_robot, load_world
 from zteam.trials.situations import LEADER, ROBOT, lookup_in
 from zteam.trials.subject import Answer, Subject
-from zteam.world import World, add_robot, load_world
 
 SECONDS = 10.0
 """Simulated seconds of a trial."""

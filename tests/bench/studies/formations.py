@@ -20,9 +20,9 @@ from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.shapes import SHAPES, Shape, slots_of
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
+from zteam.simulator.world.model import footprint
 from zteam.toml_values import toml_text
 from zteam.world import World, add_robot, load_world
-from zteam.world.model import footprint
 
 ROBOTS, STARTS, SPACING, SPEED = 5, 12, 0.8, 0.4
 """With the leader; how many random starts; metres; m/s of the leader."""

@@ -23,7 +23,7 @@ from zteam.messages import (
     encode,
     time_from_ns,
 )
-from zteam.sim import to_messages
+from zteam.simulator.core import to_messages
 from zteam.tf import Buffer
 from zteam.world import Robot, add_robot, load_world
 

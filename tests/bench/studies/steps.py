@@ -21,9 +21,9 @@ from zteam.cli.tables import format_table
 from zteam.clock import monotonic_times
 from zteam.messages import TFMessage, TransformStamped, Twist
 from zteam.sim import Engine
-from zteam.sim.to_messages import odometry_message, scan_message, static_transforms, transforms
+from zteam.simulator.core.to_messages import odometry_message, scan_message, static_transforms, transforms
+from zteam.simulator.world.model import base_info
 from zteam.world import World, add_robot, load_world
-from zteam.world.model import base_info
 
 _REFERENCE_BEAMS = 1081
 _REFERENCE_CALLS = 20

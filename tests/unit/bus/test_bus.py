@@ -23,7 +23,7 @@ from zteam.messages import (
     encode,
     encoding_of,
 )
-from zteam.sim.occupancy_grid import MAX_CELLS
+from zteam.simulator.core.occupancy_grid import MAX_CELLS
 
 
 class Wire(MemoryTransport):

@@ -6,7 +6,7 @@ import pytest
 from zteam.cli.bench import figure, format_simulation, format_team
 from zteam.cli.bench_team import InProcessFigures, SimulationFigures, TeamFigures
 from zteam.runtime.lockstep import RoundTiming
-from zteam.services.simulator import Timing
+from zteam.simulator.client import Timing
 
 TEAM = TeamFigures(
     world="office", robots=1, beams=1081, lockstep=True, rtf=44.61234, ticks_per_s=446.1234,

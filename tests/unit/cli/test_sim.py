@@ -13,9 +13,9 @@ from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import sim
 from zteam.cli.live_line import Progress
-from zteam.nodes.simulator.pacing import Pacer
-from zteam.services import simulator
-from zteam.services.simulator import SimStatus, SimulatorClient, StepRequest
+from zteam.simulator import client as simulator
+from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
+from zteam.simulator.process.pacing import Pacer
 
 Output = Callable[..., str]
 

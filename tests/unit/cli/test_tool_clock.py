@@ -17,7 +17,7 @@ from zteam.clock import to_ns, wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
 from zteam.runtime.process_node import ClockMode
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 
 class Simulator:

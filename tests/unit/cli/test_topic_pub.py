@@ -22,7 +22,7 @@ from zteam.cli import topic
 from zteam.cli.listening import KeyUsers, find_key_users
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from zteam.cli import up_display
 from zteam.cli.up_display import Printer, open_display
 from zteam.launch.progress import Overview, TeamOverview
 from zteam.messages import TeamState, TeamStatus
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 GO = TeamStatus(state=TeamState.GO)
 

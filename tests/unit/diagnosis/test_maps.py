@@ -7,7 +7,7 @@ import pytest
 
 from support.team_facts import WORLD_MAP, grid, nodes, problems, sim_status, team_facts
 from zteam.diagnosis.maps import check_map, check_map_file, compare_with_world, find_differences
-from zteam.services.simulator import MapInfo
+from zteam.simulator.client import MapInfo
 
 
 def changed(**changes: float) -> MapInfo:

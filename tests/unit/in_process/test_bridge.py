@@ -16,7 +16,7 @@ from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
 from zteam.in_process.bridge import NodeSessions
 from zteam.messages import Done, Message
-from zteam.nodes.simulator import lockstep
+from zteam.simulator.process import lockstep
 
 
 class Wire(MemoryTransport):

@@ -249,7 +249,7 @@ def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from zteam.team_file.reading import read_team_file; "
         f"from zteam.launch.check import check_team; check_team(read_team_file(Path({str(path)!r}))); "
-        "print({'zteam.sim.engine', 'pymunk', 'my_stopper'} & set(sys.modules))"
+        "print({'zteam.simulator.core.engine', 'pymunk', 'my_stopper'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
     assert done.stdout == "set()\n"

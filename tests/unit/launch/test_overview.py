@@ -10,7 +10,7 @@ from zteam.bus import Bus, NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.launch.progress import TeamOverview
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 
 def serve_status(bus: Bus, status: Callable[[], SimStatus]) -> None:

@@ -16,7 +16,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.errors import ZteamError
 from zteam.launch.progress import Progress
 from zteam.messages import TeamState, TeamStatus
-from zteam.services.simulator import FinishReply, SimStatus, WaitRequest
+from zteam.simulator.client import FinishReply, SimStatus, WaitRequest
 
 
 def make_progress(hub: MemoryHub, has_end: bool, since_start: Callable[[], float] = lambda: 0.0) -> Progress:

@@ -32,7 +32,7 @@ from zteam.launch.report import (
     write_report,
 )
 from zteam.runtime.lockstep import RoundTiming
-from zteam.services.simulator import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
+from zteam.simulator.client import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 
 ROBOTS = [
     RobotReport(id=0, follow=None, pose=(1.0, 2.0, 0.5), distance_m=6.0, stalls=0, gap_m=None, scans=300, late_steps=1),

@@ -10,7 +10,7 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.planning.grid import make_map
 from zteam.planning.map_files import read_map, write_map
-from zteam.world.images import Mode
+from zteam.simulator.world.images import Mode
 
 SHADES = np.array([[0, 50, 100, 127], [180, 205, 254, 255]], np.uint8)
 

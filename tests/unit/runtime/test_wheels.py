@@ -16,7 +16,7 @@ from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.nodes.teleop import Pilot, drive
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.wheels import Wheels
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 AHEAD = Twist(Vector3(0.5))
 

@@ -11,7 +11,7 @@ from zteam.nodes.monitor.watch import TeamWatch
 from zteam.process_options import MonitorOptions
 from zteam.runtime.lockstep import Ticks
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.simulator import find_status
+from zteam.simulator.client import find_status
 
 
 class Monitor:

@@ -12,7 +12,7 @@ from zteam import names
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.nodes.monitor.members import Member, WatchedTeam
 from zteam.robot_ids import format_robot_ids
-from zteam.services.simulator import absence_text
+from zteam.simulator.client import absence_text
 
 _NAMED = 8
 """Robots that the text of what GO waits for names at most."""

@@ -10,7 +10,7 @@ from zteam.messages import RobotStatus
 from zteam.nodes.monitor.members import WatchedTeam
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenLossFilter, TokenSet, Writers
-from zteam.services.simulator import find_status
+from zteam.simulator.client import find_status
 
 log = logging.getLogger("zteam")
 

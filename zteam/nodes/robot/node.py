@@ -39,7 +39,7 @@ from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
 from zteam.runtime.tick_messages import HeldMessage, stamp_of
 from zteam.runtime.tokens import TokenSet
 from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
-from zteam.services.simulator import absence_text, read_status
+from zteam.simulator.client import absence_text, read_status
 
 log = logging.getLogger("zteam")
 

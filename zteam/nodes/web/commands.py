@@ -29,7 +29,7 @@ from zteam.messages import (
 )
 from zteam.nodes.web import frames, requests
 from zteam.nodes.web.team_view import TeamView, pose2_of
-from zteam.services.simulator import SimulatorClient
+from zteam.simulator.client import SimulatorClient
 
 SPACING = 0.9
 """Metres between two goals: the widest of the lectures' robots turns on the spot in this."""

@@ -6,7 +6,7 @@ import msgspec
 
 from zteam.errors import DecodeError
 from zteam.names import is_wildcard
-from zteam.services.simulator import MAX_SPEED, MAX_TICKS, Place, RobotId
+from zteam.simulator.client import MAX_SPEED, MAX_TICKS, Place, RobotId
 
 VERSION = 1
 MAX_BYTES = 64 * 1024

@@ -27,7 +27,7 @@ from zteam.nodes.web.commands import Tile, make_tiles
 from zteam.nodes.web.received import Arrival
 from zteam.nodes.web.team_view import TeamView
 from zteam.services.logs import printable
-from zteam.services.simulator import RobotShape, SimStatus
+from zteam.simulator.client import RobotShape, SimStatus
 
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""

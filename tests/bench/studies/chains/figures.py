@@ -19,8 +19,8 @@ from studies.chains.tours import LEAD_IN, tours_of
 from studies.chains.tracks import Samples, Walls, take_samples
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.simulator.world.model import footprint
 from zteam.world import World, add_robot, load_world
-from zteam.world.model import footprint
 
 
 class Target(msgspec.Struct, frozen=True):

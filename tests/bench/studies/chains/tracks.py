@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.chains.recorder import Tracks
-from zteam.sim.occupancy_grid import map_message
+from zteam.simulator.core.occupancy_grid import map_message
 from zteam.world import World
 
 Floats = NDArray[np.float64]

@@ -16,8 +16,8 @@ from zteam.planning.costmap import Costmap
 from zteam.planning.planner import AStarPlanner, NoPathError
 from zteam.planning.recovery import Recovery
 from zteam.sim import Engine, Options
-from zteam.sim.observation import Observation, RobotObservation
-from zteam.sim.to_messages import odometry_message, scan_message
+from zteam.simulator.core.observation import Observation, RobotObservation
+from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.world import World
 
 _REPLAN = 1.0

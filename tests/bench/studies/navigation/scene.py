@@ -15,10 +15,10 @@ from zteam.planning.costmap import Costmap, CostmapOptions, Footprint, make_cost
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.planner import AStarPlanner, NoPathError, Plan
 from zteam.planning.scans import Scan
-from zteam.sim.observation import RobotObservation
-from zteam.sim.occupancy_grid import map_message
+from zteam.simulator.core.observation import RobotObservation
+from zteam.simulator.core.occupancy_grid import map_message
+from zteam.simulator.world.model import base_info
 from zteam.world import Ranger, Robot, World, add_robot
-from zteam.world.model import base_info
 
 BEAMS, FOV, RANGE = 1081, math.radians(270.25), 30.0
 _ATTEMPTS = 100_000

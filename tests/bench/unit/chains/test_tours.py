@@ -9,7 +9,7 @@ from studies.chains.tours import LEAD_IN, Tour, planning, tours_of
 from support.small_worlds import make_maze
 from zteam.errors import UsageError
 from zteam.resources import shipped_world
-from zteam.sim.occupancy_grid import map_message
+from zteam.simulator.core.occupancy_grid import map_message
 from zteam.world import load_world
 
 

@@ -15,8 +15,8 @@ from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist
 from zteam.sim import Engine
-from zteam.sim.to_messages import odometry_message, scan_message
-from zteam.world.model import Limits, Robot, World, base_info
+from zteam.simulator.core.to_messages import odometry_message, scan_message
+from zteam.simulator.world.model import Limits, Robot, World, base_info
 
 ROUND = replace(LASER, fov=math.tau, samples=361)
 """A laser that looks all round."""

@@ -11,7 +11,7 @@ from zteam.nodes.monitor.watch import WriterWatch
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.tokens import RECENT, Writers
-from zteam.services.simulator import SimStatus
+from zteam.simulator.client import SimStatus
 
 
 class Desk:

@@ -5,7 +5,7 @@ from support.transforms import stamped
 from zteam import names
 from zteam.bus import Bus
 from zteam.messages import Done, RobotState, RobotStatus, TFMessage, Tick, ns_from_time
-from zteam.sim import to_messages
+from zteam.simulator.core import to_messages
 
 FIRST = 10
 """The tick in which the localiser begins."""

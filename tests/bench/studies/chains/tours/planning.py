@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from studies.chains.tours import LEAD_IN, Tour
 from zteam.counter_random import uniform
 from zteam.resources import find_world
-from zteam.sim.occupancy_grid import map_message
+from zteam.simulator.core.occupancy_grid import map_message
 from zteam.world import World, load_world
 
 Floats = NDArray[np.float64]

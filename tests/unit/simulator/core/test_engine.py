@@ -1,0 +1,158 @@
+"""The core: motion, watchdog, odometry, contacts, repetition."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.small_worlds import BODY, drive, make_robot, make_world
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.sim import Engine
+from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape, World
+
+
+def test_the_first_stamp_is_one_interval() -> None:
+    """Time is 0 before the first tick and never 0 in an observation."""
+    engine = Engine(make_world(make_robot()))
+    assert engine.now == 0
+    assert engine.step({}).stamp == 100_000_000
+
+
+def test_a_turn_is_an_exact_arc() -> None:
+    """Constant v and w for 2 s end on the circle of radius v/w, for the truth and for the odometry alike."""
+    engine = Engine(make_world(make_robot(1.0, -1.0, 0.5), wall_at=50.0))
+    for _ in range(20):
+        seen = engine.step({0: drive(0.5, 0.8)}).robots[0]
+    radius, turn = 0.5 / 0.8, 1.6
+    assert seen.odom == pytest.approx((radius * math.sin(turn), radius * (1 - math.cos(turn)), turn), abs=1e-9)
+    assert seen.truth.yaw == pytest.approx(0.5 + turn)
+    assert seen.velocity == pytest.approx((0.5, 0.0, 0.8), abs=1e-9)
+
+
+def test_velocities_are_limited_and_diff_drives_do_not_slide() -> None:
+    """Stage's default bounds hold, and only an omni drive takes a sideways command."""
+    engine = Engine(make_world(make_robot(0.0, 2.0), make_robot(0.0, -2.0, drive="omni"), wall_at=50.0))
+    seen = engine.step({0: drive(9.0, 9.0, 0.5), 1: drive(0.0, 0.0, 0.5)}).robots
+    assert seen[0].velocity == pytest.approx((1.0, 0.0, math.pi / 2))
+    assert seen[1].velocity == pytest.approx((0.0, 0.5, 0.0))
+
+
+def test_a_command_lasts_for_the_watchdogs_time() -> None:
+    """A robot drives on for 0.2 s of simulated time without a command, and stands from then on."""
+    engine = Engine(make_world(make_robot(), wall_at=50.0))
+    speeds = [engine.step({0: drive(0.5)} if tick == 0 else {}).robots[0].velocity[0] for tick in range(4)]
+    assert speeds == pytest.approx([0.5, 0.5, 0.0, 0.0])
+
+
+def test_a_wall_stalls_a_robot_and_its_odometry() -> None:
+    """Blocked robots say so and stand before the wall; the odometry tells what the base did; reversing frees them."""
+    engine = Engine(make_world(make_robot()))
+    for _ in range(60):
+        seen = engine.step({0: drive(0.8)}).robots[0]
+    assert seen.stall
+    assert seen.truth.x == pytest.approx(2.8, abs=0.02)
+    assert seen.odom.x == pytest.approx(seen.truth.x, abs=1e-9)
+    assert abs(seen.velocity[0]) < 0.05
+    for _ in range(5):
+        seen = engine.step({0: drive(-0.5)}).robots[0]
+    assert not seen.stall
+    assert seen.truth.x < 2.7
+
+
+def test_a_wall_does_not_turn_a_robot() -> None:
+    """At an oblique wall a robot slides along it, with the heading that its wheels hold."""
+    engine = Engine(make_world(make_robot(yaw=0.6)))
+    for _ in range(80):
+        seen = engine.step({0: drive(0.6)}).robots[0]
+    assert seen.truth.yaw == pytest.approx(0.6)
+    assert seen.truth.x < 3.0
+    assert seen.truth.y > 1.9
+
+
+def test_robots_do_not_drive_through_each_other() -> None:
+    """Head on they stop each other where their bodies touch."""
+    engine = Engine(make_world(make_robot(-1.5), make_robot(1.5, yaw=math.pi)))
+    for _ in range(60):
+        seen = engine.step({0: drive(0.5), 1: drive(0.5)}).robots
+    assert seen[1].truth.x - seen[0].truth.x == pytest.approx(0.4, abs=0.03)
+    assert seen[0].stall
+    assert seen[1].stall
+
+
+def test_lasers_see_walls_and_other_robots() -> None:
+    """Straight ahead stands the wall with its intensity; to the left the other robot; behind it nothing."""
+    seen = Engine(make_world(make_robot(), make_robot(0.0, 2.0))).observe().robots[0].readings[0]
+    assert seen.ranges[45] == pytest.approx(3.0, abs=1e-6)
+    assert seen.intensities[45] == np.float32(0.7)
+    assert seen.ranges[90] == pytest.approx(1.8, abs=1e-6)
+    assert seen.intensities[90] == 1.0
+    assert seen.ranges[0] == 8.0
+    assert seen.intensities[0] == 0.0
+
+
+def test_a_laser_looks_over_what_is_lower() -> None:
+    """A robot 0.05 m high is not seen at 0.1 m."""
+    low = Robot("low", "flat", Pose2(0.0, 2.0, 0.0), (Shape(BODY, 0.0, 0.05),), ())
+    assert Engine(make_world(make_robot(), low)).observe().robots[0].readings[0].ranges[90] == 8.0
+
+
+def test_the_same_commands_give_the_same_bytes() -> None:
+    """Two engines agree in every bit, whatever the order in which robots were given."""
+    poses = {i: make_robot(-1.5 + 0.6 * i, 0.3 * i, 0.7 * i) for i in range(5)}
+    first = Engine(make_world(), robots=poses)
+    second = Engine(make_world(), robots=dict(reversed(poses.items())))
+    for tick in range(200):
+        commands = {i: drive(0.8, math.sin(tick + i)) for i in range(5)}
+        a, b = first.step(commands), second.step(dict(reversed(commands.items())))
+        assert [r.truth for r in a.robots.values()] == [b.robots[i].truth for i in a.robots]
+        for i in a.robots:
+            assert a.robots[i].readings[0].ranges.tobytes() == b.robots[i].readings[0].ranges.tobytes()
+
+
+def test_no_robot_ends_inside_a_bitmaps_wall() -> None:
+    """Ramming the walls of a closed room at full speed from all sides leaves every centre in free cells."""
+    occupied = np.zeros((40, 40), bool)
+    occupied[0] = occupied[-1] = True
+    occupied[:, 0] = occupied[:, -1] = True
+    occupied[18:22, 18:22] = True
+    room = Floorplan("room", occupied, (0.1, 0.1), Pose2(-2.0, -2.0, 0.0), 0.0, 1.0)
+    robots = tuple(make_robot(1.2 * math.cos(a), 1.2 * math.sin(a), 2.3 * a) for a in (0.0, 1.5, 3.0, 4.5))
+    engine = Engine(World("room", 100_000_000, (room,), (), robots))
+    for tick in range(300):
+        seen = engine.step({i: drive(1.0, 1.5 * math.sin(0.05 * tick + i)) for i in range(4)}).robots
+        for one in seen.values():
+            assert math.isfinite(one.truth.x) and math.isfinite(one.truth.y)
+            column, row = math.floor((one.truth.x + 2.0) / 0.1), math.floor((one.truth.y + 2.0) / 0.1)
+            assert not occupied[row, column]
+
+
+def test_a_command_for_no_robot_is_named() -> None:
+    """An unknown id is an error that names the robots there are."""
+    with pytest.raises(UsageError, match=r"no robot 3 in this world: it has 0$"):
+        Engine(make_world(make_robot())).step({3: drive(1.0)})
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+def test_what_hangs_overhead_stops_nobody(physics: str) -> None:
+    """A beam from 0.5 m on, and one that ends under the body, let a robot pass that a step at its height stops."""
+    high, low, step = (
+        Obstacle(name, Pose2(1.0, 0.0, 0.0), (Shape(BODY, *heights),))
+        for name, heights in (("high", (0.5, 1.0)), ("low", (0.0, 0.05)), ("step", (0.2, 1.0)))
+    )
+    raised = make_robot(shapes=(Shape(BODY, 0.05, 0.3),))
+    for obstacle, free in ((high, True), (low, True), (step, False)):
+        engine = Engine(make_world(raised, wall_at=9.0, others=(obstacle,), physics=physics))
+        for _ in range(50):
+            engine.move({0: drive(0.5)})
+        assert (engine.truth(0).x > 2.0) is free
+
+
+def test_a_robot_drives_along_a_wall_under_a_beam() -> None:
+    """Touching a wall, a robot still passes under what hangs above it: only walls at its height hold it back."""
+    beam = Obstacle("beam", Pose2(2.8, 1.0, 0.0), (Shape(BODY, 0.5, 1.0),))
+    engine = Engine(make_world(make_robot(2.5, yaw=math.pi / 2, drive="omni"), others=(beam,)))
+    for _ in range(40):
+        engine.move({0: drive(0.5, 0.0, -0.5)})
+    assert engine.truth(0).y > 1.8
+    assert engine.truth(0).x == pytest.approx(2.8, abs=0.01)

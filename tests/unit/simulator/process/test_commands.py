@@ -1,0 +1,132 @@
+"""The robots' commands: which robots are waited for, and what comes from outside."""
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from support.in_process_team import InProcessTeam, TeamOptions
+from support.limits import LIMIT
+from support.lockstep_doubles import LONG
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.messages import Message, PoseStamped, Twist, TwistStamped
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.shutdown import Stop
+from zteam.simulator.process import commands
+from zteam.simulator.process.commands import RobotCommands
+from zteam.simulator.process.statistics import RunStatistics
+
+
+class CommandsHarness:
+    """`RobotCommands` of a world with these robots, each with a living process."""
+
+    def __init__(self, hub: MemoryHub, *robots: int) -> None:
+        self.robots = {*robots}
+        self._node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
+        self.statistics = RunStatistics({})
+        self.commands = RobotCommands(self._node, self.robots, self.statistics)
+        self.publishers = {}
+        self.tokens = {}
+        for i in robots:
+            bus = hub.bus()
+            self.tokens[i] = bus.declare_token(names.token_key(names.robot_name(i), bus.instance))
+            self.publishers[i] = bus.publisher(names.robot_key(i, names.CMD_VEL), Twist)
+
+    def wait(self) -> threading.Thread:
+        """Wait for the answers in a thread, with a time-out that no test reaches."""
+        thread = threading.Thread(target=self.commands.wait_for_answers, args=(LONG,), daemon=True)
+        thread.start()
+        return thread
+
+    def close(self) -> None:
+        """End."""
+        self._node.close()
+
+
+@pytest.fixture
+def harness(hub: MemoryHub) -> Iterator[CommandsHarness]:
+    """Two robots."""
+    made = CommandsHarness(hub, 0, 1)
+    yield made
+    made.close()
+
+
+def test_it_waits_for_the_robots_that_were_sent_a_scan(
+    harness: CommandsHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The wait ends with the last command."""
+    waits: queue.SimpleQueue[Callable[[], bool]] = queue.SimpleQueue()
+
+    def note(changed: threading.Condition, ready: Callable[[], bool], timeout: float) -> bool:
+        waits.put(ready)
+        return wait_until(changed, ready, timeout)
+
+    monkeypatch.setattr(commands, "wait_until", note)
+    for i in (0, 1):
+        harness.commands.scan_sent(i)
+    thread = harness.wait()
+    is_over = waits.get(timeout=LIMIT)
+    harness.publishers[0].put(Twist())
+    assert not is_over()
+    harness.publishers[1].put(Twist())
+    assert is_over()
+    thread.join(LIMIT)
+    assert not thread.is_alive()
+
+
+def test_a_robot_that_left_the_world_is_not_waited_for(harness: CommandsHarness) -> None:
+    """Removed before it has answered its scan, it delays no tick, though its process lives."""
+    for i in (0, 1):
+        harness.commands.scan_sent(i)
+    harness.robots.remove(1)
+    harness.publishers[1].put(Twist())
+    harness.publishers[0].put(Twist())
+    for _ in range(2):
+        thread = harness.wait()
+        thread.join(LIMIT)
+        assert not thread.is_alive()
+        harness.commands.scan_sent(0)
+        harness.publishers[0].put(Twist())
+
+
+def test_the_last_command_of_a_robot_that_left_is_its_own(harness: CommandsHarness) -> None:
+    """It may come after the end of the token: it is no command from outside."""
+    harness.statistics.start(0, 0, (), np.zeros((0, 3)))
+    harness.tokens[0].close()
+    harness.publishers[0].put(Twist())
+    assert (harness.statistics.external_commands, harness.commands.writers()) == (0, {})
+    assert harness.commands.take() == {0: Twist()}
+
+
+def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> None:
+    """A robot of the world whose process lives and that sent no command is late; the others are not."""
+    harness.publishers[0].put(Twist())
+    taken = harness.commands.take()
+    assert harness.commands.missing(taken) == [1]
+    harness.tokens[1].close()
+    assert harness.commands.missing(taken) == []
+    assert harness.commands.missing({}) == [0]
+    harness.robots.discard(0)
+    assert harness.commands.missing({}) == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [(names.CMD_VEL_TELEOP, Twist()), (names.CMD_VEL_NAV, TwistStamped()), (names.GOAL_POSE, PoseStamped())],
+)
+def test_what_comes_from_outside_is_counted(topic: str, message: Message) -> None:
+    """From GO on each message counts that a process sends which takes no part, to a robot of the world; what a
+    participant sends to any robot does not."""
+    with InProcessTeam(TeamOptions(paused=True)) as team:
+        outside, key = team.hub.bus(), names.robot_key(1, topic)
+        team.step(5)
+        before = team.report().external_commands
+        for _ in range(2):
+            outside.publisher(key, type(message)).put(message)
+        outside.publisher(names.robot_key(9, topic), type(message)).put(message)
+        team.nodes["robot_0"].bus.publisher(key, type(message)).put(message)
+        assert (before, team.report().external_commands) == (0, 2)

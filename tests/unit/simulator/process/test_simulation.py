@@ -1,0 +1,288 @@
+"""A simulation: what a tick sends, the count of a run, changes of the world, status and report."""
+
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from support.simulator_parts import SimulatorParts
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.errors import UsageError
+from zteam.messages import BaseInfo, Bool, Clock, LaserScan, Odometry, TFMessage, encode
+from zteam.simulator.client import MoveRequest, SpawnRequest
+
+
+@pytest.fixture
+def parts(hub: MemoryHub) -> Iterator[SimulatorParts]:
+    """A simulator without a main loop."""
+    made = SimulatorParts(hub)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def sent(hub: MemoryHub, parts: SimulatorParts) -> list[str]:
+    """The topics that robot 0 and the clock publish, in order."""
+    topics: list[str] = []
+    for topic, kind in (
+        (names.TF, TFMessage),
+        (names.ODOM, Odometry),
+        (names.BASE_SCAN, LaserScan),
+        (names.STALL, Bool),
+    ):
+        hub.bus().subscribe(names.robot_key(0, topic), kind, lambda _key, _message, topic=topic: topics.append(topic))
+    hub.bus().subscribe(names.CLOCK, Clock, lambda key, _: topics.append(key))
+    return topics
+
+
+def test_the_clock_comes_after_what_robots_need(parts: SimulatorParts, sent: list[str]) -> None:
+    """Transforms first, then odometry and scan; the clock and the rest wake processes that can wait."""
+    parts.whole_tick()
+    sent.clear()
+    parts.whole_tick()
+    assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.CLOCK, names.STALL]
+
+
+def test_the_first_tick_begins_with_the_clock(parts: SimulatorParts, sent: list[str]) -> None:
+    """Processes that knew an earlier simulator see time jump back before the data; after a reset again."""
+    parts.whole_tick()
+    assert sent == [names.CLOCK, names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
+    parts.reset()
+    sent.clear()
+    parts.whole_tick()
+    assert sent[0] == names.CLOCK
+
+
+def test_a_repeat_has_no_clock(parts: SimulatorParts, sent: list[str]) -> None:
+    """The last tick's data are sent again; time does not go on."""
+    parts.whole_tick()
+    sent.clear()
+    parts.repeat()
+    assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
+
+
+@pytest.mark.parametrize(
+    ("missing", "expected"),
+    [(["robot_0"], [names.TF, names.ODOM, names.BASE_SCAN]), (["robot_1"], [])],
+)
+def test_a_repeat_for_robots_has_their_inputs_alone(
+    parts: SimulatorParts, sent: list[str], missing: list[str], expected: list[str]
+) -> None:
+    """A robot that has answered receives nothing again."""
+    parts.whole_tick()
+    sent.clear()
+    parts.repeat_for(missing)
+    assert sent == expected
+
+
+def test_a_repeat_for_another_process_has_everything(parts: SimulatorParts, sent: list[str]) -> None:
+    """The inputs that it needs are not known."""
+    parts.whole_tick()
+    sent.clear()
+    parts.repeat_for(["robot_1", "planner"])
+    assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
+
+
+def test_the_scans_of_the_last_tick_can_be_asked_for(hub: MemoryHub, parts: SimulatorParts) -> None:
+    """They are those that are sent, also without a subscriber; a robot that is not there has none."""
+    assert parts.scans([0]).scans == []
+    parts.whole_tick()
+    assert [scan.key for scan in parts.scans([0, 7]).scans] == [names.scan_key(0, 0)]
+    heard: list[LaserScan] = []
+    hub.bus().subscribe(names.scan_key(0, 0), LaserScan, lambda _key, scan: heard.append(scan))
+    parts.whole_tick()
+    [asked] = parts.scans([0]).scans
+    assert asked.content == encode(heard[-1])
+
+
+@pytest.fixture
+def half_second(hub: MemoryHub) -> Iterator[SimulatorParts]:
+    """A run of half a second, without a main loop."""
+    made = SimulatorParts(hub, run_for=0.5)
+    yield made
+    made.close()
+
+
+def test_no_tick_counts_before_go(half_second: SimulatorParts) -> None:
+    """However many there are."""
+    for _ in range(10):
+        assert not half_second.whole_tick()
+    assert (half_second.is_counting, half_second.statistics.ticks) == (False, 0)
+
+
+def test_a_run_is_over_its_time_after_go(half_second: SimulatorParts) -> None:
+    """GO in tick 2 of 0.1 s each: tick 7 is the last one."""
+    half_second.whole_tick()
+    half_second.whole_tick()
+    half_second.take_go(half_second.engine.now)
+    assert [half_second.whole_tick() for _ in range(5)] == [False, False, False, False, True]
+    assert half_second.statistics.ticks == 5
+
+
+def test_only_the_first_go_counts(half_second: SimulatorParts) -> None:
+    """A later one does not prolong the run."""
+    half_second.whole_tick()
+    half_second.take_go(half_second.engine.now)
+    half_second.whole_tick()
+    half_second.take_go(half_second.engine.now)
+    half_second.whole_tick()
+    assert half_second.statistics.go_stamp == half_second.world.interval
+
+
+def test_a_go_of_an_earlier_simulator_holds_from_now_on(half_second: SimulatorParts) -> None:
+    """Its stamp may lie beyond this simulator's time."""
+    half_second.whole_tick()
+    half_second.take_go(10**15)
+    half_second.whole_tick()
+    assert half_second.statistics.go_stamp == half_second.world.interval
+
+
+def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorParts) -> None:
+    """The count begins again with it."""
+    for _ in range(3):
+        half_second.whole_tick()
+    half_second.take_go(half_second.engine.now)
+    half_second.whole_tick()
+    half_second.reset()
+    assert not half_second.is_counting
+    half_second.whole_tick()
+    assert (half_second.statistics.go_stamp, half_second.statistics.ticks) == (half_second.world.interval, 1)
+
+
+@pytest.fixture
+def ticked(hub: MemoryHub) -> Iterator[SimulatorParts]:
+    """A simulator after its first tick, without a main loop."""
+    made = SimulatorParts(hub)
+    made.whole_tick()
+    yield made
+    made.close()
+
+
+def test_a_new_robot_gets_the_lowest_free_id_and_publishers(ticked: SimulatorParts) -> None:
+    """Its scans come with the next tick."""
+    scans = ticked.record(names.scan_key(3, 0), LaserScan)
+    assert ticked.spawn(SpawnRequest(-3.5, -1.5)) == 3
+    assert list(ticked.outputs) == [0, 1, 2, 3]
+    ticked.whole_tick()
+    assert scans == [names.scan_key(3, 0)]
+
+
+def test_a_robot_that_leaves_publishes_no_more(ticked: SimulatorParts) -> None:
+    """Its id is free again, and a repeat does not send it either."""
+    scans = ticked.record(names.scan_key(1, 0), LaserScan)
+    ticked.remove(1)
+    ticked.repeat()
+    ticked.whole_tick()
+    assert (list(ticked.outputs), scans) == ([0, 2], [])
+    assert ticked.spawn(SpawnRequest(-3.5, -1.5)) == 1
+
+
+def test_a_moved_robot_has_new_fixed_frames(ticked: SimulatorParts) -> None:
+    """Its `odom` frame has another origin in `map`."""
+    frames = ticked.record(names.robot_key(0, names.TF_STATIC), TFMessage)
+    ticked.move(MoveRequest(0, -3.5, -1.5))
+    assert frames[-1:] == [names.robot_key(0, names.TF_STATIC)]
+    assert ticked.engine.truth(0)[:2] == (-3.5, -1.5)
+
+
+def test_every_robot_tells_its_base_and_a_new_one_anew(ticked: SimulatorParts, hub: MemoryHub) -> None:
+    """A late subscriber gets it; a robot of the same id and another model tells its own, also when a reset makes it."""
+    told: list[str] = []
+    hub.bus().subscribe(names.robot_key(1, names.BASE_INFO), BaseInfo, lambda _, m: told.append(m.model), latched=True)
+    assert told == ["erratic"]
+    small = msgspec.structs.replace(ticked.engine.robots[1], model="small")
+    ticked.remove(1)
+    ticked.engine.spawn(1, small)
+    ticked.outputs.match_robots()
+    assert told == ["erratic", "small"]
+    ticked.reset()
+    assert told == ["erratic", "small", "erratic"]
+    ticked.move(MoveRequest(1, -3.5, -1.5))
+    assert told == ["erratic", "small", "erratic"]
+
+
+def test_a_refused_change_changes_nothing(ticked: SimulatorParts) -> None:
+    """A robot or a model that is not there, and an id that is taken: the error names it."""
+    before = [ticked.engine.truth(robot_id) for robot_id in ticked.outputs]
+    with pytest.raises(UsageError, match="robot 9"):
+        ticked.remove(9)
+    with pytest.raises(UsageError, match="robot 9"):
+        ticked.move(MoveRequest(9, -3.5, -1.5))
+    with pytest.raises(UsageError, match="robot 1"):
+        ticked.spawn(SpawnRequest(-3.5, -1.5, id=1))
+    with pytest.raises(UsageError, match="unicorn"):
+        ticked.spawn(SpawnRequest(-3.5, -1.5, model="unicorn"))
+    assert list(ticked.outputs) == [0, 1, 2]
+    assert [ticked.engine.truth(robot_id) for robot_id in ticked.outputs] == before
+
+
+def test_a_place_without_room_is_refused_unless_forced(ticked: SimulatorParts) -> None:
+    """A wall, another robot, outside of the world: the error has the reason. With force the robot stands there."""
+    x, y, _ = ticked.engine.truth(1)
+    for pose, why in (((-4.95, 0.0), "'west'"), ((x, y), "in robot 1"), ((40.0, 0.0), "outside of the world")):
+        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+            ticked.move(MoveRequest(0, *pose))
+        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+            ticked.spawn(SpawnRequest(*pose))
+    assert list(ticked.outputs) == [0, 1, 2]
+    assert ticked.spawn(SpawnRequest(-4.95, 3.0, force=True)) == 3
+    ticked.move(MoveRequest(0, 0.0, -4.95, force=True))
+    for _ in range(30):
+        ticked.whole_tick()
+    assert ticked.engine.truth(0)[:2] == pytest.approx((0.0, -4.95))
+    assert ticked.engine.truth(3)[:2] == pytest.approx((-4.95, 3.0))
+
+
+def test_a_reset_tells_every_part(ticked: SimulatorParts) -> None:
+    """Robots that came are gone, and the next tick is the first one."""
+    ticked.spawn(SpawnRequest(-3.5, -1.5))
+    ticked.reset()
+    assert (ticked.engine.tick, list(ticked.outputs), ticked.is_counting) == (0, [0, 1, 2], False)
+
+
+@pytest.fixture
+def counted(hub: MemoryHub) -> Iterator[SimulatorParts]:
+    """A simulator after three ticks, the last of them after GO."""
+    made = SimulatorParts(hub)
+    made.whole_tick()
+    made.whole_tick()
+    made.take_go(made.engine.now)
+    made.whole_tick()
+    yield made
+    made.close()
+
+
+def test_the_report_has_these_members(counted: SimulatorParts) -> None:
+    """Programs read its JSON: the names stay."""
+    counted.boundary.finish()
+    report = msgspec.json.decode(msgspec.json.encode(counted.report()))
+    assert set(report) == {
+        "sim_seconds", "seed", "external_commands", "finished", "robots", "latency_ms", "ticks", "wall_seconds",
+        "real_time_factor", "trajectory_sha256", "lockstep", "resends", "hung", "timing_ms", "lateness_p99_ms",
+    }  # fmt: skip
+
+
+def test_the_report_takes_its_figures_from_the_parts(counted: SimulatorParts) -> None:
+    """Statistics, profile and pacer; without lock-step nothing was repeated."""
+    counted.whole_tick()
+    report = counted.report()
+    assert (report.sim_seconds, report.ticks, report.finished) == (0.2, 2, False)
+    assert report.trajectory_sha256 == counted.statistics.trajectory_sha256
+    assert report.timing_ms == counted.profile.timing()
+    assert report.real_time_factor == pytest.approx(0.1 / report.wall_seconds)
+    assert (report.lockstep, report.resends, report.hung, report.lateness_p99_ms) == (False, 0, [], None)
+
+
+def test_a_real_time_factor_needs_two_ticks(counted: SimulatorParts) -> None:
+    """With one there is no time to divide by."""
+    report = counted.report()
+    assert (report.wall_seconds, report.real_time_factor) == (0.0, None)
+
+
+def test_the_status_tells_the_session_and_the_world(counted: SimulatorParts) -> None:
+    """The session id is what requests for changes carry."""
+    counted.boundary.finish()
+    status = counted.status()
+    assert (status.instance, status.finished, status.lockstep) == (counted.node.bus.instance, True, False)
+    assert (status.robots, status.tick, status.now) == ([0, 1, 2], 3, 3 * counted.world.interval)

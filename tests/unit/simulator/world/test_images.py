@@ -1,0 +1,195 @@
+"""Images as floors: bitmaps, and map_server YAML files."""
+
+import math
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from zteam.errors import WorldError
+from zteam.geometry import Pose2
+from zteam.sim import Engine
+from zteam.simulator.world.images import occupied_box, read_bitmap, read_floor_map, rectangles
+from zteam.world import add_robot, load_world
+
+CELLS = np.array([[0, 127, 128], [205, 255, 1]], np.uint8)
+OCCUPIED = [[False, False, True], [True, True, False]]
+"""`CELLS` with row 0 at the bottom."""
+
+
+def occupied(path: Path) -> list[list[bool]]:
+    return read_bitmap(path).tolist()  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.bmp", "a.pgm", "a.gif"])
+def test_gray_images_of_every_lossless_format(tmp_path: Path, name: str) -> None:
+    """127 is occupied, 128 and map_server's unknown 205 are free; the image's last row becomes row 0."""
+    Image.fromarray(CELLS).save(tmp_path / name)
+    assert occupied(tmp_path / name) == OCCUPIED
+
+
+def test_jpeg(tmp_path: Path) -> None:
+    """A JPEG of even areas is read like the others."""
+    Image.fromarray(np.repeat(np.array([[0], [255]], np.uint8), 8, axis=0).repeat(16, axis=1)).save(tmp_path / "a.jpg")
+    grid = read_bitmap(tmp_path / "a.jpg")
+    assert grid.shape == (16, 16)
+    assert not grid[:8].any()
+    assert grid[8:].all()
+
+
+def test_ascii_pgm_and_its_depth(tmp_path: Path) -> None:
+    """A P2 file's values are scaled by its own maximum: 7 of 15 is dark, 8 of 15 is not."""
+    (tmp_path / "a.pgm").write_text("P2\n# a comment\n2 1\n15\n7 8\n")
+    assert occupied(tmp_path / "a.pgm") == [[True, False]]
+
+
+def test_sixteen_bits_a_sample(tmp_path: Path) -> None:
+    """Deep images are judged by their upper byte: 0x7fff is dark, 0x8000 is not."""
+    samples = np.array([[0x7FFF, 0x8000]], np.uint16)
+    Image.fromarray(samples).save(tmp_path / "a.png")
+    (tmp_path / "a.pgm").write_bytes(b"P5 2 1 65535\n" + samples.astype(">u2").tobytes())
+    assert occupied(tmp_path / "a.png") == [[True, False]]
+    assert occupied(tmp_path / "a.pgm") == [[True, False]]
+
+
+def test_only_the_first_channel_counts(tmp_path: Path) -> None:
+    """Red decides, green, blue and alpha do not: blue is occupied, transparent black too, yellow is free."""
+    pixels = np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0]]], np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "a.png")
+    assert occupied(tmp_path / "a.png") == [[True, False, True, False]]
+
+
+def test_palettes_and_bits(tmp_path: Path) -> None:
+    """An indexed image is judged by its colours, not its indices; a 1-bit image by black and white."""
+    indexed = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
+    indexed.putpalette([255, 0, 0, 0, 255, 255])
+    indexed.save(tmp_path / "p.png")
+    Image.fromarray(np.array([[True, False]])).save(tmp_path / "1.png")
+    assert occupied(tmp_path / "p.png") == [[False, True]]
+    assert occupied(tmp_path / "1.png") == [[False, True]]
+
+
+def test_what_is_no_image_is_an_error(tmp_path: Path) -> None:
+    """Text and an image cut short are WorldErrors that name the file."""
+    (tmp_path / "a.png").write_text("no image")
+    with pytest.raises(WorldError, match=r"a\.png is not a PGM, PNG, BMP, JPEG or GIF"):
+        read_bitmap(tmp_path / "a.png")
+    Image.fromarray(np.zeros((64, 64), np.uint8)).save(tmp_path / "b.bmp")
+    (tmp_path / "b.bmp").write_bytes((tmp_path / "b.bmp").read_bytes()[:500])
+    with pytest.raises(WorldError, match=r"cannot read bitmap .*b\.bmp"):
+        read_bitmap(tmp_path / "b.bmp")
+
+
+@pytest.mark.parametrize("side", [8001, 9500, 60_000])
+def test_a_bomb_is_refused_before_it_is_decoded(tmp_path: Path, side: int) -> None:
+    """A tiny PNG that claims more than 64 million pixels is refused, below and above Pillow's own bounds."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    (tmp_path / "a.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+    )
+    with pytest.raises(WorldError, match="more than 64000000 pixels"):
+        read_bitmap(tmp_path / "a.png")
+
+
+def test_the_box_of_occupied_cells() -> None:
+    """The box is half open, and there is none around nothing."""
+    grid = np.zeros((6, 8), bool)
+    assert occupied_box(grid) is None
+    grid[2, 3] = grid[4, 7] = True
+    assert occupied_box(grid) == (2, 5, 3, 8)
+
+
+def test_rectangles_cover_the_cells_exactly() -> None:
+    """Runs that repeat in the next row join; a hole stays a hole."""
+    grid = np.array([[1, 1, 1], [1, 0, 1], [1, 0, 1], [1, 1, 1]], bool)
+    assert rectangles(grid, 4) == [(0, 1, 0, 3), (1, 3, 0, 1), (1, 3, 2, 3), (3, 4, 0, 3)]
+    assert rectangles(grid, 3) is None
+
+
+LEVELS = [[0, 89, 90, 205], [254, 255, 100, 0]]
+
+
+def write_map(folder: Path, **fields: Any) -> Path:
+    """A YAML beside a picture of 4 x 2 pixels, the upper row first."""
+    Image.fromarray(np.array(LEVELS, np.uint8), "L").save(folder / "floor.pgm")
+    path = folder / "floor.yaml"
+    standard = {"image": "floor.pgm", "resolution": 0.5, "origin": [1.0, 2.0, 0.0], "negate": 0}
+    path.write_text(yaml.safe_dump({k: v for k, v in (standard | fields).items() if v is not None}))
+    return path
+
+
+def test_thresholds_are_map_servers(tmp_path: Path) -> None:
+    """Occupied is what lies above occupied_thresh by darkness, by lightness with negate, as percent in raw."""
+    lower_upper = [[0, 0, 0, 1], [1, 1, 0, 0]]
+    assert read_floor_map(write_map(tmp_path)).occupied.astype(int).tolist() == lower_upper
+    light = read_floor_map(write_map(tmp_path, negate=1)).occupied.astype(int).tolist()
+    assert light == [[1, 1, 0, 0], [0, 0, 0, 1]]
+    raw = read_floor_map(write_map(tmp_path, mode="raw", occupied_thresh=0.95)).occupied.astype(int).tolist()
+    assert raw == [[1, 1, 1, 0], [0, 0, 0, 1]]
+
+
+def test_a_yaml_is_a_world_of_its_own(tmp_path: Path) -> None:
+    """Cells, size and place follow from resolution and origin; a robot that is added sees its walls."""
+    world = load_world(write_map(tmp_path, origin=[1.0, 2.0, math.pi / 2]))
+    (plan,) = world.floorplans
+    assert plan.cell == pytest.approx((0.5, 0.5))
+    assert plan.pose == pytest.approx(Pose2(1.0, 2.0, math.pi / 2))
+    assert world.robots == ()
+    robot = add_robot(world, "erratic", Pose2(0.75, 2.75, 0.0), "r")
+    seen = Engine(world, robots={0: robot}).observe().robots[0]
+    # Turned by 90 degrees: the upper row lies at x = 0 to 0.5, its occupied cells at y = 2 to 3.
+    behind = seen.readings[0].ranges
+    assert math.isclose(float(behind[0]), (0.75 + 0.05 - 0.5) / math.sin(math.radians(135.125 - 90)), rel_tol=0.02)
+
+
+def test_a_model_may_stand_on_a_yaml(tmp_path: Path) -> None:
+    """As a bitmap, its size and pose come along unless the model says otherwise."""
+    write_map(tmp_path)
+    path = tmp_path / "x.world"
+    path.write_text('model ( bitmap "floor.yaml" )\nposition ( )')
+    (plan,) = load_world(path).floorplans
+    assert (plan.pose, plan.cell, plan.z_max) == (pytest.approx((1.0, 2.0, 0.0)), pytest.approx((0.5, 0.5)), 1.0)
+    path.write_text('model ( bitmap "floor.yaml" size [4 4 2] pose [0 0 0 0] )\nposition ( )')
+    (plan,) = load_world(path).floorplans
+    assert (plan.pose, plan.cell, plan.z_max) == (pytest.approx((-2.0, -2.0, 0.0)), (1.0, 2.0), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"image": None}, "image: the name"),
+        ({"image": "gone.pgm"}, "gone.pgm"),
+        ({"resolution": None}, "resolution: is missing"),
+        ({"resolution": 0}, "resolution: must be above 0"),
+        ({"resolution": "wide"}, "resolution: 'wide' is not a number"),
+        ({"origin": [1, 2]}, "origin: must be"),
+        ({"origin": [1, 2, float("nan")]}, "origin: nan"),
+        ({"mode": "fancy"}, "mode: must be one of"),
+    ],
+)
+def test_a_wrong_key_is_named(tmp_path: Path, fields: dict[str, Any], text: str) -> None:
+    """Every error names the file and the key."""
+    with pytest.raises(WorldError, match=text) as caught:
+        load_world(write_map(tmp_path, **fields))
+    assert "floor.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize("content", ["a: [", "just words", "- 1\n- 2", "!!python/object/apply:os.getcwd []", "\0"])
+def test_what_is_no_map_is_refused(tmp_path: Path, content: str) -> None:
+    """Broken YAML, another document, objects and binary are one error each."""
+    path = tmp_path / "x.yaml"
+    path.write_text(content)
+    with pytest.raises(WorldError, match="not a map_server YAML"):
+        load_world(path)
+    path.write_bytes(b"#" * 100_000)
+    with pytest.raises(WorldError, match="refused"):
+        load_world(path)

@@ -1,0 +1,113 @@
+"""zteam.simulator.world.text."""
+
+import pytest
+
+from zteam.errors import WorldError
+from zteam.simulator.world.text import Remarks, TokenKind, read_tokens
+
+
+def kinds(text: str) -> list[TokenKind]:
+    return [token.kind for token in read_tokens(text, "w.world", Remarks())]
+
+
+def values(text: str) -> list[object]:
+    return [token.value for token in read_tokens(text, "w.world", Remarks()) if token.value is not None]
+
+
+def test_every_kind_of_token_is_told_apart() -> None:
+    """The marks of the language become their kinds, and the stream ends with EOF."""
+    assert kinds('model ( size [ 1 "a" ] )\n') == [
+        *(
+            TokenKind.NAME,
+            TokenKind.OPEN,
+            TokenKind.NAME,
+            TokenKind.OPEN_TUPLE,
+            TokenKind.NUMBER,
+            TokenKind.STRING,
+            TokenKind.CLOSE_TUPLE,
+        ),
+        *(TokenKind.CLOSE, TokenKind.EOL, TokenKind.EOF),
+    ]
+
+
+def test_an_index_is_part_of_a_name() -> None:
+    """`point[0]` is one name, as are dots, dashes and underscores in it."""
+    assert values("point[0] block[1].point[2] a-b_c.d") == ["point[0]", "block[1].point[2]", "a-b_c.d"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("5", 5), ("-5.", -5), ("+.5", 0.5), ("1e-3", 0.001), ("-2.5E+2", -250), ("000.100", 0.1)],
+)
+def test_numbers_may_have_signs_points_and_exponents(text: str, value: float) -> None:
+    """All usual ways to write a number are read, exponents too (Stage refuses those)."""
+    assert values(text) == [value]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("3.75.2", 3.75), ("1..2", 1), ("1-1", 1), ("-9-13.2", -9), ("2+", 2), ("5.-", 5), ("-.5.", -0.5)),
+        *((".", 0), ("-", 0), ("+-1", 0), ("--1", 0), ("..5", 0), ("-.", 0)),
+    ],
+)
+def test_of_a_malformed_number_the_beginning_is_taken(text: str, value: float) -> None:
+    """What C's atof, and so Stage, makes of signs, points and digits in any order; a remark says where and what."""
+    remarks = Remarks()
+    (token, _) = read_tokens(text, "w.world", remarks)
+    assert (token.value, token.text) == (value, text)
+    expected = f"w.world:1:1: {text!r} is not a number: {value:g} is taken, as Stage does"
+    assert [str(remark) for remark in remarks.all()] == [expected]
+
+
+@pytest.mark.parametrize("text", ["5m", "1_000", "1e", "0x10", "1.2.3m"])
+def test_what_only_starts_like_a_number_is_an_error(text: str) -> None:
+    """A malformed number is refused as a whole instead of being cut where it stops making sense."""
+    with pytest.raises(WorldError, match=r"^w\.world:1:3: .* is not a number$"):
+        list(read_tokens(f"a {text}", "w.world", Remarks()))
+
+
+@pytest.mark.parametrize("text", ["1e999", "-1e999", "+inf", "-nan", "1" * 400])
+def test_a_number_must_be_finite(text: str) -> None:
+    """Infinities and NaN never leave the lexer."""
+    with pytest.raises(WorldError, match="is not a finite number"):
+        list(read_tokens(text, "w.world", Remarks()))
+
+
+def test_comments_run_to_the_end_of_the_line_but_not_in_strings() -> None:
+    """A `#` ends a line's tokens; between quotes it is a character."""
+    assert values('a # b c\n"# d" e') == ["a", "# d", "e"]
+
+
+def test_a_very_long_comment_is_no_problem() -> None:
+    """A comment of any length is skipped (Stage overruns a buffer of 256 bytes)."""
+    assert values("#" * 100_000 + "\na") == ["a"]
+
+
+def test_places_count_lines_and_columns_from_one() -> None:
+    """Every token knows its place, also behind blanks, comments and Windows line ends."""
+    tokens = list(read_tokens("a\r\n\t b # c\n  (", "w.world", Remarks()))
+    assert [(token.place.line, token.place.column) for token in tokens if token.kind is not TokenKind.EOL] == [
+        (1, 1),
+        (2, 3),
+        (3, 3),
+        (3, 4),
+    ]
+
+
+def test_a_carriage_return_alone_ends_a_line() -> None:
+    """Files of old Macintoshes have lines and comments like any other, in Stage and here."""
+    tokens = list(read_tokens("a # b\rc\r\rd", "w.world", Remarks()))
+    assert [(token.value, token.place.line) for token in tokens if token.value] == [("a", 1), ("c", 2), ("d", 4)]
+
+
+def test_an_open_string_ends_with_its_line() -> None:
+    """A missing quote is reported where the string begins, not at the end of the file."""
+    with pytest.raises(WorldError, match=r"w\.world:2:6: this string is not closed on its line"):
+        list(read_tokens('\nname "x\n"', "w.world", Remarks()))
+
+
+def test_a_foreign_character_is_named() -> None:
+    """What no token begins with is an error that shows it."""
+    with pytest.raises(WorldError, match=r"w\.world:1:9: unexpected character '\{'; write '\('"):
+        list(read_tokens("model (){", "w.world", Remarks()))

@@ -1,0 +1,227 @@
+"""A world as kernels take it, bitmaps and polygons in groups, and the rays that are cast at it.
+
+A bitmap comes with the largest empty square at every cell, for each quadrant of directions. A ray that stands in a cell
+may leap to the edge of the empty square that opens into the ray's quadrant; nothing can be hit before. The fields are
+stored mirrored, so that every ray runs towards larger columns and rows.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from zteam.geometry import Pose2, is_convex
+from zteam.kernels.binding import (
+    Bitmap,
+    Bitmaps,
+    Fans,
+    Polygons,
+    Rays,
+    cast_edges,
+    cast_squares,
+    fill_squares,
+    place_mounts,
+)
+from zteam.simulator.world.model import Device, Floorplan, Obstacle, Robot, Shape
+
+Floats = NDArray[np.float64]
+Plans = Sequence[tuple[Floorplan, Bitmap]]
+"""Floor plans, each with its bitmap for kernels."""
+
+NO_MOVER = -1
+"""Owner of a group that stands still."""
+
+
+def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The empty squares of a bitmap (rows, columns), row 0 at the bottom: (4, rows * columns + 1).
+
+    Row q is the flattened field of quadrant q = (dx < 0) + 2 (dy < 0); its last entry is a parking place.
+    """
+    rows, columns = occupied.shape
+    sides = np.zeros((4, rows * columns + 1), np.uint8)
+    for quadrant in range(4):
+        view = occupied[:, ::-1] if quadrant & 1 else occupied
+        view = view[::-1] if quadrant & 2 else view
+        fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
+    return sides
+
+
+def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> Bitmap:
+    """A floor plan as kernels take it, with the fields of its bitmap."""
+    rows, columns = plan.occupied.shape
+    return Bitmap(fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max)
+
+
+def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
+    """The floor plans with their bitmaps; those of one bitmap share its fields."""
+    fields = {
+        number: build_fields(bitmap) for number, bitmap in {id(p.occupied): p.occupied for p in floorplans}.items()
+    }
+    return [(plan, bitmap_of(plan, fields[id(plan.occupied)])) for plan in floorplans]
+
+
+def solid_bitmaps(plans: Plans) -> Bitmaps:
+    """The floor plans that are obstacles."""
+    return Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
+
+
+def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
+    """Whether the point (metres in `map`) lies in an occupied cell."""
+    along = plan.pose.locate(x, y)
+    column, row = (math.floor(place / size) for place, size in zip(along, plan.cell, strict=True))
+    rows, columns = plan.occupied.shape
+    return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
+
+
+class Group(NamedTuple):
+    """Shapes that move together."""
+
+    owner: int
+    """The mover that they belong to, or NO_MOVER."""
+    source: int
+    """The model: robots come first, then all obstacles."""
+    shapes: Sequence[Shape]
+
+
+def movers_of(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[tuple[int, Robot | Obstacle]]:
+    """All models, robots first, each with its mover: robots are movers 0, 1, …, what can be pushed comes after them."""
+    numbers = itertools.count()
+    models: list[Robot | Obstacle] = [*robots, *obstacles]
+    return [(NO_MOVER if isinstance(m, Obstacle) and m.mass is None else next(numbers), m) for m in models]
+
+
+def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[Group]:
+    """All shapes by mover; each shape that stands still is a group of its own."""
+    groups = []
+    for source, (mover, model) in enumerate(movers_of(robots, obstacles)):
+        if mover == NO_MOVER:
+            groups += [Group(NO_MOVER, source, [place_shape(model.pose, shape)]) for shape in model.shapes]
+        else:
+            groups.append(Group(mover, source, model.shapes))
+    return groups
+
+
+def solid_groups(groups: Sequence[Group]) -> list[Group]:
+    """What collides, in convex parts; the groups of which something does."""
+    solid = [group._replace(shapes=_convex_solids(group.shapes)) for group in groups]
+    return [group for group in solid if group.shapes]
+
+
+def _convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
+    parts = []
+    for shape in shapes:
+        if shape.obstacle and is_convex(shape.points):
+            parts.append(shape)
+        elif shape.obstacle:
+            from zteam.simulator.core.dynamic import convex_parts  # pymunk: imported only for such a shape
+
+            parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+    return parts
+
+
+def place_shape(pose: Pose2, shape: Shape) -> Shape:
+    """A shape in `map` whose owner stands at `pose`."""
+    return replace(shape, points=tuple(pose.compose(Pose2(x, y, 0.0))[:2] for x, y in shape.points))
+
+
+def make_polygons(groups: Sequence[Group]) -> Polygons:
+    """Arrays of the groups' shapes; groups without shapes are left out."""
+    groups = [group for group in groups if group.shapes]
+    shapes = [shape for group in groups for shape in group.shapes]
+    points = np.array([point for shape in shapes for point in shape.points], float).reshape(-1, 2)
+    centres, radii = [], []
+    for group in groups:
+        corners = np.array([point for shape in group.shapes for point in shape.points], float)
+        centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        centres.append(centre)
+        radii.append(float(np.hypot(*(corners - centre).T).max()))
+    return Polygons(
+        x=points[:, 0].copy(),
+        y=points[:, 1].copy(),
+        first_vertex=_starts([len(shape.points) for shape in shapes]),
+        z_min=np.array([shape.z_min for shape in shapes], float),
+        z_max=np.array([shape.z_max for shape in shapes], float),
+        first_shape=_starts([len(group.shapes) for group in groups]),
+        owner=np.array([group.owner for group in groups], np.int64),
+        centre=np.array(centres, float).reshape(-1, 2),
+        radius=np.array(radii, float),
+    )
+
+
+def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts], dtype=np.int32)
+
+
+def mount_devices(owned: Sequence[tuple[int, Device]]) -> Rays:
+    """Where the robots' devices are mounted in the base frames, by the robots' indexes."""
+    x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T
+    return Rays(np.stack((x, y, yaw)), z.copy(), np.array([owner for owner, _ in owned], np.int64))
+
+
+def rays_of(poses: Floats, mounts: Rays) -> Rays:
+    """The devices' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
+    rays = mounts._replace(at=np.empty_like(mounts.at))
+    place_mounts(mounts, poses, rays)
+    return rays
+
+
+class Caster:
+    """Casts rays at the surfaces that `sees` accepts. A hit is the index of a surface; no hit is `nothing`."""
+
+    def __init__(self, plans: Plans, groups: Sequence[Group], sees: Callable[[Floorplan | Shape], bool]) -> None:
+        seen = [group._replace(shapes=[shape for shape in group.shapes if sees(shape)]) for group in groups]
+        shapes = [(group, shape) for group in seen for shape in group.shapes]
+        plans = [(plan, bitmap) for plan, bitmap in plans if sees(plan)]
+        self._bitmaps = Bitmaps([bitmap for _, bitmap in plans])
+        self._polygons = make_polygons(seen)
+        self.nothing = len(shapes)
+        self.surfaces: list[Floorplan | Shape | None] = [*(shape for _, shape in shapes), None, *(p for p, _ in plans)]
+        """What a hit is: a shape, None for no hit, a floor plan."""
+        self.source_of = np.array([group.source for group, _ in shapes] + [-1] * (1 + len(plans)), np.int64)
+        """(surfaces): the model that a hit belongs to (`Group.source`), or -1."""
+
+    def move(self, poses: Floats) -> None:
+        """Bring all movers to `poses` (movers; x, y, yaw in `map`)."""
+        self._polygons.move(poses)
+
+    def cast(self, fans: Fans) -> tuple[Floats, NDArray[np.int32]]:
+        """The ranges in metres, and hits, (fans, beams); a ray that hits nothing is `limit` long."""
+        fans.ranges.fill(fans.beams.limit)
+        fans.hits.fill(self.nothing)
+        for index in range(self._bitmaps.count):
+            cast_squares(self._bitmaps, index, fans, self.nothing + 1 + index)
+        cast_edges(self._polygons, fans)
+        return fans.ranges, fans.hits
+
+
+class Scene:
+    """What devices sense: the robots, all else, and casters of rays at both."""
+
+    def __init__(self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], plans: Plans) -> None:
+        self.robots, self.models = robots, movers_of(robots, obstacles)
+        self._plans, self._groups = plans, group_shapes(robots, obstacles)
+        self._casters: list[Caster] = []
+
+    @cached_property
+    def visible(self) -> Caster:
+        """Casts against what lasers see."""
+        return self._caster(lambda surface: surface.ranger_return >= 0.0)
+
+    @cached_property
+    def solid(self) -> Caster:
+        """Casts against what collides."""
+        return self._caster(lambda surface: surface.obstacle)
+
+    def move(self, poses: Floats) -> None:
+        """Bring the movers to `poses` (movers; x, y, yaw in `map`), for the casters that are in use."""
+        for caster in self._casters:
+            caster.move(poses)
+
+    def _caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
+        self._casters.append(Caster(self._plans, self._groups, sees))
+        return self._casters[-1]

@@ -1,0 +1,185 @@
+"""Fiducial finders, bumpers and blob finders: how they sense, by rays of their own.
+
+What they are is in `zteam.simulator.world.devices`, their messages are in `zteam.simulator.core.to_messages`.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import BeamTable, Fans, Rays
+from zteam.messages import Blob, ColorRGBA, Fiducial, Message
+from zteam.simulator.core.casting import NO_MOVER, Caster, Scene, mount_devices, rays_of
+from zteam.simulator.world.colors import find_color
+from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
+from zteam.simulator.world.model import FiducialMarker
+
+if TYPE_CHECKING:
+    from zteam.simulator.core.observation import Observation
+
+Floats = NDArray[np.float64]
+
+_TOUCH = 0.02
+"""A bumper is pressed by what is this near: Stage's raster."""
+_BEHIND = 0.02
+"""Metres behind its line where a bumper's rays start, so that what has been pressed in still counts."""
+_SPACING = 0.02
+"""Metres between a bumper's rays."""
+
+
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
+
+Sense = Callable[[Floats], Sequence[Any]]
+"""What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
+
+
+class Sensor(NamedTuple):
+    """One row: how a kind of device senses, and how that becomes a message."""
+
+    kind: DeviceKind
+    message: Callable[["Observation", int, int], Message]
+    """The message of a robot (by id) of a number, of one tick."""
+    prepare: Callable[[Scene, Sequence[tuple[int, Any]]], Sense] | None = None
+    """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
+
+
+class _Target(NamedTuple):
+    """A marker and the model that bears it."""
+
+    marker: FiducialMarker
+    source: int
+    """As in `zteam.simulator.core.casting.Group`; so is the mover."""
+    mover: int
+    fixed: Pose2
+    """Where the model stands if it does not move."""
+
+    def place(self, poses: Floats) -> Pose2:
+        """In `map`."""
+        model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
+        return model.compose(Pose2(self.marker.x, self.marker.y, self.marker.yaw))
+
+
+def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
+    """Rays outward along a bumper."""
+    count = max(2, math.ceil(bumper.length / _SPACING) + 1)
+    along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
+    cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)
+    x, y = bumper.x - sin * along - cos * _BEHIND, bumper.y + cos * along - sin * _BEHIND
+    return Rays(np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64))
+
+
+class FiducialFinders:
+    """All fiducial finders of all robots."""
+
+    def __init__(self, scene: Scene, owned: Sequence[tuple[int, Finder]]) -> None:
+        self._visible = scene.visible
+        self._finders = owned
+        self._at = mount_devices(owned)
+        self._targets = [
+            _Target(marker, source, mover, model.pose)
+            for source, (mover, model) in enumerate(scene.models)
+            for marker in model.markers
+        ]
+        self._sources = np.array([target.source for target in self._targets], np.int64)
+        self._keys = np.array([target.marker.key for target in self._targets], np.int64)
+
+    def __call__(self, poses: Floats) -> list[tuple[Fiducial, ...]]:
+        at = rays_of(poses, self._at).at.T.tolist()
+        places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
+        return [
+            self._find(i, Pose2(*here), finder, places) for (i, finder), here in zip(self._finders, at, strict=True)
+        ]
+
+    def _find(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
+        """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
+
+        `places` are the targets' poses in `map`.
+        """
+        dx, dy = places[:, 0] - here.x, places[:, 1] - here.y
+        far = np.hypot(dx, dy)
+        bearing = np.remainder(np.arctan2(dy, dx) - here.yaw + math.pi, math.tau) - math.pi
+        near = (self._sources != i) & (self._keys == finder.key)
+        near &= (far >= finder.range_min) & (far <= finder.range_max) & (np.abs(bearing) <= finder.fov / 2 + 1e-12)
+        chosen = np.flatnonzero(near)
+        count = len(chosen)
+        if not count:
+            return ()
+        towards = np.stack((np.full(count, here.x), np.full(count, here.y), here.yaw + bearing[chosen]))
+        rays = Rays(towards, np.full(count, finder.z), np.full(count, i, np.int64))
+        ranges, hit = self._visible.cast(Fans(rays, BeamTable.ahead(finder.range_max)))
+        seen = self._visible.source_of[hit[:, 0]] == self._sources[chosen]
+        if finder.ignore_zloc:
+            seen |= ranges[:, 0] >= far[chosen]
+        return tuple(
+            Fiducial(
+                self._targets[k].marker.id if far[k] <= finder.range_max_id else 0,
+                float(far[k]),
+                float(bearing[k]),
+                normalize_angle(float(places[k, 2]) - here.yaw),
+            )
+            for k in chosen[seen].tolist()
+        )
+
+
+def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
+    rays = [_bumper_rays(i, bumper) for i, bumper in owned]
+    at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    ends = np.cumsum([len(own.owner) for own in rays])
+    solid = scene.solid
+
+    def sense(poses: Floats) -> list[bool]:
+        ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
+        hit = ranges[:, 0] < _BEHIND + _TOUCH
+        return [bool(part.any()) for part in np.split(hit, ends[:-1])]
+
+    return sense
+
+
+def prepare_blobfinders(scene: Scene, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
+    visible = scene.visible
+    return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
+
+
+def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
+    # A single pixel looks straight ahead.
+    angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
+    step = finder.fov / max(1, finder.samples - 1)
+    angles = angle_min + step * np.arange(finder.samples)
+    beams = BeamTable(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
+    ranges, hit = visible.cast(Fans(rays_of(poses, mount_devices([(i, finder)])), beams))
+    colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
+    blobs, begin = [], 0
+    for color, group in groupby(colors):
+        end = begin + len(list(group))
+        if color and (not finder.colors or color in finder.colors):
+            middle = angle_min + step * 0.5 * (begin + end - 1)
+            rgba = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0)))
+            blobs.append(Blob(rgba, color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
+        begin = end
+    return tuple(blobs)
+
+
+class Devices:
+    """All devices of all robots, but for rangers."""
+
+    def __init__(self, scene: Scene, sensors: Iterable[Sensor]) -> None:
+        self._senses: list[tuple[str, list[int], Sense]] = []
+        for kind, _, prepare in sensors:
+            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in kind.of(robot)]
+            if owned and prepare is not None:
+                self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
+
+    def sense(self, poses: Floats) -> dict[int, Detections]:
+        """What every robot with devices detects, by the robot's index; the scene has been moved to `poses`."""
+        found: dict[int, dict[str, tuple[Any, ...]]] = {}
+        for topic, owners, sense in self._senses:
+            for i, detected in zip(owners, sense(poses), strict=True):
+                own = found.setdefault(i, {})
+                own[topic] = (*own.get(topic, ()), detected)
+        return dict(found)

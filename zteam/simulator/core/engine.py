@@ -1,0 +1,267 @@
+"""The simulator's core: commands in, observations out. No bus and no clock.
+
+`Engine(world).step({0: Twist(...)})` advances the world by one tick (`interval_sim`) and returns what all robots
+sense at its end. The same world, seed and commands give the same bytes.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from zteam.clock import NS_PER_S, to_ns
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.messages import Twist
+from zteam.robot_ids import format_robot_ids
+from zteam.simulation_options import Options
+from zteam.simulator.core.bodies import Bodies, make_bodies
+from zteam.simulator.core.casting import Plans, Scene, prepare_plans
+from zteam.simulator.core.devices import Devices
+from zteam.simulator.core.lasers import Lasers, Scans
+from zteam.simulator.core.motion import Odometry, keep_what_is_left, make_bases
+from zteam.simulator.core.observation import Observation, RobotObservation, Snapshot, pose_of
+from zteam.simulator.core.to_messages import SENSORS
+from zteam.simulator.world.model import Obstacle, Robot, World
+from zteam.simulator.world.placing import find_hindrance
+
+Floats = NDArray[np.float64]
+
+WATCHDOG = to_ns(0.2)
+"""A command moves its robot for this long (simulated ns); then the wheels stop."""
+
+
+class Standing(NamedTuple):
+    """How all robots stand, in the order of their ids. The arrays are the engine's own: they change with it."""
+
+    ids: Collection[int]
+    poses: Floats
+    """(robots, 3): x, y, yaw in `map`; yaws are not wrapped."""
+    stalled: NDArray[np.bool_]
+    """Whether each is blocked."""
+
+
+class RobotArrays:
+    """One set of robots as arrays, in the order of their ids: what they do in a tick, and what they sense.
+
+    It takes over the state of the previous set.
+    """
+
+    def __init__(
+        self, world: World, robots: Mapping[int, Robot], plans: Plans, options: Options, seed: int,
+        old: "RobotArrays | None",
+    ) -> None:  # fmt: skip
+        self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
+        self._robots = list(robots.values())
+        self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
+        self._physics = options.physics or world.physics
+        count = len(self._robots)
+        self.commands = np.zeros((count, 3))
+        self.commanded = np.full(count, -WATCHDOG, np.int64)
+        self.bases, self._wheels = make_bases(self._robots)
+        self.odometry = Odometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
+        kept = self._adopt(old, poses) if old is not None else []
+        self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world.obstacles, plans)
+        if old is not None:
+            self.bodies.adopt(old.bodies, kept)
+        self._scene = Scene(self._robots, world.obstacles, plans)
+        self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
+        self._devices = Devices(self._scene, SENSORS.values())
+
+    def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
+        """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
+        kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
+        for here, there in kept:
+            poses[here] = old.bodies.poses[there]
+            self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
+            self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
+            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
+            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
+            self._wheels.angles[mine] = old._wheels.angles[theirs]
+        poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
+        self.odometry.adopt(old.odometry, kept)
+        return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
+
+    def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
+        """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
+        poses, first = self.bodies.poses.tolist(), len(self._robots)
+        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses[i])) for robot_id, i in self.ids.items()}
+        pushed = iter(poses[first:])
+        things = [
+            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed))) for thing in world.obstacles
+        ]
+        return replace(world, obstacles=tuple(things)), robots
+
+    def move(self, now: int, tick: int, seconds: float) -> None:
+        """One tick, from `now` (ns) on."""
+        fresh = now - self.commanded < WATCHDOG
+        bases, count = self.bases, len(self.ids)
+        bases.obey(self.commands, fresh, seconds)
+        before = self.bodies.poses[:count].copy()
+        self.bodies.step(seconds, bases.setpoint)
+        after = self.bodies.poses[:count]
+        bases.note_motion(before, after, seconds, tangents=self._physics == "stage")
+        self.odometry.advance(before, after, tick)
+        if self.bodies.met.any():
+            keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
+
+    def observe(self, now: int, tick: int, *, bases_only: bool) -> Observation:
+        """What all robots sense at `now` (ns), or only what their bases sense."""
+        poses = self.bodies.poses
+        if not bases_only:
+            self._scene.move(poses)
+        snapshot = Snapshot(
+            robots=self._robots,
+            scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),
+            poses=poses.tolist(),
+            odom=self.odometry.poses.tolist(),
+            velocity=self.bases.velocity.tolist(),
+            stalled=self.bodies.stalled.copy(),
+            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
+            detections={} if bases_only else self._devices.sense(poses),
+        )
+        robots = {robot_id: RobotObservation(snapshot, i) for robot_id, i in self.ids.items()}
+        places = map(pose_of, snapshot.poses[len(self._robots) :])
+        return Observation(now, tick, robots, {o.name: pose for o, pose in zip(self._pushed, places, strict=True)})
+
+
+class Engine:
+    """A world in motion. Robots have ids; by default they are the world's own, numbered in file order."""
+
+    def __init__(
+        self, world: World, *, seed: int = 1, robots: Mapping[int, Robot] | None = None, options: Options | None = None
+    ) -> None:
+        self.world, self.seed, self.options = world, seed, options or Options()
+        self.tick = 0
+        self._plans = prepare_plans(world.floorplans)
+        self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
+        self._robots = dict(self._at_first)
+        self._arrays: RobotArrays | None = None
+        self._outdated = True
+
+    @property
+    def now(self) -> int:
+        """Simulated time in ns: 0 before the first tick."""
+        return self.tick * self.world.interval
+
+    @property
+    def robots(self) -> dict[int, Robot]:
+        """All robots by id, ascending."""
+        return dict(sorted(self._robots.items()))
+
+    def step(self, commands: Mapping[int, Twist]) -> Observation:
+        """One tick with these new commands, and what the robots sense then: `move` and `observe`."""
+        self.move(commands)
+        return self.observe()
+
+    def move(self, commands: Mapping[int, Twist]) -> None:
+        """One tick with these new commands; a robot without one keeps its last for WATCHDOG.
+
+        Raises UsageError for a command to a robot that is not there, or one that is not finite.
+        """
+        arrays = self._assembled()
+        for robot_id, twist in commands.items():
+            i = self._index(robot_id)
+            command = twist.linear.x, twist.linear.y, twist.angular.z
+            if not all(map(math.isfinite, command)):
+                raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
+            arrays.commands[i] = command
+            arrays.commanded[i] = self.now
+        arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
+        self.tick += 1
+
+    def observe_bases(self) -> Observation:
+        """What the bases sense now: no sensor and no other device measures."""
+        return self._assembled().observe(self.now, self.tick, bases_only=True)
+
+    def observe(self) -> Observation:
+        """What all robots sense now."""
+        return self._assembled().observe(self.now, self.tick, bases_only=False)
+
+    def odom_origin(self, robot_id: int) -> Pose2:
+        """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
+        return self._assembled().odometry.start(self._index(robot_id))
+
+    def truth(self, robot_id: int) -> Pose2:
+        """A robot's pose in `map`."""
+        return pose_of(self._assembled().bodies.poses[self._index(robot_id)].tolist())
+
+    def standing(self) -> Standing:
+        """How all robots stand."""
+        arrays = self._assembled()
+        return Standing(arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled)
+
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Those of the world, where they are now; for any thread."""
+        return self.world.obstacles if self._arrays is None else self._arrays.at_present(self.world)[0].obstacles
+
+    def reset(self) -> None:
+        """Set everything back to the start: time, the set of robots, and things that were pushed."""
+        self.tick = 0
+        self._robots = dict(self._at_first)
+        self._arrays, self._outdated = None, True
+
+    def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
+        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
+
+        With `checked`, also if it has no room there: in a wall, a robot or a thing, or outside of the world.
+        """
+        if robot_id in self._robots:
+            raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
+        if checked:
+            self._check_room(robot_id, robot, robot.pose)
+        self._robots[robot_id] = robot
+        self._outdated = True
+
+    def remove(self, robot_id: int) -> None:
+        """Take a robot out of the world. Raises UsageError if it is not there."""
+        if robot_id not in self._robots:
+            raise self._no_robot(robot_id)
+        del self._robots[robot_id]
+        if self._arrays is not None:
+            # Another robot of this id starts anew.
+            self._arrays.ids = {kept: i for kept, i in self._arrays.ids.items() if kept != robot_id}
+        self._outdated = True
+
+    def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
+        """Place a robot at a pose in `map`, where it stands still; its odometry goes on as if it had not moved.
+
+        Raises UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room.
+        """
+        if not all(np.isfinite(pose)):
+            raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
+        arrays = self._assembled()
+        i = self._index(robot_id)
+        if checked:
+            self._check_room(robot_id, self._robots[robot_id], pose)
+        arrays.bodies.place(i, pose)
+        arrays.odometry.carry(i, pose)
+        arrays.bases.setpoint[i] = arrays.bases.velocity[i] = 0.0
+
+    def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
+        """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
+        world, robots = self._assembled().at_present(self.world)
+        robots.pop(robot_id, None)
+        if why := find_hindrance(world, replace(robot, pose=pose), robots):
+            place = f"x {pose.x:g}, y {pose.y:g}"
+            raise UsageError(f"robot {robot_id} has no room at {place}: {why} (--force puts it there)")
+
+    def _assembled(self) -> RobotArrays:
+        """The robots as they are now; it is made again only when robots came or went since the last call."""
+        if self._arrays is None or self._outdated:
+            self._arrays = RobotArrays(self.world, self.robots, self._plans, self.options, self.seed, self._arrays)
+            self._outdated = False
+        return self._arrays
+
+    def _index(self, robot_id: int) -> int:
+        """A robot's place in the arrays. Raises UsageError if it is not there."""
+        if robot_id not in self._robots:
+            raise self._no_robot(robot_id)
+        return self._assembled().ids[robot_id]
+
+    def _no_robot(self, robot_id: int) -> UsageError:
+        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")

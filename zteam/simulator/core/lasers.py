@@ -1,0 +1,276 @@
+"""All rangers of all robots at once: what they measure, their noise, and lasers that dazzle each other."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
+from zteam.geometry import Pose2
+from zteam.kernels.binding import BeamTable, Fans, Rays, place_mounts
+from zteam.simulation_options import Options
+from zteam.simulator.core.casting import Caster, mount_devices
+from zteam.simulator.world.model import Ranger, Robot
+
+Floats = NDArray[np.float64]
+
+_RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(5)
+"""Streams of random numbers: no two kinds of noise draw the same numbers."""
+_SAME_HEIGHT = 0.05
+"""Metres: lasers further apart in height do not dazzle each other."""
+
+
+class Reading(NamedTuple):
+    """What one ranger measured: metres and intensities (0 = no hit), both float32 and read-only."""
+
+    ranges: NDArray[np.float32]
+    intensities: NDArray[np.float32]
+
+
+class _Mount(NamedTuple):
+    """A ranger and the robot that carries it."""
+
+    robot: int
+    """Index of the robot in the engine's order."""
+    place: int
+    """Index of the ranger in the robot's list."""
+    ranger: Ranger
+    states: tuple[int, ...]
+    """States of its streams of randomness, by kind."""
+
+
+class _Noise(NamedTuple):
+    """Of one batch, each (scans, 1)."""
+
+    sigma: Floats
+    """Metres."""
+    proportional: Floats
+    """Standard deviation by range."""
+    uniform: Floats
+    """Half width by range (Stage)."""
+    angular: Floats
+    """Half width in increments (Stage)."""
+    states: NDArray[np.uint64]
+    """(kinds, scans)"""
+
+
+class _Batch(NamedTuple):
+    """Rangers of one kind: they share beams and range, so one kernel call serves them."""
+
+    mounts: list[_Mount]
+    at: Rays
+    """In the robots' base frames."""
+    beams: BeamTable
+    angles: Floats
+    range_min: NDArray[np.float32]
+    """(scans, 1)"""
+    noise: _Noise | None
+    rays: Rays
+    """Where the sensors are at present."""
+    fans: Fans
+
+
+class Scans(NamedTuple):
+    """What all rangers measured at one instant."""
+
+    arrays: list[Reading]
+    """By batch: (scans, beams)."""
+    rows: dict[tuple[int, int], tuple[int, int]]
+    """(robot index, ranger index) -> (batch, row)"""
+
+    def reading(self, robot: int, place: int) -> Reading:
+        """Of one ranger."""
+        batch, row = self.rows[robot, place]
+        ranges, intensities = self.arrays[batch]
+        return Reading(ranges[row], intensities[row])
+
+
+class Lasers:
+    """Every ranger of the world. `ids` are the robots' ids, on which their noise depends."""
+
+    def __init__(
+        self, robots: Sequence[Robot], ids: Sequence[int], caster: Caster, options: Options, seed: int
+    ) -> None:
+        self._caster = caster
+        self._options = options
+        self._batches = _make_batches(robots, ids, options, seed)
+        self._rows = {
+            (mount.robot, mount.place): (number, row)
+            for number, batch in enumerate(self._batches)
+            for row, mount in enumerate(batch.mounts)
+        }
+        self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
+
+    def measure(self, poses: Floats, tick: int) -> Scans:
+        """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
+        arrays = [self._measure(batch, poses, tick) for batch in self._batches]
+        if self._options.dazzle != "off":
+            self._dazzle(arrays, tick)
+        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+
+    def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
+        place_mounts(batch.at, poses, batch.rays)
+        noise = batch.noise
+        if noise is not None:
+            _jitter(batch, noise, tick)
+        exact, hit = self._caster.cast(batch.fans)
+        if noise is not None:
+            hits = hit != self._caster.nothing
+            exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, batch.beams.limit)[hits]
+        reading = Reading(exact.astype(np.float32), self._intensity.take(hit))
+        if self._options.below_min != "measured":
+            below = reading.ranges < batch.range_min
+            reading.ranges[below] = -np.inf if self._options.below_min == "-inf" else 0.0
+        if self._options.no_hit == "inf":
+            reading.ranges[hit == self._caster.nothing] = np.inf
+        return reading
+
+    def _dazzle(self, arrays: Sequence[Reading], tick: int) -> None:
+        lasers = [
+            _Laser(number, row, mount, Pose2(*batch.rays.at[:, row].tolist()))
+            for number, batch in enumerate(self._batches)
+            for row, mount in enumerate(batch.mounts)
+            if mount.ranger.samples > 1
+        ]
+        options = self._options
+        for victim, bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
+            batch, ranges = self._batches[victim.batch], arrays[victim.batch].ranges[victim.row]
+            off = np.abs(np.remainder(batch.angles - bearing + math.pi, math.tau) - math.pi)
+            struck = off <= options.dazzle_angle
+            if options.dazzle == "scan" and struck.any():
+                struck[:] = True
+            if options.dazzle == "max":
+                ranges[struck] = batch.beams.limit
+            elif options.dazzle == "short":
+                share = uniforms(np.array([draw], np.uint64), len(struck))[0].astype(np.float32)
+                low = victim.mount.ranger.range_min
+                true = np.minimum(ranges, np.float32(batch.beams.limit))
+                ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
+            else:
+                ranges[struck] = np.nan
+
+
+def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
+    array.flags.writeable = False
+    return array
+
+
+def _jitter(batch: _Batch, noise: _Noise, tick: int) -> None:
+    """Turn each beam by its own share of an increment."""
+    beams = batch.beams
+    if beams.jitter:
+        draws = uniforms(streams(noise.states[_ANGLE_NOISE], tick), len(batch.angles))
+        angles = batch.angles + (2.0 * draws - 1.0) * noise.angular * beams.increment
+        np.cos(angles, out=beams.cos)
+        np.sin(angles, out=beams.sin)
+
+
+def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
+    """Ranges with their noise; terms that are zero everywhere draw nothing."""
+    count = ranges.shape[1]
+    wrong = ranges.copy()
+    for kind, scale in ((_RANGE_NOISE, noise.sigma), (_SHARE_NOISE, noise.proportional * ranges)):
+        if scale.any():
+            wrong += scale * gaussians(streams(noise.states[kind], tick), count)
+    if noise.uniform.any():
+        draws = uniforms(streams(noise.states[_UNIFORM_NOISE], tick), count)
+        wrong += (2.0 * draws - 1.0) * noise.uniform * ranges
+    return wrong
+
+
+def _make_batches(robots: Sequence[Robot], ids: Sequence[int], options: Options, seed: int) -> list[_Batch]:
+    kinds: dict[tuple[int, float, float], list[_Mount]] = {}
+    for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
+        for place, ranger in enumerate(robot.rangers):
+            states = tuple(stream(seed, robot_id, place, kind) for kind in range(5))
+            kind = ranger.samples, ranger.fov, ranger.range_max
+            kinds.setdefault(kind, []).append(_Mount(i, place, ranger, states))
+    return [_make_batch(mounts, options) for _, mounts in sorted(kinds.items())]
+
+
+def _make_batch(mounts: list[_Mount], options: Options) -> _Batch:
+    ranger = mounts[0].ranger
+    # A single ray looks straight ahead; several fill the field of view, its ends included.
+    angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
+    angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
+    noise = _make_noise(mounts, options)
+    jitter = 0.0 if noise is None else float(noise.angular.max())
+    # Beams that jitter are others in each scan.
+    directions = np.tile(angles, (len(mounts) if jitter else 1, 1))
+    beams = BeamTable(
+        np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
+    )
+    at = mount_devices([(m.robot, m.ranger) for m in mounts])
+    range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
+    rays = at._replace(at=np.empty_like(at.at))
+    return _Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
+
+
+def _make_noise(mounts: Sequence[_Mount], options: Options) -> _Noise | None:
+    """Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths."""
+    triples = np.array([m.ranger.noise for m in mounts], float)
+    common = options.gaussian_noise, options.proportional_noise
+    if not triples.any() and not any(common):
+        return None
+    return _Noise(
+        sigma=np.sqrt(triples[:, :1] + common[0] ** 2),
+        proportional=np.full((len(mounts), 1), common[1]),
+        uniform=triples[:, 1:2],
+        angular=0.5 * triples[:, 2:3],
+        states=np.array([m.states for m in mounts], np.uint64).T,
+    )
+
+
+class _Laser(NamedTuple):
+    """A laser that may dazzle others and be dazzled; its pose is in `map`."""
+
+    batch: int
+    row: int
+    mount: _Mount
+    pose: Pose2
+
+
+def _find_dazzled(
+    lasers: Sequence[_Laser], caster: Caster, options: Options, tick: int
+) -> Iterator[tuple[_Laser, float, int]]:
+    """(disturbed laser, bearing of the other in its frame, a random number) for all that meet in this tick."""
+    pairs = [
+        (a, b)
+        for i, a in enumerate(lasers)
+        for b in lasers[i + 1 :]
+        if a.mount.robot != b.mount.robot and _may_meet(a, b, options.dazzle_angle)
+    ]
+    if not pairs:
+        return
+    for (a, b), clear in zip(pairs, _are_in_sight(pairs, caster), strict=True):
+        draw = stream(a.mount.states[_INTERFERENCE], b.mount.states[_INTERFERENCE], tick)
+        if clear and (draw >> 11) * 2.0**-53 < options.dazzle_probability:
+            yield a, _bearing(a, b), mix64(draw + 1)
+            yield b, _bearing(b, a), mix64(draw + 2)
+
+
+def _bearing(a: _Laser, b: _Laser) -> float:
+    return math.remainder(math.atan2(b.pose.y - a.pose.y, b.pose.x - a.pose.x) - a.pose.yaw, math.tau)
+
+
+def _may_meet(a: _Laser, b: _Laser, angle: float) -> bool:
+    one, other = a.mount.ranger, b.mount.ranger
+    distance = math.dist(a.pose[:2], b.pose[:2])
+    near = 0.0 < distance < min(one.range_max, other.range_max) and abs(one.z - other.z) <= _SAME_HEIGHT
+    return near and all(abs(_bearing(u, v)) <= u.mount.ranger.fov / 2 + angle for u, v in ((a, b), (b, a)))
+
+
+def _are_in_sight(pairs: Sequence[tuple[_Laser, _Laser]], caster: Caster) -> list[bool]:
+    """Whether nothing but the second laser's own robot stands on the way from the first."""
+    start = np.array([(a.pose.x, a.pose.y, a.mount.ranger.z) for a, _ in pairs])
+    end = np.array([b.pose[:2] for _, b in pairs])
+    way = end - start[:, :2]
+    distance = np.hypot(way[:, 0], way[:, 1])
+    at = np.stack((start[:, 0], start[:, 1], np.arctan2(way[:, 1], way[:, 0])))
+    rays = Rays(at, start[:, 2].copy(), np.array([a.mount.robot for a, _ in pairs], np.int64))
+    ranges, hit = caster.cast(Fans(rays, BeamTable.ahead(float(distance.max()) + 1.0)))
+    reached = ranges[:, 0] >= distance - 1e-9
+    other = caster.source_of[hit[:, 0]] == np.array([b.mount.robot for _, b in pairs], np.int64)
+    return [bool(r or o) for r, o in zip(reached, other, strict=True)]

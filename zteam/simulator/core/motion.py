@@ -1,0 +1,154 @@
+"""The bases of robots: their limits, their wheels, what a contact leaves of a speed, and odometry with its errors."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.counter_random import gaussians, stream, streams
+from zteam.geometry import Pose2
+from zteam.kernels.binding import Bases
+from zteam.simulator.world.model import Robot
+
+Floats = NDArray[np.float64]
+
+_STREAM = 100
+"""Of odometry's errors, apart from the streams of the lasers' noise."""
+
+_JOINTS = {
+    # Wheel rates are rows times (vx, vy, w), over the wheel's radius; lengths in halves of the separation. A mecanum
+    # base is taken to be square.
+    "diff": (("wheel_left_joint", (1.0, 0.0, -1.0)), ("wheel_right_joint", (1.0, 0.0, 1.0))),
+    "car": (("rear_left_wheel_joint", (1.0, 0.0, -1.0)), ("rear_right_wheel_joint", (1.0, 0.0, 1.0))),
+    "omni": (
+        ("front_left_wheel_joint", (1.0, -1.0, -2.0)),
+        ("front_right_wheel_joint", (1.0, 1.0, 2.0)),
+        ("rear_left_wheel_joint", (1.0, 1.0, -2.0)),
+        ("rear_right_wheel_joint", (1.0, -1.0, 2.0)),
+    ),
+}
+
+
+class WheelJoints(NamedTuple):
+    """All wheels of all robots, in the order of the robots."""
+
+    names: list[tuple[str, ...]]
+    """By robot."""
+    first: list[int]
+    """(robots + 1): index of a robot's first wheel."""
+    angles: Floats
+    """(wheels): radians since the start."""
+    rates: Floats
+    """(wheels): rad/s."""
+
+
+def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
+    """Bases and wheels of the robots, at rest. Only omni drives go sideways; without limits acceleration has none."""
+    limits = np.zeros((4, len(robots), 3))
+    rows: list[tuple[float, float, float]] = []
+    owner: list[int] = []
+    for i, robot in enumerate(robots):
+        limits[:2, i] = np.transpose((robot.velocity.x, robot.velocity.y, robot.velocity.yaw))
+        if robot.drive != "omni":
+            limits[:2, i, 1] = 0.0
+        given = robot.acceleration
+        limits[2:, i] = np.transpose((given.x, given.y, given.yaw) if given else ((-math.inf, math.inf),) * 3)
+        radius, half = robot.wheel_radius, 0.5 * robot.wheel_separation
+        rows += [(vx / radius, vy / radius, w * half / radius) for _, (vx, vy, w) in _JOINTS[robot.drive]]
+        owner += [i] * len(_JOINTS[robot.drive])
+    bases = Bases(
+        limits,
+        np.array([robot.drive == "car" for robot in robots], bool),
+        np.array([robot.wheelbase for robot in robots], float),
+        np.array([robot.pose for robot in robots], float).reshape(-1, 3),
+        np.array(owner, np.int64),
+        np.array(rows, float).reshape(-1, 3),
+    )
+    names = [tuple(name for name, _ in _JOINTS[robot.drive]) for robot in robots]
+    first = np.cumsum([0, *map(len, names)]).tolist()
+    return bases, WheelJoints(names, first, bases.angles, bases.rates)
+
+
+def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocity: Floats, setpoint: Floats) -> None:
+    """Of the `setpoint` of robots that `met` something keep what they made of it, their `velocity`; both (robots, 3).
+
+    So a robot that comes free gathers speed from there. A contact takes speed away and never adds any: what pushes a
+    robot does not drive it. A car's turn shrinks with its speed.
+    """
+    told = setpoint[met]
+    made = np.clip(velocity[met], np.minimum(told, 0.0), np.maximum(told, 0.0))
+    cars = is_car[met] & (told[:, 0] != 0.0)
+    made[cars, 2] = told[cars, 2] * made[cars, 0] / told[cars, 0]
+    setpoint[met] = made
+
+
+class Odometry:
+    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames.
+
+    Without errors they are the true poses, seen from the place where odometry is zero.
+    """
+
+    def __init__(
+        self, bases: Bases, robots: Sequence[Robot], ids: Sequence[int], alphas: tuple[float, ...] | None, seed: int
+    ) -> None:
+        # Stage's errors belong to its localization "odom"; its "gps" has none.
+        bias = [robot.odom_error if robot.localization == "odom" else (0.0, 0.0, 0.0) for robot in robots]
+        chosen = [alphas or robot.odom_alphas for robot in robots]
+        self._wrong = [i for i, errors in enumerate(zip(bias, chosen, strict=True)) if any(sum(errors, ()))]
+        """The robots that have errors, and what belongs to them in their order."""
+        self._bias = np.array([bias[i] for i in self._wrong]).reshape(-1, 3)
+        """Shares of x, y and yaw (Stage's odom_error)."""
+        self._alphas = np.array([chosen[i] for i in self._wrong]).reshape(-1, 4)
+        """Thrun's."""
+        self._states = np.array([stream(seed, ids[i], _STREAM) for i in self._wrong], np.uint64)
+        self._counted = np.zeros((len(self._wrong), 3))
+        self._start, self.poses = bases.start, bases.odom
+
+    def advance(self, before: Floats, after: Floats, tick: int) -> None:
+        """One tick, from the true poses `before` to `after`; `poses` are those without errors yet."""
+        if self._wrong:
+            draws = gaussians(streams(self._states, tick), 3)
+            self._integrate(before[self._wrong], after[self._wrong], draws)
+            self.poses[self._wrong] = self._counted
+
+    def _integrate(self, before: Floats, after: Floats, draws: Floats) -> None:
+        """Carry odometry on by the arcs from `before` to `after` (rows x, y, yaw), with errors.
+
+        Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6, `draws` (rows of 3) standard
+        normal): the way is a turn, a straight piece and a turn, each with its own variance; here both turns are half
+        the arc's.
+        """
+        odom = self._counted
+        dx, dy, turn = (after - before).T
+        half = 0.5 * turn
+        # The chord, seen from half the turn.
+        cos, sin = np.cos(before[:, 2] + half), np.sin(before[:, 2] + half)
+        forward = (cos * dx + sin * dy) * (1.0 + self._bias[:, 0])
+        left = (cos * dy - sin * dx) * (1.0 + self._bias[:, 1])
+        half = half * (1.0 + self._bias[:, 2])
+        a1, a2, a3, a4 = self._alphas.T
+        way = forward * forward + left * left
+        error = np.sqrt(a1 * half * half + a2 * way)
+        first, second = half + error * draws[:, 0], half + error * draws[:, 1]
+        # Along the way made; a turn on the spot has none, and errs ahead.
+        length, stands = np.sqrt(way), way <= 1e-18
+        share = np.sqrt(a3 * way + a4 * 2.0 * half * half) * draws[:, 2] / np.where(stands, 1.0, length)
+        forward, left = forward + share * np.where(stands, 1.0, forward), left + share * np.where(stands, 0.0, left)
+        cos, sin = np.cos(odom[:, 2] + first), np.sin(odom[:, 2] + first)
+        odom += np.stack((cos * forward - sin * left, sin * forward + cos * left, first + second), axis=1)
+
+    def adopt(self, old: "Odometry", kept: Sequence[tuple[int, int]]) -> None:
+        """Go on from another's state, for pairs (index here, index there)."""
+        for here, there in kept:
+            self.poses[here], self._start[here] = old.poses[there], old._start[there]
+        self._counted = self.poses[self._wrong]
+
+    def carry(self, i: int, pose: Pose2) -> None:
+        """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""
+        self._start[i] = pose.compose(Pose2(*self.poses[i].tolist()).inverse())
+
+    def start(self, i: int) -> Pose2:
+        """The pose in `map` of robot `i`'s `odom` frame, as if its odometry were exact."""
+        return Pose2(*self._start[i].tolist())

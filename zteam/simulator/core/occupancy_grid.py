@@ -1,0 +1,119 @@
+"""The world as one occupancy grid."""
+
+import math
+
+import numpy as np
+
+from zteam import names
+from zteam.errors import UsageError
+from zteam.geometry import Pose2, in_polygon, signed_area
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
+from zteam.simulator.world.model import Floorplan, World
+from zteam.simulator.world.placing import find_bounds, standing_polygons
+
+MAX_CELLS = 64_000_000
+"""A byte each: the message stays below the bus's largest payload."""
+_STRIP = 16
+"""Rows of a map that are drawn at once: few enough that their arrays stay in the processor's cache."""
+
+
+def map_message(world: World, resolution: float) -> OccupancyGrid:
+    """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
+
+    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's polygon, or where something
+    thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
+    """
+    info = map_metadata(world, resolution)
+    columns, rows, low = info.width, info.height, np.array((info.origin.position.x, info.origin.position.y))
+    x = low[0] + (np.arange(columns) + 0.5) * resolution
+    y = low[1] + (np.arange(rows) + 0.5) * resolution
+    grid = np.zeros((rows, columns), np.int8)
+    for plan in world.floorplans:
+        # With a free border, for all that lies outside.
+        framed = np.pad(plan.occupied * np.int8(100), 1)
+        # In strips: whole arrays of coordinates would be the largest thing that a simulator ever holds.
+        for first in range(0, rows, _STRIP):
+            strip = slice(first, first + _STRIP)
+            _draw_plan(grid[strip], x, y[strip], plan.pose, framed, plan.cell)
+        if min(plan.cell) < resolution:
+            _mark(grid, low, resolution, *_middles(plan))
+    for polygon in standing_polygons(world):
+        _draw_polygon(grid, x, y, polygon)
+        if _thickness(polygon) < resolution:
+            _mark(grid, low, resolution, *_along(polygon, resolution))
+    return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
+
+
+def map_metadata(world: World, resolution: float) -> MapMetaData:
+    """Origin and size of the map of everything that stands still. Raises UsageError for more than MAX_CELLS."""
+    corners = [robot.pose[:2] for robot in world.robots]
+    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
+    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
+    if columns * rows > MAX_CELLS:
+        coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
+        raise UsageError(
+            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
+            f"cell: give --map-resolution {coarser:.2g} or more"
+        )
+    origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
+    return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
+
+
+def _draw_plan(
+    grid: np.ndarray, x: np.ndarray, y: np.ndarray, pose: Pose2, framed: np.ndarray, cell: tuple[float, float]
+) -> None:
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    dx, dy = x[None, :] - pose.x, y[:, None] - pose.y
+    # Without a turn the column depends on x alone and the row on y alone: then these are no whole grids.
+    across, along = (cos * dx + sin * dy, cos * dy - sin * dx) if sin else (cos * dx, cos * dy)
+    rows, columns = framed.shape
+    grid |= framed[_number(along, cell[1], rows), _number(across, cell[0], columns)]
+
+
+def _number(places: np.ndarray, size: float, count: int) -> np.ndarray:
+    """The rows or columns of these places in a framed bitmap with `count` of them. Spoils `places`."""
+    places /= size
+    np.floor(places, out=places)
+    places += 1.0
+    return np.clip(places, 0.0, count - 1.0, out=places).astype(np.int32)
+
+
+def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y: np.ndarray) -> None:
+    """Occupy the cells that hold these points."""
+    rows, columns = grid.shape
+    column = np.clip(((x - low[0]) / resolution).astype(np.int32), 0, columns - 1)
+    row = np.clip(((y - low[1]) / resolution).astype(np.int32), 0, rows - 1)
+    grid[row, column] = 100
+
+
+def _middles(plan: Floorplan) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of a bitmap's occupied cells."""
+    rows, columns = np.nonzero(plan.occupied)
+    u, v = (columns + 0.5) * plan.cell[0], (rows + 0.5) * plan.cell[1]
+    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
+    return plan.pose.x + cos * u - sin * v, plan.pose.y + sin * u + cos * v
+
+
+def _thickness(polygon: np.ndarray) -> float:
+    """About the width of something long."""
+    around = np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum()
+    return 2.0 * abs(signed_area(polygon.tolist())) / float(around)
+
+
+def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points along the edges, less than a cell apart, but for the corners, which belong to two cells or more."""
+    points = []
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        count = 1 + math.ceil(2.0 * math.dist(start, end) / resolution)
+        points.append(start + (end - start) * ((np.arange(count) + 0.5) / count)[:, None])
+    x, y = np.concatenate(points).T
+    return x, y
+
+
+def _draw_polygon(grid: np.ndarray, x: np.ndarray, y: np.ndarray, polygon: np.ndarray) -> None:
+    """Even-odd rule over the cells in the polygon's box."""
+    (left, bottom), (right, top) = polygon.min(axis=0), polygon.max(axis=0)
+    columns = slice(np.searchsorted(x, left), np.searchsorted(x, right))
+    rows = slice(np.searchsorted(y, bottom), np.searchsorted(y, top))
+    px, py = x[columns][None, :], y[rows][:, None]
+    grid[rows, columns][in_polygon(polygon, px, py)] = 100

@@ -1,0 +1,125 @@
+"""The robots' commands on `robot_N/cmd_vel`: the newest one of each robot, its sender, and its delay after the scan."""
+
+import threading
+from collections.abc import Callable, Container
+
+from zteam import names
+from zteam.bus.transport import RawSample
+from zteam.clock import monotonic, wait_until
+from zteam.messages import Twist
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tokens import TokenSet, Writers
+from zteam.simulator.process.statistics import RunStatistics
+
+_FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
+"""What tells a robot from outside where to drive, besides `cmd_vel` itself."""
+
+
+class RobotCommands:
+    """The newest command of every robot since the last tick. The bus's threads fill it, the main loop empties it."""
+
+    def __init__(self, node: ProcessNode, robots: Container[int], statistics: RunStatistics) -> None:
+        """`robots` are those in the world, which come and go."""
+        self._node = node
+        self._robots = robots
+        self._statistics = statistics
+        self._changed = threading.Condition()
+        self._fresh: dict[int, Twist] = {}
+        self._scan_sent: dict[int, float] = {}
+        """Host times at which scans left that have no command yet."""
+        self._holders = TokenSet()
+        """Of any name."""
+        self._own: dict[int, set[str]] = {}
+        """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
+        self._others = Writers()
+        """Sessions that command a robot without ever having held its name."""
+        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        if token := names.split_token_key(key):
+            robot_id = names.robot_id_of(token[0])
+            with self._changed:
+                self._holders.take(*token, alive)
+                if alive and robot_id is not None:
+                    self._own.setdefault(robot_id, set()).add(token[1])
+
+    def _on_sample(self, sample: RawSample) -> None:
+        target = names.split_robot_key(sample.key)
+        if target is None or target[0] not in self._robots:
+            self._node.bus.counters.drop(sample.key, "the world has no such robot")
+            return
+        command = self._node.bus.decode(sample, Twist)
+        if command is None:
+            return
+        robot_id = target[0]
+        with self._changed:
+            if sample.source not in self._own.get(robot_id, ()):
+                self._statistics.add_external_command()
+                self._others.take(robot_id, sample.source, monotonic())
+            self._fresh[robot_id] = command
+            self._changed.notify_all()
+        self.answered(robot_id)
+
+    def count_outsiders(self, participants: Callable[[], Container[str]]) -> None:
+        """In lock-step, count velocities and goals of processes that take no part: they make a run unrepeatable.
+
+        Nothing is decoded, so what participants send on these keys costs little.
+        """
+
+        def count(sample: RawSample) -> None:
+            target = names.split_robot_key(sample.key)
+            if target is not None and target[0] in self._robots:
+                with self._changed:
+                    sender = self._holders.name_of(sample.source)
+                if sender not in participants():
+                    self._statistics.add_external_command()
+
+        for topic in _FROM_OUTSIDE:
+            self._node.bus.subscribe_raw(names.all_robots_key(topic), count)
+
+    def _holders_of(self, robot_id: int) -> frozenset[str]:
+        return self._holders.instances(names.robot_name(robot_id))
+
+    def writers(self) -> dict[int, list[str]]:
+        """Robots that more than one process commands, and the session ids of these processes."""
+        with self._changed:
+            found = {i: others | self._holders_of(i) for i, others in self._others.recent(monotonic()).items()}
+        return {robot_id: sorted(sessions) for robot_id, sessions in found.items() if len(sessions) > 1}
+
+    def start_anew(self) -> None:
+        """The world is as at its start: earlier commands no longer count."""
+        with self._changed:
+            self._fresh.clear()
+            self._scan_sent.clear()
+
+    def scan_sent(self, robot_id: int) -> None:
+        """Note that the robot's scan of this tick leaves now."""
+        with self._changed:
+            self._scan_sent[robot_id] = monotonic()
+
+    def answered(self, robot_id: int) -> None:
+        """Note that the robot's command for its scan has come, on `cmd_vel` or in an answer of lock-step."""
+        with self._changed:
+            sent = self._scan_sent.pop(robot_id, None)
+        if sent is not None:
+            self._statistics.add_latency(monotonic() - sent)
+
+    def wait_for_answers(self, timeout: float) -> None:
+        """Wait for the commands of robots that were sent a scan, for `timeout` host seconds at most."""
+        with self._changed:
+            # A robot that was taken out of the world does not answer its last scan.
+            self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if i in self._robots}
+            wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
+
+    def take(self) -> dict[int, Twist]:
+        """The commands since the last call."""
+        with self._changed:
+            fresh, self._fresh = self._fresh, {}
+        return {robot_id: command for robot_id, command in fresh.items() if robot_id in self._robots}
+
+    def missing(self, commands: Container[int]) -> list[int]:
+        """The robots with a living process that are not in `commands`."""
+        with self._changed:
+            holding = [names.robot_id_of(name) for name in sorted(self._holders)]
+        return [i for i in holding if i is not None and i not in commands and i in self._robots]

@@ -1,0 +1,263 @@
+"""The simulator's half of lock-step on the bus: it sends numbered ticks and waits for the participants' answers.
+
+A tick that is not answered is sent again, with its inputs, to the participants that owe an answer. `OpenTick` holds the
+rules by which a tick ends, `Patience` the times: both are pure. An answer counts from the session that holds the name.
+A first answer may overtake its session's token.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Container
+
+from zteam import names
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.errors import BusError
+from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
+from zteam.process_options import LockStepOptions
+from zteam.runtime.lockstep import Lacking
+from zteam.runtime.process_node import ProcessNode
+from zteam.simulator.process.open_tick import OpenTick
+
+log = logging.getLogger("zteam")
+
+Resend = Callable[[list[str]], None]
+"""Send the open tick's inputs again, to these participants."""
+
+RESEND = 0.05
+"""Host seconds until a tick is sent again. The time doubles with each repeat, up to MAX_RESEND."""
+MAX_RESEND = 0.5
+NAME_AFTER = 1.0
+"""Host seconds until the log names the participants that hold the world."""
+_NAME_EVERY = 5.0
+"""Host seconds between two such lines in the log."""
+TOKEN_GRACE = 1.0 * HOST_FACTOR
+"""Host seconds for the token of a session whose answer has come."""
+_MOST_EARLY = 64
+"""Sessions without a token that are remembered: a sender can invent sessions."""
+_LACKING_LIMIT = 0.5
+"""Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
+_LONGEST_LOOK = 1.5
+"""Host seconds between two looks at the silence, at most: more is a pause of this process, or of the machine."""
+
+
+class Patience:
+    """How long a tick waits for its answers, in host seconds: until it is sent again, and until the silent participants
+    are named in the log and dropped."""
+
+    def __init__(self, timeout: float, now: float) -> None:
+        self._timeout, self._looked = timeout, now
+        self.delay = RESEND
+        """Until the next repeat."""
+        self.start_anew()
+
+    def start_anew(self) -> None:
+        """The participants have the whole time again."""
+        self.waited, self._next_name = 0.0, NAME_AFTER
+
+    def look(self, now: float) -> None:
+        """Count the time since the last look."""
+        self.waited += min(now - self._looked, _LONGEST_LOOK)
+        self._looked = now
+
+    def lengthen(self) -> None:
+        """The tick was sent again: the next repeat comes later."""
+        self.delay = min(MAX_RESEND, 2.0 * self.delay)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the silent participants are to be dropped."""
+        return self.waited > self._timeout
+
+    def names_silent(self) -> bool:
+        """Whether the silent participants are to be named now."""
+        is_due = self.waited > self._next_name
+        if is_due:
+            self._next_name = self.waited + _NAME_EVERY
+        return is_due
+
+
+class LockStep:
+    """Ticks and answers on the bus. The simulator's main loop calls `open` and `wait`; bus threads call the rest."""
+
+    def __init__(self, node: ProcessNode, options: LockStepOptions, on_command: Callable[[int], None]) -> None:
+        """`on_command(robot_id)` is called when a robot's answer carries a command."""
+        self._node = node
+        self._on_command = on_command
+        self._timeout = options.timeout
+        self._changed = threading.Condition()
+        self.tick = OpenTick(options.expected, gate=options.gate)
+        """Only `waiting_for` and `take_commands` hold the lock for it."""
+        self.resends = 0
+        """How often a tick was sent again."""
+        self._early: dict[tuple[str, str], Done] = {}
+        """The newest answer by name and session, of sessions that do not hold the name yet."""
+        self._refused: deque[tuple[str, str]] = deque(maxlen=_MOST_EARLY)
+        """Those whose token has not come in time."""
+        self._publisher = node.bus.publisher(names.TICK, Tick)
+        node.stop.on_request(self._wake)
+        node.bus.watch_link(self._on_link)
+        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        node.bus.subscribe_from(names.done_key(), Done, self._on_done)
+        node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+
+    def _wake(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        if status.state == TeamState.GO:
+            with self._changed:
+                self.tick.take_go(status.epoch)
+                self._changed.notify_all()
+
+    def _on_link(self, up: bool) -> None:
+        # Without the link all tokens are gone, and with them all participants.
+        if not up and self.tick.note_lost_link():
+            log.error("the link to the router was lost in tick %d: its participants leave", self.tick.message.tick)
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is None or token[0] == names.SIMULATOR:
+            return
+        with self._changed:
+            if alive and self.tick.note_return(*token):
+                log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
+            must_send = self.tick.take_token(*token, alive)
+            early = self._early.pop(token, None) if alive else None
+            if early is not None:
+                self._take(*token, early)
+            if must_send:
+                self._send_again()
+            self._changed.notify_all()
+
+    def _on_done(self, key: str, done: Done, session: str) -> None:
+        sender = names.split_done_key(key) or "", session
+        with self._changed:
+            if self._take(*sender, done):
+                return
+            if sender not in self._early:
+                if sender in self._refused or len(self._early) >= _MOST_EARLY:
+                    self._refuse(*sender)
+                    return
+                # Host time: an answer without a token is refused at host time, while the world is held.
+                timer = threading.Timer(TOKEN_GRACE, self._expire, sender)  # noqa: TID251
+                timer.name, timer.daemon = "early answer", True
+                timer.start()
+            self._early[sender] = done
+
+    def _take(self, name: str, session: str, done: Done) -> bool:
+        """Take an answer. False if its session does not hold `name`."""
+        if not self.tick.take_done(name, session, done):
+            return False
+        robot_id = names.robot_id_of(name)
+        if done.has_command and robot_id is not None:
+            self._on_command(robot_id)
+        if self.tick.needs_attention:
+            self._changed.notify_all()
+        return True
+
+    def _expire(self, name: str, session: str) -> None:
+        with self._changed:
+            if self._early.pop((name, session), None) is not None:
+                self._refused.append((name, session))
+                self._refuse(name, session)
+
+    def _refuse(self, name: str, session: str) -> None:
+        holder = self.tick.holders.name_of(session)
+        sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
+        self._node.bus.counters.drop(names.done_key(name), f"{sender} does not hold the name {name}")
+
+    def waiting_for(self) -> str:
+        """What holds the world, in words; empty for nothing."""
+        with self._changed:
+            return self.tick.waiting_for()
+
+    def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
+        """The commands that came with the answers, of robots that are in the world, by id."""
+        with self._changed:
+            return self.tick.commands(robots)
+
+    def open(self, stamp: int, tick: int, robots: list[int]) -> None:
+        """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
+        with self._changed:
+            self._publisher.hand_over(self.tick.open(stamp, tick, robots))
+        self._patience = Patience(self._timeout, monotonic())
+
+    def start_anew(self) -> None:
+        """The world returns to its start: answers to earlier ticks no longer count."""
+        with self._changed:
+            self.tick.start_anew()
+
+    def wait(self, resend: Resend) -> bool:
+        """Wait until every participant has answered the open tick; False when the process is asked to stop."""
+        tick, stop, patience = self.tick, self._node.stop, self._patience
+        while not stop.requested:
+            with self._changed:
+                if not tick.is_over:
+                    wait_until(
+                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
+                    )
+                if tick.is_over:
+                    tick.held = False
+                    return True
+                must_reopen = tick.must_reopen
+            if must_reopen:
+                self._reopen(resend)
+            else:
+                self._act_on_silence(resend)
+        return False
+
+    def _send_again(self) -> None:
+        self._publisher.hand_over(self.tick.refreshed())
+
+    def _reopen(self, resend: Resend) -> None:
+        with self._changed:
+            self._publisher.hand_over(self.tick.reopen())
+            missing = self.tick.missing()
+        if not self.tick.has_time:
+            self._patience.waited = 0.0
+        if missing:
+            resend(missing)
+
+    def _act_on_silence(self, resend: Resend) -> None:
+        patience, missing, has_time = self._patience, self.tick.missing(), self.tick.has_time
+        patience.look(monotonic())
+        if missing or has_time:
+            self.resends += bool(missing)
+            with self._changed:
+                self._send_again()
+                participants = self.tick.members
+            # A held tick is repeated to all: one that has answered may still lack what makes it ready.
+            resend(missing or participants)
+            patience.lengthen()
+        # A start may take any time.
+        if patience.is_over and not has_time:
+            self._drop(missing)
+        elif patience.names_silent():
+            lacking = _ask_lacking(self._node)
+            with self._changed:
+                # The last answer may have come meanwhile.
+                if self.tick.waiting_for():
+                    log.warning("%s", self.tick.complaint(patience.waited, lacking))
+
+    def _drop(self, missing: list[str]) -> None:
+        with self._changed:
+            dropped = self.tick.drop_silent(missing)
+            self._send_again()
+        for name in dropped:
+            log.error(
+                "%s did not answer tick %d within %.0f s: the world goes on without it until it answers again",
+                name, self.tick.message.tick, self._patience.waited,
+            )  # fmt: skip
+        self._patience.start_anew()
+
+
+def _ask_lacking(node: ProcessNode) -> dict[str, str]:
+    """The inputs that participants wait for, in words, by the participant's name."""
+    try:
+        answers = node.bus.query(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
+    except BusError as error:
+        log.debug("%s", error)
+        return {}
+    return {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}

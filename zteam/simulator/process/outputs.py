@@ -1,0 +1,138 @@
+"""The publishers of all robots that are in the world; a message without subscribers is not built."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+from zteam import names
+from zteam.bus import Bus, Publisher
+from zteam.messages import BaseInfo, Message, TFMessage, Twist
+from zteam.simulator.core import Engine, Observation, to_messages
+from zteam.simulator.world import Robot
+from zteam.simulator.world.model import base_info
+
+M = TypeVar("M", bound=Message)
+
+
+class _Output(NamedTuple):
+    """One key, and what builds its messages."""
+
+    publisher: Publisher[Any]
+    build: Callable[[Observation, int, int], Message]
+    number: int
+    """Of the device among those of its kind."""
+
+
+class RobotOutputs:
+    """One robot's publishers."""
+
+    def __init__(self, bus: Bus, robot_id: int, robot: Robot, *, lockstep: bool) -> None:
+        self.robot = robot
+        self._publishers: list[Publisher[Any]] = []
+
+        def publisher(key: str, message_type: type[M], **options: bool) -> Publisher[M]:
+            self._publishers.append(bus.publisher(key, message_type, **options))
+            return self._publishers[-1]
+
+        self.tf = publisher(names.robot_key(robot_id, names.TF), TFMessage)
+        self.tf_static = publisher(names.robot_key(robot_id, names.TF_STATIC), TFMessage, latched=True)
+        publisher(names.robot_key(robot_id, names.BASE_INFO), BaseInfo, latched=True).put(base_info(robot))
+        command_key = names.robot_key(robot_id, names.CMD_VEL)
+        # In real time the robot itself publishes its command.
+        self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
+        sensed = {
+            topic: [
+                _Output(publisher(kind.key(robot_id, i), kind.message, latched=kind.latched), build, i)
+                for i in range(kind.count(robot))
+            ]
+            for topic, (kind, build, _) in to_messages.SENSORS.items()
+        }
+        # Robots compute their next command from these: they are published first.
+        self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
+        self.rest = [output for outputs in sensed.values() for output in outputs]
+
+    def close(self) -> None:
+        """The robot is removed from the world."""
+        for publisher in self._publishers:
+            publisher.close()
+
+
+class TeamOutputs(dict[int, RobotOutputs]):
+    """The publishers of each robot in the world, by its id, in the order in which the robots came."""
+
+    def __init__(self, bus: Bus, engine: Engine, *, lockstep: bool = False) -> None:
+        super().__init__()
+        self._bus, self._engine, self._lockstep = bus, engine, lockstep
+        self.scan_counts: Mapping[int, int] = {}
+        """Scans in a tick, by robot."""
+
+    def match_robots(self) -> None:
+        """Make publishers for new robots, and close those of robots that have left the world or are other ones now."""
+        robots = self._engine.robots
+        for robot_id in [known for known, output in self.items() if robots.get(known) is not output.robot]:
+            self.pop(robot_id).close()
+        for robot_id, robot in robots.items():
+            if robot_id not in self:
+                self[robot_id] = RobotOutputs(self._bus, robot_id, robot, lockstep=self._lockstep)
+                self.put_statics(robot_id)
+        self.scan_counts = {robot_id: len(output.scans) for robot_id, output in self.items()}
+
+    def put_statics(self, robot_id: int) -> None:
+        """Send a robot's fixed frames."""
+        output, origin = self[robot_id], self._engine.odom_origin(robot_id)
+        output.tf_static.put(to_messages.static_transforms(robot_id, output.robot, origin))
+
+    def put_transforms(self, robot_ids: Iterable[int], observation: Observation) -> None:
+        """Send these robots' odom -> base_footprint."""
+        for robot_id in robot_ids:
+            odom = observation.robots[robot_id].odom
+            self[robot_id].tf.hand_over(to_messages.transforms(observation.stamp, robot_id, odom))
+
+    def put_odometry(self, robot_ids: Iterable[int], observation: Observation, *, again: bool = False) -> None:
+        """Send these robots' odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
+        for robot_id in robot_ids:
+            _send(self[robot_id].odom, observation, robot_id, again)
+
+    def put_scans(
+        self,
+        robot_ids: Iterable[int],
+        observation: Observation,
+        on_scan: Callable[[int], None],
+        *,
+        again: bool = False,
+    ) -> None:
+        """Send these robots' scans; `again` as with `put_odometry`.
+
+        `on_scan(robot_id)` is called before the scans of a robot leave.
+        """
+        for robot_id in robot_ids:
+            scans = self[robot_id].scans
+            if scans:
+                on_scan(robot_id)
+            _send(scans, observation, robot_id, again)
+
+    def make_scans(self, robot_ids: Iterable[int], observation: Observation) -> Iterator[tuple[str, Message]]:
+        """The key and the message of every scan of those of these robots that were observed."""
+        for robot_id in robot_ids:
+            if robot_id in self and robot_id in observation.robots:
+                for _, build, number in self[robot_id].scans:
+                    yield names.scan_key(robot_id, number), build(observation, robot_id, number)
+
+    def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
+        """Send what no robot's next command depends on."""
+        for robot_id in robot_ids:
+            for publisher, build, number in self[robot_id].rest:
+                if publisher.has_subscribers:
+                    publisher.put(build(observation, robot_id, number))
+
+    def put_commands(self, commands: Mapping[int, Twist]) -> None:
+        """Send, on `cmd_vel`, the commands that came with the answers of lock-step."""
+        for robot_id, command in commands.items():
+            publisher = self[robot_id].command
+            if publisher is not None and publisher.has_subscribers:
+                publisher.put(command)
+
+
+def _send(outputs: Sequence[_Output], observation: Observation, robot_id: int, again: bool) -> None:
+    for publisher, build, number in outputs:
+        if again or publisher.has_subscribers:
+            publisher.hand_over(build(observation, robot_id, number))

@@ -1,0 +1,347 @@
+"""Bodies of models, from `size`, `origin`, blocks, bitmaps and `boundary`: fitted to the model's size as Stage does."""
+
+import functools
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from zteam.errors import WorldError
+from zteam.geometry import Point2, Pose2, convex_hull, signed_area
+from zteam.simulator.world.colors import random_color
+from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.images import (
+    MAX_PIXELS,
+    Box,
+    FloorMap,
+    Grid,
+    is_floor_map,
+    occupied_box,
+    read_bitmap,
+    read_floor_map,
+    rectangles,
+)
+from zteam.simulator.world.model import Floorplan, Shape
+from zteam.simulator.world.parser import Entity
+from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
+from zteam.simulator.world.text import Remarks, TextPlace, find_file
+
+BOUNDARY_THICKNESS = 0.01
+"""Metres: Stage's `boundary 1` is four slabs of this thickness."""
+
+
+LEAST_AREA = 1e-12
+"""Square metres: a block below a square micrometre is rounding, not a body."""
+
+
+class Block(NamedTuple):
+    """A prism in units of its own: only its proportions to the model's other blocks count."""
+
+    points: tuple[Point2, ...]
+    z_min: float
+    z_max: float
+
+
+UNIT_BOX = Block(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), 0.0, 1.0)
+
+
+class Surface(NamedTuple):
+    """Properties that the shapes of one model share."""
+
+    ranger_return: float
+    obstacle: bool
+    color: str
+
+
+def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
+    """All blocks of a model scaled together: their bounding box becomes `size`, centred; heights rise from 0.
+
+    The rule is Stage's: x and y are stretched from the box of all points, z from 0 to the highest block; blocks that
+    do not rise above 0 are flat. Raises ValueError if the blocks have no extent along x or y.
+    """
+    xs = [x for block in blocks for x, _ in block.points]
+    ys = [y for block in blocks for _, y in block.points]
+    left, bottom, top = min(xs), min(ys), max(block.z_max for block in blocks)
+    width, depth = max(xs) - left, max(ys) - bottom
+    if not (width > 0 and depth > 0):
+        raise ValueError("the blocks of a model must have an extent along x and y")
+    return [
+        Block(
+            tuple(
+                (((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in block.points
+            ),
+            block.z_min / top * size.z if top > 0 else 0.0,
+            block.z_max / top * size.z if top > 0 else 0.0,
+        )
+        for block in blocks
+    ]
+
+
+def boundary_slabs(size: Size3) -> list[Block]:
+    """Four slabs just inside a box of `size`, centred, as high as the box."""
+    x, y, t = size.x / 2, size.y / 2, min(BOUNDARY_THICKNESS, size.x, size.y)
+    boxes = ((-x, -y, x, t - y), (-x, y - t, x, y), (-x, -y, t - x, y), (x - t, -y, x, y))
+    return [box_block(*box, size.z) for box in boxes]
+
+
+def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
+    """A block over a rectangle."""
+    return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
+
+
+def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surface: Surface) -> tuple[Shape, ...]:
+    """Blocks as shapes of their owner, counter-clockwise, raised by `z`; specks below LEAST_AREA are left out."""
+    c, s = math.cos(owner_from_body.yaw), math.sin(owner_from_body.yaw)
+    shapes = []
+    for block in blocks:
+        corners = block.points if signed_area(block.points) > 0 else block.points[::-1]
+        points = tuple((owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y) for x, y in corners)
+        if signed_area(points) > LEAST_AREA:
+            heights = z + block.z_min, z + block.z_max
+            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle, surface.color))
+    return tuple(shapes)
+
+
+def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
+    """The polygon without corners that repeat the one before; a last corner may repeat the first."""
+    return tuple(point for i, point in enumerate(points) if point != points[i - 1])
+
+
+@functools.lru_cache(256)
+def is_simple(points: tuple[Point2, ...]) -> bool:
+    """Whether edges of the polygon meet only in the corners that they share."""
+    corners = np.array(points)
+    ends = np.roll(corners, -1, axis=0)
+    dx, dy = (ends - corners).T[:, :, None]
+    # turn[i, k]: on which side of edge i corner k lies.
+    turn = dx * (corners[:, 1] - corners[:, 1, None]) - dy * (corners[:, 0] - corners[:, 0, None])
+    parted = turn * np.roll(turn, -1, axis=1) < 0
+    low, high = np.minimum(corners, ends)[:, None], np.maximum(corners, ends)[:, None]
+    touches = (turn == 0) & ((low <= corners) & (corners <= high)).all(axis=2)
+    own = np.eye(len(corners), dtype=bool)
+    touches &= ~(own | np.roll(own, 1, axis=1))
+    return not (parted & parted.T).any() and not touches.any()
+
+
+DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
+RANGER_SIZE = Size3(0.15, 0.15, 0.2)
+FLOOR_HEIGHT = 1.0
+"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
+MIN_EXTENT = 1e-6
+MAX_POINTS = 256
+MAX_ALL_POINTS = 500_000
+"""Corners of all blocks of a world, once macros are expanded."""
+MAX_RECTANGLES = 256
+"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
+
+
+class Bounds:
+    """Limits for all models of a world together: a small file must not take long or fill the memory."""
+
+    def __init__(self) -> None:
+        self._points = self._pixels = 0
+
+    def add_points(self, count: int, place: TextPlace) -> None:
+        """Count corners of blocks; raises WorldError when they are too many."""
+        self._points += count
+        if self._points > MAX_ALL_POINTS:
+            raise place.error(f"the blocks of this world have more than {MAX_ALL_POINTS} points: it is refused")
+
+    def add_pixels(self, count: int, place: TextPlace) -> None:
+        """Count cells of bitmaps, each bitmap once; raises WorldError when they are too many."""
+        self._pixels += count
+        if self._pixels > MAX_PIXELS:
+            raise place.error(f"the bitmaps of this world have more than {MAX_PIXELS} pixels together: it is refused")
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """Settings of a whole file."""
+
+    units: Units
+    folder: Path
+    remarks: Remarks
+    whole_bitmaps: bool = False
+    macros: frozenset[str] = frozenset()
+    """Names of the file's macros, for error texts."""
+    bitmaps: dict[tuple[Path, str], Grid | FloorMap] = msgspec.field(default_factory=dict)
+    """Bitmaps read so far, by file and reading: many models may share one."""
+    boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
+    """Rectangles of bitmaps on robots, by the bitmap's identity."""
+    bounds: Bounds = msgspec.field(default_factory=Bounds)
+
+    def reader(self, entity: Entity) -> Reader:
+        """Reads an entity's properties."""
+        return Reader(entity, self.units, self.remarks)
+
+
+def _has_body(kind: str) -> bool:
+    """Whether a model of this type is a box unless it has blocks."""
+    sensing = device_models().get(kind)
+    return kind not in BODILESS if sensing is None else sensing.has_body
+
+
+class Body(NamedTuple):
+    """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
+
+    size: Size3
+    origin: Pose3
+    surface: Surface
+    blocks: tuple[Block, ...]
+    """Fitted to `size`, centred; without the slabs and the bitmap."""
+    slabs: tuple[Block, ...]
+    bitmap: Grid | None
+    """Cells that fill the box of `size`."""
+    home: Pose2 | None = None
+    """Where a map_server YAML puts the model, unless the model has a pose."""
+
+
+def read_body(entity: Entity, settings: Settings) -> Body:
+    """A model's body; raises WorldError."""
+    reader = settings.reader(entity)
+    size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
+    found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]
+    blocks = [block for block in found_blocks if block is not None]
+    bitmap: Grid | None = None
+    home: Pose2 | None = None
+    if reader.has("bitmap"):
+        if blocks:
+            reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
+        blocks, found = [], _read_bitmap(reader, settings)
+        if isinstance(found, FloorMap):
+            size = size if reader.has("size") else Size3(*found.size, FLOOR_HEIGHT)
+            home, bitmap = found.map_from_middle, found.occupied
+        else:
+            bitmap = found
+    elif not blocks and _has_body(entity.type) and not reader.flag("noblocks", False):
+        blocks = [UNIT_BOX]
+    slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
+    if blocks or slabs or bitmap is not None:
+        if min(size.x, size.y) < MIN_EXTENT:
+            reader.remark("size", f"a body of {size.x:g} x {size.y:g} m is no obstacle, and no laser sees it")
+            blocks, slabs, bitmap = [], [], None
+        elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
+            reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
+    try:
+        fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
+    except ValueError as error:
+        raise entity.place.error(str(error)) from None
+    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
+
+
+def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
+    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
+    blocks = [*body.blocks, *body.slabs]
+    if body.bitmap is None:
+        return blocks
+    rows, columns = body.bitmap.shape
+    if id(body.bitmap) not in settings.boxes:
+        settings.boxes[id(body.bitmap)] = rectangles(body.bitmap, MAX_RECTANGLES) or []
+    boxes = settings.boxes[id(body.bitmap)]
+    if not boxes:
+        text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
+        settings.remarks.add(place, text)
+        boxes = [(0, rows, 0, columns)]
+    settings.bounds.add_points(4 * len(boxes), place)
+    cell_x, cell_y = body.size.x / columns, body.size.y / rows
+    for bottom, top, left, right in boxes:
+        x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
+        blocks.append(box_block(x, y, x + (right - left) * cell_x, y + (top - bottom) * cell_y, body.size.z))
+    return blocks
+
+
+def place_body(body: Body, blocks: list[Block], owner_from_model: Pose2, z: float) -> tuple[Shape, ...]:
+    """A model's blocks as shapes of their owner; the model's foot is `z` above the ground."""
+    owner_from_body = owner_from_model.compose(body.origin.planar)
+    return place_blocks(blocks, owner_from_body, z + body.origin.z, body.surface)
+
+
+def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float, name: str) -> Floorplan:
+    """A bitmap that stands still: its cells fill the box of the model's size."""
+    rows, columns = occupied.shape
+    map_from_body = map_from_model.compose(body.origin.planar)
+    foot = z + body.origin.z
+    return Floorplan(
+        name=name,
+        occupied=occupied,
+        cell=(body.size.x / columns, body.size.y / rows),
+        pose=map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
+        z_min=foot,
+        z_max=foot + body.size.z,
+        ranger_return=body.surface.ranger_return,
+        obstacle=body.surface.obstacle,
+        color=body.surface.color,
+    )
+
+
+def _read_surface(reader: Reader) -> Surface:
+    old = reader.number("laser_return", 1.0)
+    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True), _read_color(reader))
+
+
+def _read_color(reader: Reader) -> str:
+    """A name of X11's, or #rrggbb from `color_rgba` (its transparency is ignored)."""
+    if reader.has("color_rgba") and not reader.has("color"):
+        channels = reader.numbers("color_rgba", "nnn", ())
+        return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)
+    name = reader.text("color", "red")
+    # Stage draws another "random" colour in every run; here the colour belongs to the model.
+    return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
+
+
+def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
+    """The bitmap of a model; None if none is named, or if it is white all over and Stage finds no polygon in it."""
+    name = reader.text("bitmap", "")
+    if not name:
+        reader.remark("bitmap", "no bitmap is named: no body")
+        return None
+    path = find_file(name, settings.folder)
+    if path is None:
+        reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
+    reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
+    key = path.resolve(), reading
+    if key not in settings.bitmaps:
+        try:
+            found = read_floor_map(path) if is_floor_map(path) else _cells(path, reading)
+        except WorldError as error:
+            reader.fail("bitmap", str(error))
+        grid = found.occupied if isinstance(found, FloorMap) else found
+        settings.bounds.add_pixels(grid.size, reader.place("bitmap"))
+        settings.bitmaps[key] = found
+    found = settings.bitmaps[key]
+    if isinstance(found, FloorMap) or found.size:
+        return found
+    reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
+    return None
+
+
+def _cells(path: Path, reading: str) -> Grid:
+    """A bitmap's cells; none if there is no box to crop to."""
+    occupied = read_bitmap(path)
+    if reading == "whole":
+        return occupied
+    box = occupied_box(occupied) or (0, 0, 0, 0)
+    return occupied[box[0] : box[1], box[2] : box[3]].copy()
+
+
+def _read_block(entity: Entity, settings: Settings) -> Block | None:
+    reader = settings.reader(entity)
+    count = reader.whole("points", 0, 0, MAX_POINTS)
+    corners = []
+    for i in range(count):
+        if not reader.has(f"point[{i}]"):
+            reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
+        x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
+        corners.append((x, y))
+    settings.bounds.add_points(count, entity.place)
+    z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
+    points = without_repeats(corners)
+    if len(points) < 3 or signed_area(convex_hull(points)) == 0:
+        reader.remark("points", "a block without an area is ignored")
+        return None
+    if not is_simple(points):
+        settings.remarks.add(entity.place, "this block's outline crosses itself: its convex hull is taken")
+        points = convex_hull(points)
+    return Block(points, z_min, z_max)

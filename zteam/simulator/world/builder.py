@@ -1,0 +1,349 @@
+"""From a parsed world file to a `World`: poses, heights and bodies worked out as Stage does.
+
+A model's pose is in its parent's frame; its foot stands on its parent's top (`stack_children 1`, the default) or
+bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from zteam import names
+from zteam.errors import WorldError, did_you_mean
+from zteam.geometry import Point2, Pose2
+from zteam.simulation_options import PHYSICS
+from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.devices import device_models
+from zteam.simulator.world.images import is_floor_map
+from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
+from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
+from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units
+from zteam.simulator.world.text import Remarks
+
+WHEEL_SEPARATION = 0.3
+"""Metres between the wheels of a robot without a width."""
+DEFAULT_MASS = 10.0
+MAX_MASS = 1e6
+
+
+def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
+    """A position model as it is without anything on it; raises WorldError."""
+    wheelbase = reader.length("wheelbase", 1.0)
+    drive = reader.stages_choice("drive", "diff", ("diff", "omni", "car"))
+    if not wheelbase > 0 and drive == "car":
+        reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
+    radius = reader.length("wheel_radius", 0.05)
+    separation = reader.length("wheel_separation", body.size.y if body.size.y > 0 else WHEEL_SEPARATION)
+    if not (radius > 0 and separation > 0):
+        reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
+    a, b, c, d = reader.shares("odom_alphas", 4)
+    return Robot(
+        name=name,
+        model=reader.entity.name,
+        pose=pose,
+        shapes=(),
+        rangers=(),
+        drive=drive,
+        wheelbase=wheelbase,
+        velocity=_read_limits(reader, "velocity_bounds") or Limits(),
+        acceleration=_read_limits(reader, "acceleration_bounds"),
+        localization=reader.stages_choice("localization", "gps", ("gps", "odom")),
+        odom_error=_read_odom_error(reader),
+        odom_alphas=(a, b, c, d),
+        wheel_radius=radius,
+        wheel_separation=separation,
+        mass=read_mass(reader),
+        color=body.surface.color,
+    )
+
+
+def read_mass(reader: Reader) -> float:
+    """Kilograms of a robot, or of something pushed."""
+    mass = reader.number("mass", DEFAULT_MASS)
+    if mass > MAX_MASS:
+        reader.fail("mass", f"mass must be at most {MAX_MASS:g} kg, not {mass:g}")
+    if mass <= 0:
+        reader.remark(
+            "mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage does not use it"
+        )
+        return DEFAULT_MASS
+    return mass
+
+
+def _read_limits(reader: Reader, name: str) -> Limits | None:
+    """`[xmin xmax ymin ymax zmin zmax yawmin yawmax]`; None if not set. z is not used: robots stay on the ground."""
+    if not reader.has(name):
+        return None
+    values = reader.numbers(name, "llllllaa", ())
+    pairs: list[Point2] = [(values[0], values[1]), (values[2], values[3]), (values[6], values[7])]
+    for (low, high), axis in zip(pairs, ("x", "y", "yaw"), strict=True):
+        if low > high:
+            reader.fail(name, f"{name}: the smallest {axis} {low:g} is above the largest {high:g}")
+    return Limits(*pairs)
+
+
+def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
+    """Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw."""
+    found = reader.entity.properties.get("odom_error")
+    if found is None:
+        return (0.0, 0.0, 0.0)
+    x, y, *_, yaw = reader.numbers("odom_error", "nna" if len(found.values) == 3 else "nnna", ())
+    return x, y, yaw
+
+
+MAX_INTERVAL_MS = 60_000
+
+
+class Chassis(msgspec.Struct):
+    """A robot, or something that can be pushed, while its parts are collected."""
+
+    base: Robot | Obstacle
+    shapes: list[Shape] = msgspec.field(default_factory=list)
+    devices: list[Device] = msgspec.field(default_factory=list)
+    markers: list[FiducialMarker] = msgspec.field(default_factory=list)
+
+    def robot(self) -> Robot:
+        """As a robot."""
+        assert isinstance(self.base, Robot)
+        return msgspec.structs.replace(
+            self.base,
+            shapes=tuple(self.shapes),
+            rangers=tuple(device for device in self.devices if isinstance(device, Ranger)),
+            devices=tuple(device for device in self.devices if not isinstance(device, Ranger)),
+            markers=tuple(self.markers),
+        )
+
+    def obstacle(self) -> Obstacle:
+        """As something that can be pushed."""
+        assert isinstance(self.base, Obstacle)
+        return msgspec.structs.replace(self.base, shapes=tuple(self.shapes), markers=tuple(self.markers))
+
+
+class Mount(NamedTuple):
+    """Where a model's children stand: on the ground, on a model, or on a chassis."""
+
+    owner_from_mount: Pose2
+    """The owner is the base of the chassis, or the map if there is no chassis."""
+    z: float
+    chassis: Chassis | None
+    prefix: str
+    """Prefix of the names of unnamed children."""
+
+
+GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
+
+
+class Template(msgspec.Struct, frozen=True):
+    """A robot macro, from which further robots are made."""
+
+    document: Document
+    settings: Settings
+
+
+def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
+    """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
+    units = read_units(document.root, remarks)
+    settings = Settings(units, folder, remarks, whole_bitmaps, frozenset(document.macros))
+    reader = settings.reader(document.root)
+    milliseconds = reader.number("interval_sim", 100.0)
+    if not 0 < milliseconds <= MAX_INTERVAL_MS:
+        reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
+    builder = Builder(settings)
+    reader.remark_unused("world")
+    for entity in document.root.children:
+        builder.add_model(entity, GROUND)
+    return World(
+        name=reader.text("name", default_name),
+        interval=max(1, round(milliseconds * 1e6)),
+        floorplans=tuple(builder.floorplans),
+        obstacles=(*builder.obstacles, *(thing.obstacle() for thing in builder.pushed)),
+        robots=tuple(chassis.robot() for chassis in builder.robots),
+        physics=reader.choice("physics", "dynamic", PHYSICS),
+        warnings=remarks.all(),
+        templates={
+            name: Template(document, settings) for name in document.macros if document.type_of(name) == "position"
+        },
+    )
+
+
+class Builder:
+    """Collects the entities of a world; models come in file order, a parent before its children."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._unnamed: dict[str, int] = {}
+        self.floorplans: list[Floorplan] = []
+        self.obstacles: list[Obstacle] = []
+        self.robots: list[Chassis] = []
+        self.pushed: list[Chassis] = []
+
+    def add_model(self, entity: Entity, mount: Mount) -> None:
+        """Add a model and everything on it."""
+        if entity.type == "window":  # Stage's own window on the screen
+            return
+        reader = self._settings.reader(entity)
+        self._check_type(reader)
+        pose = reader.pose("pose")
+        body = read_body(entity, self._settings)
+        if body.home is not None and not reader.has("pose"):
+            pose = Pose3(body.home.x, body.home.y, 0.0, body.home.yaw)
+        owner_from_model = mount.owner_from_mount.compose(pose.planar)
+        foot = mount.z + pose.z
+        name = self._name(reader, mount)
+        chassis = mount.chassis
+        if entity.type == "position" or (reader.flag("pushable", False) and chassis is None):
+            map_from_base = chassis.base.pose.compose(owner_from_model) if chassis else owner_from_model
+            chassis = self._add_chassis(reader, body, map_from_base, name)
+            owner_from_model = Pose2(0.0, 0.0, 0.0)
+        markers = self._read_markers(reader, body, owner_from_model if chassis else Pose2(0.0, 0.0, 0.0), chassis)
+        if chassis is None:
+            self._add_static(body, owner_from_model, foot, name, markers)
+        else:
+            blocks = solid_blocks(body, entity.place, self._settings)
+            chassis.shapes.extend(place_body(body, blocks, owner_from_model, foot))
+            chassis.markers.extend(markers)
+        if entity.type in device_models():
+            self._add_device(reader, body, owner_from_model, foot, chassis, name)
+        top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
+        self._add_children(entity, Mount(owner_from_model, top, chassis, name + "."))
+
+    def _add_chassis(self, reader: Reader, body: Body, map_from_base: Pose2, name: str) -> Chassis:
+        entity = reader.entity
+        if entity.type != "position":
+            if body.bitmap is not None:
+                reader.fail("pushable", "a bitmap cannot be pushed: draw the thing with block( )")
+            self.pushed.append(Chassis(Obstacle(name, map_from_base, (), read_mass(reader))))
+            return self.pushed[-1]
+        if reader.flag("pushable", False):
+            reader.fail("pushable", "a robot is moved by its drive: pushable is for other models")
+        self.robots.append(Chassis(read_robot(reader, name, map_from_base, body)))
+        return self.robots[-1]
+
+    def _read_markers(
+        self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
+    ) -> tuple[FiducialMarker, ...]:
+        number = reader.whole("fiducial_return", 0)
+        if number == 0:
+            return ()
+        if body.bitmap is not None and chassis is None:
+            reader.remark("fiducial_return", "a bitmap's fiducial_return is not seen")
+        return (FiducialMarker(number, reader.whole("fiducial_key", 0), *owner_from_model),)
+
+    def _check_type(self, reader: Reader) -> None:
+        kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
+        if kind in ("block", "sensor"):
+            raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
+        known = TYPES | frozenset(sensing)
+        if kind not in known:
+            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=MEANT)
+            text = "no type or macro has this name; 'define' it, or 'include' the file that does"
+            raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
+        if kind in UNSUPPORTED:
+            reader.remark_entity(f"{UNSUPPORTED[kind]} not simulated")
+        else:
+            reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
+
+    def _name(self, reader: Reader, mount: Mount) -> str:
+        """The given name, else the one that Stage makes; an unnamed robot is named by its id."""
+        kind = reader.entity.type
+        if reader.has("name"):
+            return reader.text("name", "")
+        if kind == "position":
+            return names.robot_name(len(self.robots))
+        stem = mount.prefix + kind
+        number = self._unnamed.get(stem, 0)
+        self._unnamed[stem] = number + 1
+        return f"{stem}:{number}"
+
+    def _add_static(
+        self, body: Body, map_from_model: Pose2, foot: float, name: str, markers: tuple[FiducialMarker, ...]
+    ) -> None:
+        if body.bitmap is not None:
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_model, foot, name))
+            name += ".boundary"
+        blocks = [*body.blocks, *body.slabs]
+        if blocks:
+            shapes = place_body(body, blocks, Pose2(0.0, 0.0, 0.0), foot)
+            self.obstacles.append(Obstacle(name, map_from_model, shapes, markers=markers))
+
+    def _add_device(
+        self, reader: Reader, body: Body, base_from_model: Pose2, foot: float, chassis: Chassis | None, name: str
+    ) -> None:
+        """Add the devices of a sensing model; unlike children, they move with the model's origin."""
+        kind = reader.entity.type
+        if chassis is None or not isinstance(chassis.base, Robot):
+            reader.remark_entity(f"a {kind} that no robot carries is not simulated")
+            return
+        x, y, yaw = base_from_model.compose(body.origin.planar)
+        seat = Pose3(x, y, foot + body.origin.z, yaw)
+        chassis.devices.extend(device_models()[kind].read(reader, name, seat))
+
+    def _add_children(self, entity: Entity, mount: Mount) -> None:
+        for child in entity.children:
+            if child.type == "block":
+                self._settings.reader(child).remark_unused("block")
+            elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
+                self.add_model(child, mount)
+
+
+BUILT_IN = """
+# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
+# the body, so that robots see each other.
+define erratic position
+(
+  size [0.35 0.35 0.25]
+  origin [-0.05 0 0 0]
+  drive "diff"
+  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
+)
+"""
+
+
+FLOOR = 'model ( name "map" color "gray30" )'
+
+
+def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
+    """Load a .world file with everything it includes, or a map_server YAML as a floor; either may have no robot.
+
+    Bitmaps are read as Stage reads them, cropped to the box of their occupied pixels which is then stretched to the
+    model's `size`; with `whole_bitmaps` the whole image is. A model's own `bitmap_reading "crop"` or `"whole"` wins.
+    `Robot.localization` is kept as the file has it (Stage's default is "gps"), but odometry starts at zero where the
+    robot starts in either case: Stage's "gps" reports the pose in the world, which no real odometry can.
+
+    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with
+    `file:line:column`.
+    """
+    path = Path(path)
+    remarks = Remarks()
+    if is_floor_map(path):
+        document, whole_bitmaps = parse_text(FLOOR, remarks, str(path)), True
+        model = document.root.children[0]
+        model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
+    else:
+        document = parse_world(path, remarks)
+    return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
+
+
+def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
+    """A further robot for a loaded world, from a robot macro of its file; `erratic` is known to every world.
+
+    The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
+    WorldError if no macro has that name.
+    """
+    template = world.templates.get(model)
+    if template is None and model == "erratic":
+        document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
+        template = Template(document, Settings(Units(), Path(), Remarks()))
+    if template is None:
+        known = ", ".join(sorted({*world.templates, "erratic"}))
+        raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
+    remarks = Remarks()
+    builder = Builder(msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()))
+    entity = template.document.expand(model)
+    entity.properties["name"] = Property("name", (name,), entity.place, (name,))
+    builder.add_model(entity, GROUND)
+    if len(builder.robots) != 1:
+        raise entity.place.error(f"macro {model!r} holds {len(builder.robots)} robots, not one")
+    world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
+    return msgspec.structs.replace(builder.robots[0].robot(), pose=pose)

@@ -1,0 +1,286 @@
+"""Sensors of robots: one row each for its place in world files, its key, its message and its frame.
+
+`KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`;
+`zteam.messages.topics` has the types of their messages. How a sensor senses is a row of `zteam.simulator.core.devices`. The
+defaults are Stage's.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence, Set
+from typing import Any, Literal, NamedTuple
+
+from zteam import names
+from zteam.messages import Message
+from zteam.messages.topics import SENSORS
+from zteam.simulator.world.model import Device, Ranger, Robot
+from zteam.simulator.world.properties import Pose3, Reader, Size3
+
+MAX_SAMPLES = 100_000
+SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
+"""Stage's default; half its height lies between the sensor's foot and its rays."""
+
+
+def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
+    """The sensors of a `ranger`, or the one of an old `laser`; raises WorldError."""
+    entity = reader.entity
+    sensors = [child for child in entity.children if child.type == "sensor"]
+    found: list[Ranger | None] = []
+    for i, sensor in enumerate(sensors):
+        own = reader.of(sensor)
+        own.remark_unused("sensor")
+        found.append(_read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", seat))
+    if not sensors and entity.type == "laser":
+        found.append(_read_old_laser(reader, name, seat))
+    elif not sensors:
+        reader.remark_entity("this ranger has no sensor( )")
+    return [ranger for ranger in found if ranger is not None]
+
+
+def _read_sensor(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
+    """A `sensor` of a ranger; None if it has no rays."""
+    pose = reader.pose("pose")
+    limits = _read_range(reader, "range", *reader.numbers("range", "ll", (0.0, 5.0)))
+    size = reader.size(SENSOR_SIZE)
+    x, y, yaw = seat.planar.compose(pose.planar)
+    return _ranger(reader, name, Pose3(x, y, seat.z + pose.z + size.z / 2, yaw), limits)
+
+
+def _read_old_laser(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
+    """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
+
+    Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
+    """
+    old = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
+    limits = _read_range(reader, "range" if reader.has("range") else "range_max", *reader.numbers("range", "ll", old))
+    middle = seat._replace(z=seat.z + reader.size(SENSOR_SIZE).z / 2)
+    return _ranger(reader, name, middle, limits, math.pi, 180)
+
+
+def _read_range(reader: Reader, name: str, low: float, high: float) -> tuple[float, float]:
+    if not high > 0:
+        reader.fail(name, f"the largest range must be above 0, not {high:g}")
+    if not 0 <= low <= high:
+        reader.remark(name, f"the smallest range {low:g} is not of 0 to {high:g}: 0 is taken, Stage never applies it")
+        low = 0.0
+    return low, high
+
+
+def _ranger(
+    reader: Reader, name: str, pose: Pose3, limits: tuple[float, float], fov: float = 0.1, samples: int = 1
+) -> Ranger | None:
+    """Rays that start at `pose` in the base frame, its z above the ground; `fov` and `samples` are defaults."""
+    fov = reader.angle("fov", fov)
+    samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
+    if samples == 0:
+        reader.remark("samples", "a sensor without rays is left out")
+        return None
+    if not 0 <= fov <= math.tau + 1e-9:
+        reader.fail("fov", f"fov must be an angle of 0 to 360 degrees, not {math.degrees(fov):g}")
+    if samples > 1 and fov == 0:
+        reader.remark("fov", f"all {samples} rays of a fov of 0 are one: one is taken")
+        samples = 1
+    variance, proportional, angular = reader.shares("noise", 3)
+    return Ranger(name, *pose, fov, samples, *limits, (variance, proportional, angular))
+
+
+MAX_BUMPERS = 256
+MAX_PIXELS = 10_000
+
+
+class Finder(Device, frozen=True):
+    """A fiducial finder: bearing and range of markers in sight."""
+
+    fov: float
+    range_min: float
+    range_max: float
+    range_max_id: float
+    """Beyond this the marker is found, but its id is read as 0."""
+    key: int = 0
+    ignore_zloc: bool = False
+    """Find markers that the ray at `z` would look over."""
+
+
+class BumperPiece(Device, frozen=True):
+    """A straight piece of bumper about its centre; `yaw` faces outward."""
+
+    length: float
+
+
+class Blobfinder(Device, frozen=True):
+    """A colour camera of one row of pixels."""
+
+    fov: float
+    samples: int
+    """Pixels: the image's width."""
+    range_max: float
+    colors: tuple[str, ...] = ()
+    """What it looks for; empty means every colour."""
+
+
+def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
+    """A `fiducial` model; raises WorldError."""
+    low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
+    if not 0 <= low < high:
+        reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
+    fov, range_max_id = _read_fov(reader, math.pi), reader.length("range_max_id", 5.0)
+    key, ignore_zloc = reader.whole("fiducial_key", 0), reader.flag("ignore_zloc", False)
+    return [Finder(name, *seat, fov, low, high, range_max_id, key, ignore_zloc)]
+
+
+def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
+    """The pieces of a `bumper` model: `bcount`, `bpose[i] [x y z yaw]`, `blength` of all or `blength[i]`."""
+    common = reader.length("blength", 0.1)
+    found = []
+    for i in range(reader.whole("bcount", 0, 0, MAX_BUMPERS)):
+        if not reader.has(f"bpose[{i}]"):
+            reader.remark("bcount", f"this bumper lacks bpose[{i}]: [0 0 0 0] is taken, as Stage does")
+        pose = reader.pose(f"bpose[{i}]")
+        length = reader.length(f"blength[{i}]", common)
+        if not length > 0:
+            name_of_length = f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength"
+            reader.remark(name_of_length, f"piece {i} of this bumper has no length: it is left out")
+            continue
+        x, y, yaw = seat.planar.compose(pose.planar)
+        found.append(BumperPiece(f"{name}.{i}", x, y, seat.z + pose.z, yaw, length))
+    return found
+
+
+def read_blobfinder(reader: Reader, name: str, seat: Pose3) -> list[Blobfinder]:
+    """A `blobfinder` model; of its image only the width counts. Raises WorldError."""
+    count = reader.whole("colors_count", 0, 0, 256)
+    listed = reader.texts("colors") or tuple(
+        reader.text(f"colors[{i}]", "") for i in range(count) if reader.has(f"colors[{i}]")
+    )
+    width = reader.numbers("image", "nn", (80.0, 60.0))[0]
+    if not (width == round(width) and 1 <= width <= MAX_PIXELS):
+        reader.fail("image", f"the width of an image must be a whole number of 1 to {MAX_PIXELS}, not {width:g}")
+    high = reader.length("range", 12.0)
+    if not high > 0:
+        reader.fail("range", f"range must be above 0, not {high:g}")
+    turned = seat._replace(yaw=seat.yaw + reader.angle("pan", 0.0))
+    return [Blobfinder(name, *turned, _read_fov(reader, math.radians(60.0)), int(width), high, listed)]
+
+
+def _read_fov(reader: Reader, default: float) -> float:
+    fov = reader.angle("fov", default)
+    if not 0 < fov <= math.tau + 1e-9:
+        reader.fail("fov", f"fov must be an angle above 0 and up to 360 degrees, not {math.degrees(fov):g}")
+    return fov
+
+
+class DeviceModel(NamedTuple):
+    """A type of model in world files that senses."""
+
+    read: Callable[[Reader, str, Pose3], Sequence[Device]]
+    """The devices of one model of a name; raises WorldError."""
+    properties: Set[str] = frozenset()
+    """What it reads besides the properties of every model."""
+    has_body: bool = False
+    """Whether a model without blocks has a body all the same."""
+
+
+class DeviceKind(NamedTuple):
+    """One row: what is measured of a robot, and how it is published."""
+
+    topic: str
+    of: Callable[[Robot], Sequence[Any]]
+    """The robot's devices of this kind, in file order; a message each, unless they are `joined`."""
+    link: str = ""
+    """Stem of the devices' own frames, children of `base_link`; empty where they have none."""
+    numbers: Literal["from 1", "from 0", "joined"] = "from 1"
+    """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
+    title: str = ""
+    """What reports call one of them; empty for what every robot measures."""
+    models: Mapping[str, DeviceModel] = {}
+    """By the type in world files."""
+    latched: bool = False
+    """Whether late subscribers get the last message."""
+
+    @property
+    def message(self) -> type[Message]:
+        """The type of its messages."""
+        return SENSORS[self.topic]
+
+    def count(self, robot: Robot) -> int:
+        """Messages a tick of a robot."""
+        devices = len(self.of(robot))
+        return min(devices, 1) if self.numbers == "joined" else devices
+
+    def key(self, robot_id: int, index: int) -> str:
+        """Key of the robot's `index`-th message of this kind."""
+        return names.robot_key(robot_id, self._numbered(self.topic, index))
+
+    def frame(self, robot_id: int, index: int) -> str:
+        """Frame of the robot's `index`-th device of this kind."""
+        return names.robot_frame(robot_id, self._numbered(self.link, index) if self.link else names.BASE_LINK)
+
+    def _numbered(self, stem: str, index: int) -> str:
+        return names.numbered(stem, index, always=self.numbers == "from 0")
+
+
+def _base(robot: Robot) -> Sequence[Robot]:
+    """What every robot measures, it measures once."""
+    return (robot,)
+
+
+KINDS: dict[str, DeviceKind] = {
+    kind.topic: kind
+    for kind in (
+        DeviceKind(names.ODOM, _base),
+        DeviceKind(
+            names.BASE_SCAN,
+            lambda robot: [ranger for ranger in robot.rangers if ranger.is_laser],
+            link=names.BASE_LASER_LINK,
+            title="laser",
+            # A "laser" is the "ranger" of older worlds.
+            models={
+                "ranger": DeviceModel(read_rangers),
+                "laser": DeviceModel(read_rangers, {"range", "range_min", "range_max", "fov", "samples", "noise"}),
+            },
+        ),
+        DeviceKind(names.GROUND_TRUTH, _base),
+        DeviceKind(names.STALL, _base),
+        DeviceKind(names.JOINT_STATES, _base),
+        # Rangers of one ray.
+        DeviceKind(
+            names.SONAR,
+            lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
+            link="sonar",
+            numbers="from 0",
+            title="sonar",
+        ),
+        DeviceKind(
+            names.FIDUCIALS,
+            lambda robot: robot.devices_of(Finder),
+            link="fiducial_link",
+            title="fiducial finder",
+            models={
+                "fiducial": DeviceModel(read_finder, {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
+            },
+        ),
+        DeviceKind(
+            names.BUMPER,
+            lambda robot: robot.devices_of(BumperPiece),
+            numbers="joined",
+            title="bumper",
+            models={"bumper": DeviceModel(read_bumpers, {"bcount", "bpose[]", "blength", "blength[]"}, has_body=True)},
+        ),
+        DeviceKind(
+            names.BLOBS,
+            lambda robot: robot.devices_of(Blobfinder),
+            link="blobfinder_link",
+            title="blob finder",
+            models={
+                "blobfinder": DeviceModel(
+                    read_blobfinder, {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}
+                )
+            },
+        ),
+    )
+}
+"""All rows by topic."""
+
+
+def device_models() -> dict[str, DeviceModel]:
+    """The types of models that sense, by their name in world files."""
+    return {name: model for kind in KINDS.values() for name, model in kind.models.items()}

@@ -1,0 +1,195 @@
+"""Whether there is room for a robot at its pose: inside the world, and outside of everything that collides.
+
+Plain geometry in numpy: the launcher asks before a simulator runs, the engine asks with the poses of the moment.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.geometry import Point2, Pose2, in_polygon
+from zteam.simulator.world.model import Floorplan, Robot, Shape, World
+
+Floats = NDArray[np.float64]
+REACH = 1e6
+"""Metres from the origin of `map` to the end of an open world."""
+WALL_RIM = 0.05
+"""Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
+touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
+_TOUCH = 1e-9
+"""Metres that bodies may overlap and still only touch."""
+_INWARD = 1e-6
+"""Metres from an edge to the points that are tested inside of it."""
+
+
+def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
+    """What keeps `robot` from standing at its pose, as `it would …`; empty if nothing does.
+
+    `others` are the robots that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall.
+    """
+    outside = _find_outside(world, robot.pose)
+    if outside:
+        return outside
+    body = [(shape, place_shape(robot.pose, shape)) for shape in robot.shapes if shape.obstacle]
+    for plan in world.floorplans:
+        if plan.obstacle and any(_heights_overlap(plan, shape) and _meets_plan(plan, at) for shape, at in body):
+            return f"it would stand in a wall of {plan.name!r}"
+    reach = _reach(robot.shapes)
+    for name, pose, shapes in _standing(world, others):
+        if math.dist(pose[:2], robot.pose[:2]) > reach + _reach(shapes):
+            continue
+        for shape in shapes:
+            points = place_shape(pose, shape) if shape.obstacle else None
+            if points is not None and any(_heights_overlap(shape, own) and _overlap(points, at) for own, at in body):
+                return f"it would stand in {name}"
+    return ""
+
+
+def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
+    """The world's own robots that have no room at their start poses, and what keeps each from standing there.
+
+    Of two robots in the same place it is the second.
+    """
+    for robot_id, robot in enumerate(world.robots):
+        hindrance = find_hindrance(world, robot, dict(enumerate(world.robots[:robot_id])))
+        if hindrance:
+            yield robot_id, hindrance
+
+
+def find_bounds(world: World) -> tuple[Floats, Floats] | None:
+    """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
+    corners = [*map(plan_corners, world.floorplans), *standing_polygons(world)]
+    return (np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)) if corners else None
+
+
+def standing_polygons(world: World) -> list[Floats]:
+    """The polygons (corners, 2), in `map`, of all models that nothing can push."""
+    fixed = (thing for thing in world.obstacles if thing.mass is None)
+    return [place_shape(thing.pose, shape) for thing in fixed for shape in thing.shapes]
+
+
+def place_shape(pose: Pose2, shape: Shape) -> Floats:
+    """(corners, 2): a shape's corners in the frame that its owner's `pose` is in."""
+    return place_points(pose, np.array(shape.points, float))
+
+
+def plan_corners(plan: Floorplan) -> Floats:
+    """(4, 2): a floor plan's corners in `map`."""
+    rows, columns = plan.occupied.shape
+    ends = [(u * columns * plan.cell[0], v * rows * plan.cell[1]) for u in (0, 1) for v in (0, 1)]
+    return place_points(plan.pose, np.array(ends, float))
+
+
+def place_points(pose: Pose2, points: Floats) -> Floats:
+    """Points (n, 2) in the frame that `pose` is in."""
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y = points[:, 0], points[:, 1]
+    return np.stack((pose.x + cos * x - sin * y, pose.y + sin * x + cos * y), axis=1)
+
+
+def _find_outside(world: World, pose: Pose2) -> str:
+    """A world is open if a robot of its own starts beyond its bounds, or if it has neither a robot nor a bitmap."""
+    if not max(abs(pose.x), abs(pose.y)) <= REACH:
+        return f"it would stand outside of the world, which ends {REACH:g} m from its origin"
+    bounds = find_bounds(world)
+    if bounds is None or not (world.robots or world.floorplans):
+        return ""
+    low, high = bounds
+    starts = np.array([robot.pose[:2] for robot in world.robots], float).reshape(-1, 2)
+    if ((starts < low) | (starts > high)).any() or bool(((low <= pose[:2]) & (pose[:2] <= high)).all()):
+        return ""
+    return (
+        f"it would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
+        f"to x {high[0]:g}, y {high[1]:g}"
+    )
+
+
+def _standing(world: World, others: Mapping[int, Robot]) -> Iterator[tuple[str, Pose2, tuple[Shape, ...]]]:
+    for thing in world.obstacles:
+        yield repr(thing.name), thing.pose, thing.shapes
+    for robot_id, robot in others.items():
+        yield f"robot {robot_id}", robot.pose, robot.shapes
+
+
+def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
+    return one.z_min < other.z_max and other.z_min < one.z_max
+
+
+def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
+    """Whether a polygon covers a part of an occupied cell without its rim."""
+    local = place_points(plan.pose.inverse(), polygon) / plan.cell
+    rows, columns = plan.occupied.shape
+    low = np.clip(np.floor(local.min(axis=0)), 0, (columns, rows)).astype(int)
+    high = np.clip(np.ceil(local.max(axis=0)), 0, (columns, rows)).astype(int)
+    row, column = np.nonzero(plan.occupied[low[1] : high[1], low[0] : high[0]])
+    row, column = row + low[1], column + low[0]
+    # Of small cells their middles are left.
+    rim = min(0.5, WALL_RIM / min(plan.cell))
+    return bool(in_polygon(local, column + 0.5, row + 0.5).any()) or any(
+        _edge_meets_cells((ax, ay), (bx, by), (column + rim, row + rim), 1.0 - 2.0 * rim)
+        for (ax, ay), (bx, by) in zip(local.tolist(), np.roll(local, 1, axis=0).tolist(), strict=True)
+    )
+
+
+def _edge_meets_cells(a: Point2, b: Point2, lows: tuple[Floats, Floats], side: float) -> bool:
+    """Whether a line passes through the inside of any square at `lows` (Liang and Barsky's clipping)."""
+    first, last = np.zeros(len(lows[0])), np.ones(len(lows[0]))
+    for start, end, low in zip(a, b, lows, strict=True):
+        way = end - start
+        if way == 0.0:
+            last[(start <= low) | (start >= low + side)] = -1.0
+            continue
+        t, u = (low - start) / way, (low + side - start) / way
+        first, last = np.maximum(first, np.minimum(t, u)), np.minimum(last, np.maximum(t, u))
+    return bool((first < last).any())
+
+
+def _reach(shapes: Sequence[Shape]) -> float:
+    """Metres from their owner's origin to their furthest corner."""
+    return max((math.hypot(x, y) for shape in shapes for x, y in shape.points), default=0.0)
+
+
+def _overlap(one: Floats, other: Floats) -> bool:
+    """Whether two simple polygons, convex or not, share more than their edges."""
+    if (one.max(axis=0) <= other.min(axis=0) + _TOUCH).any() or (other.max(axis=0) <= one.min(axis=0) + _TOUCH).any():
+        return False
+    if _edges_cross(one, other):
+        return True
+    # No edges cross: the polygons are apart, or one holds the other, or they have edges in common.
+    return any(in_polygon(b, *_points_inside(a)).any() for a, b in ((one, other), (other, one)))
+
+
+def _points_inside(polygon: Floats) -> tuple[Floats, Floats]:
+    """A point inside of a counter-clockwise polygon beside the middle of each edge: their x, and their y."""
+    ahead = np.roll(polygon, -1, axis=0)
+    way = ahead - polygon
+    inward = _INWARD * np.stack((-way[:, 1], way[:, 0]), axis=1) / np.maximum(_lengths(way), _TOUCH)[:, None]
+    x, y = (0.5 * (polygon + ahead) + inward).T
+    return x, y
+
+
+def _edges_cross(one: Floats, other: Floats) -> bool:
+    a, b = one[:, None], np.roll(one, 1, axis=0)[:, None]
+    c, d = other[None], np.roll(other, 1, axis=0)[None]
+    return bool((_parts(a, b, c, d) & _parts(c, d, a, b)).any())
+
+
+def _parts(a: Floats, b: Floats, c: Floats, d: Floats) -> NDArray[np.bool_]:
+    """Whether the points `c` and `d` lie on either side of the line through `a` and `b`, by more than touching."""
+    c_side, d_side = _distance(a, b, c), _distance(a, b, d)
+    apart: NDArray[np.bool_] = (np.minimum(c_side, d_side) < -_TOUCH) & (np.maximum(c_side, d_side) > _TOUCH)
+    return apart
+
+
+def _distance(a: Floats, b: Floats, p: Floats) -> Floats:
+    """Metres, above 0 where `p` lies left of the line from `a` to `b`."""
+    side = (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
+    distance: Floats = side / np.maximum(_lengths(b - a), _TOUCH)
+    return distance
+
+
+def _lengths(ways: Floats) -> Floats:
+    lengths: Floats = np.hypot(ways[..., 0], ways[..., 1])
+    return lengths

@@ -1,0 +1,261 @@
+"""A world file's text: how it is found and read, its tokens with those of its includes, and places in it.
+
+An include is text in the place of its line, wherever that line stands: at the top level, in a model, in a macro. File
+names are relative to the folder of the top file. Every count is bounded, so that no set of files takes long. What Stage
+reads is read here too, with a remark where it is not what the file's author can have meant: a number such as
+`3.75.2`, of which C's atof takes the beginning, and text behind an include, which Stage skips."""
+
+import codecs
+import enum
+import math
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from zteam.errors import WorldError
+from zteam.resources import read_file
+from zteam.simulator.world.model import Remark
+
+MAX_FILE_BYTES = 16 * 2**20
+
+
+class TextPlace(NamedTuple):
+    """Where something stands in a world file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+    def error(self, text: str) -> WorldError:
+        """The error that begins with this place."""
+        return WorldError(f"{self}: {text}")
+
+
+class Remarks:
+    """What a file says that has no effect here: each place once, even if many models share its macro; at most 200."""
+
+    LIMIT = 200
+
+    def __init__(self) -> None:
+        self._remarks: dict[tuple[TextPlace, str], None] = {}
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the limit is reached."""
+        return len(self._remarks) >= self.LIMIT
+
+    def add(self, place: TextPlace, text: str) -> None:
+        """Note `text` unless it has been noted at this place."""
+        if not self.is_full:
+            self._remarks.setdefault((place, text))
+
+    def all(self) -> tuple[Remark, ...]:
+        """In the order of their discovery."""
+        return tuple(Remark(*place, text) for place, text in self._remarks)
+
+
+def find_file(name: str, folder: Path) -> Path | None:
+    """A file that a world names: absolute, else in the world's `folder`, else in $STAGEPATH's folders.
+
+    There it is looked for by base name, as Stage does, and by its whole name: an include that Stage finds there may
+    name its own bitmaps, which Stage then finds beside it.
+    """
+    try:
+        beside = folder / name  # an absolute name wins over the folder
+        if beside.is_file():
+            return beside
+        for other in filter(None, os.environ.get("STAGEPATH", "").split(os.pathsep)):
+            for candidate in (Path(other) / Path(name).name, Path(other) / name):
+                if candidate.is_file():
+                    return candidate
+    except (OSError, ValueError):  # a name no file can have: too long, a NUL in it
+        pass
+    return None
+
+
+def read_text(path: Path) -> str:
+    """The text of a world file; raises WorldError without a place. Bytes that are not UTF-8 become U+FFFD."""
+    data = read_file(path, "world file", MAX_FILE_BYTES, WorldError)
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise WorldError(f"{path}: UTF-16 text; save it as UTF-8")
+    return data.decode("utf-8-sig", "replace")
+
+
+class TokenKind(enum.Enum):
+    """Kinds of tokens; the value is the kind's name in error texts."""
+
+    NAME = "a name"
+    NUMBER = "a number"
+    STRING = "a string"
+    OPEN = "'('"
+    CLOSE = "')'"
+    OPEN_TUPLE = "'['"
+    CLOSE_TUPLE = "']'"
+    EOL = "the end of the line"
+    EOF = "the end of the file"
+
+
+class Token(NamedTuple):
+    """One token. `value` is a name or string's text, a number, or None; `text` is a number as written."""
+
+    kind: TokenKind
+    value: str | float | None
+    place: TextPlace
+    text: str = ""
+
+    def __str__(self) -> str:
+        if self.kind in (TokenKind.NAME, TokenKind.STRING):
+            return f"{self.value!r:.60}"
+        return f"{self.value:g}" if self.kind is TokenKind.NUMBER else self.kind.value
+
+
+# A run that starts like a number is taken whole: "5m" is one error, and "1.2.3" one remark.
+_TOKEN = re.compile(
+    r"""
+    (?P<skip>[ \t\f\v]+|\#[^\r\n]*)
+  | (?P<eol>\r?\n|\r)
+  | (?P<name>[A-Za-z][A-Za-z0-9._\-\[\]]*)
+  | (?P<number>[-+.0-9][-+.\w]*)
+  | "(?P<string>[^"\r\n]*)"
+  | (?P<mark>[()\[\]])
+    """,
+    re.VERBOSE | re.ASCII,
+)
+_MARKS = {"(": TokenKind.OPEN, ")": TokenKind.CLOSE, "[": TokenKind.OPEN_TUPLE, "]": TokenKind.CLOSE_TUPLE}
+_REST_OF_LINE = re.compile(r"[^\r\n]*")
+_ATOF = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)")
+_STAGES_NUMBER = re.compile(r"[-+.0-9]+")
+
+
+def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
+    """The tokens of `text` without blanks and comments, EOF last; raises WorldError at text that is no token."""
+    line, line_start, position = 1, 0, 0
+    including = False
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        place = TextPlace(file, line, position - line_start + 1)
+        if match is None:
+            raise _no_token(text, position, place)
+        position = match.end()
+        kind = match.lastgroup
+        if kind == "skip":
+            continue
+        if kind == "eol":
+            yield Token(TokenKind.EOL, None, place)
+            line, line_start = line + 1, position
+        elif kind == "name":
+            yield Token(TokenKind.NAME, match["name"], place)
+        elif kind == "number":
+            yield Token(TokenKind.NUMBER, _number(match["number"], place, remarks), place, match["number"])
+        elif kind == "string":
+            yield Token(TokenKind.STRING, match["string"], place)
+            if including:
+                position = _skip_line(text, position, TextPlace(file, line, position - line_start + 1), remarks)
+        else:
+            yield Token(_MARKS[match["mark"]], None, place)
+        including = match["name"] == "include"
+    yield Token(TokenKind.EOF, None, TextPlace(file, line, position - line_start + 1))
+
+
+def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
+    try:
+        if "_" in text:  # Python's own digit separator
+            raise ValueError
+        value = float(text)
+    except ValueError:
+        # Only what Stage takes for one word is cut short: behind "5" in "5m" it sees a name.
+        if not _STAGES_NUMBER.fullmatch(text):
+            raise place.error(f"{text!r:.60} is not a number") from None
+        begin = _ATOF.match(text)
+        value = float(begin[0]) if begin else 0.0
+        remarks.add(place, f"{text!r:.60} is not a number: {value:g} is taken, as Stage does")
+    if not math.isfinite(value):
+        raise place.error(f"{text!r:.60} is not a finite number")
+    return value
+
+
+def _skip_line(text: str, position: int, place: TextPlace, remarks: Remarks) -> int:
+    """The end of the line; a remark notes anything on the line but a comment."""
+    match = _REST_OF_LINE.match(text, position)
+    assert match is not None
+    rest = match[0].strip()
+    if rest and not rest.startswith("#"):
+        remarks.add(place, f"{rest!r:.60} behind an include is ignored, as Stage does")
+    return match.end()
+
+
+def _no_token(text: str, position: int, place: TextPlace) -> Exception:
+    if text[position] == '"':
+        return place.error("this string is not closed on its line")
+    hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
+    return place.error(f"unexpected character {text[position]!r}{hint}")
+
+
+MAX_TOKENS = 500_000
+MAX_FILES = 256
+MAX_CHARACTERS = 32 * 2**20
+"""Of all included files."""
+MAX_INCLUDE_DEPTH = 16
+
+
+def read_world_tokens(text: str, file: str, remarks: Remarks, path: Path | None = None) -> list[Token]:
+    """The tokens of `text`, EOF last; `path` is its file, if it has one. Raises WorldError."""
+    splicer = _Splicer(path.parent if path else Path(), remarks)
+    splicer.read(text, file, path)
+    return splicer.tokens
+
+
+class _Splicer:
+    def __init__(self, folder: Path, remarks: Remarks) -> None:
+        self.tokens: list[Token] = []
+        self._folder = folder
+        self._remarks = remarks
+        self._open_files: list[Path] = []
+        self._files = self._characters = 0
+
+    def read(self, text: str, file: str, path: Path | None) -> None:
+        """Append the tokens of a file; EOF only if it is the top file."""
+        self._files += 1
+        is_top = not self._open_files
+        self._open_files.append(path.resolve() if path else Path(file))
+        tokens = read_tokens(text, file, self._remarks)
+        for token in tokens:
+            if token.kind is TokenKind.NAME and token.value == "include":
+                self._include(token.place, next(tokens))
+            elif token.kind is not TokenKind.EOF or is_top:
+                self._add(token)
+        self._open_files.pop()
+
+    def _add(self, token: Token) -> None:
+        if len(self.tokens) >= MAX_TOKENS:
+            raise token.place.error(f"more than {MAX_TOKENS} words and values: this world is refused")
+        self.tokens.append(token)
+
+    def _include(self, place: TextPlace, name: Token) -> None:
+        if name.kind is not TokenKind.STRING:
+            text = f'expected the name of the file to include, such as "map.inc", found {name}'
+            raise name.place.error(text)
+        path = find_file(str(name.value), self._folder)
+        if path is None:
+            raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
+        if path.resolve() in self._open_files:
+            raise name.place.error(f"{str(name.value)!r} includes itself")
+        if len(self._open_files) > MAX_INCLUDE_DEPTH:
+            raise name.place.error(f"includes nest deeper than {MAX_INCLUDE_DEPTH}")
+        if self._files >= MAX_FILES:
+            raise name.place.error(f"more than {MAX_FILES} files included")
+        try:
+            text = read_text(path)
+        except WorldError as error:
+            raise place.error(str(error)) from None
+        self._characters += len(text)
+        if self._characters > MAX_CHARACTERS:
+            raise place.error(f"more than {MAX_CHARACTERS} characters in included files: this world is refused")
+        self.read(text, str(path), path)
+        # The last line of the file may lack its end, and an include ends its own line.
+        self._add(Token(TokenKind.EOL, None, name.place))
