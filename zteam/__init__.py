@@ -73,14 +73,14 @@ if TYPE_CHECKING:
     from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.basic_navigator import BasicNavigator
-    from zteam.runtime.listener import TransformListener
     from zteam.runtime.node import Node, run
     from zteam.services.navigation import TaskResult
     from zteam.services.parameters import ParametersClient
-    from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
     from zteam.simulator.client import SimulatorClient
     from zteam.team_file.entries import Team
     from zteam.team_file.reading import load_team
+    from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
+    from zteam.transforms.listener import TransformListener
 
 __all__ = [
     "BasicNavigator",
@@ -120,8 +120,8 @@ _HOMES = {
     "BusOptions": "bus.options",
     "Change": "bus.queries",
     "Deferred": "bus.queries",
-    "HistoryRequest": "services.transforms",
-    "Lookup": "services.transforms",
+    "HistoryRequest": "transforms.client",
+    "Lookup": "transforms.client",
     "NoRequest": "bus.queries",
     "Node": "runtime.node",
     "ParametersClient": "services.parameters",
@@ -131,8 +131,8 @@ _HOMES = {
     "SimulatorClient": "simulator.client",
     "TaskResult": "services.navigation",
     "Team": "team_file.entries",
-    "TransformClient": "services.transforms",
-    "TransformListener": "runtime.listener",
+    "TransformClient": "transforms.client",
+    "TransformListener": "transforms.listener",
     "View": "behaviors.behavior",
     "ZteamError": "errors",
     "connect": "bus.connection",

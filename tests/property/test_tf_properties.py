@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from support.examples import examples
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, ns_from_time, time_from_ns
 from zteam.tf import Buffer, TransformException
-from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+from zteam.transforms.rigid import IDENTITY, Floats, compose, interpolate, invert
 
 S = 1_000_000_000
 FRAMES = 6

@@ -18,13 +18,13 @@ from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
 from zteam.nodes.robot.node import RobotNode
-from zteam.nodes.transforms.node import Aggregator
 from zteam.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.simulator.client import FinishReply, SimReport, SimStatus, StepRequest, WaitRequest
 from zteam.simulator.process.node import open_simulation, run_ticks
+from zteam.transforms.process.node import Aggregator
 from zteam.world import Robot, World, add_robot, load_world
 
 NAMES = ("tf", "robot_0", "robot_1", "robot_2")

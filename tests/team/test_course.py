@@ -21,8 +21,8 @@ from zteam import names
 from zteam.bus.receiving import KeyCount
 from zteam.launch.process import zteam_command
 from zteam.messages import PoseWithCovarianceStamped, Twist, Vector3
-from zteam.services.transforms import TransformClient
 from zteam.testing.team import TeamFixture
+from zteam.transforms.client import TransformClient
 
 pytestmark = pytest.mark.team
 

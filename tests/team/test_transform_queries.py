@@ -10,9 +10,9 @@ from support.transforms import stamped
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
-from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
 from zteam.testing.team import TeamFixture
 from zteam.tf import FrameInfo, LookupException
+from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
 
 pytestmark = pytest.mark.team
 

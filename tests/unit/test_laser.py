@@ -13,7 +13,7 @@ from zteam.laser import read_ranges
 from zteam.messages import LaserScan
 from zteam.nodes.web import frames
 from zteam.planning.scans import Scan, find_ends
-from zteam.tf.rigid import scan_points
+from zteam.transforms.rigid import scan_points
 
 HIT, FREE, CLOSE, SILENT = "hit", "free", "too close", "silent"
 MEANINGS = [

@@ -21,11 +21,11 @@ from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time, to_json
 from zteam.numbers import MAX_SECONDS, counted, format_rate, is_number
-from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
-from zteam.tf import Buffer, FrameInfo, TransformException
-from zteam.tf.drawing import PICTURES, draw_tree, format_transform, format_tree
-from zteam.tf.merge import TEAM_FILE
-from zteam.tf.statistics import Watch
+from zteam.transforms import Buffer, FrameInfo, TransformException
+from zteam.transforms.client import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
+from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
+from zteam.transforms.merge import TEAM_FILE
+from zteam.transforms.statistics import Watch
 
 NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
 

@@ -110,7 +110,7 @@ def _file_problems(file: TeamFile) -> Iterator[Problem]:
 
             yield from _refused(("robots", i, "navigation"), partial(navigation_of_robot, table, entry.id, folder, ""))
         if entry.description is not None:
-            from zteam.tf.urdf import read_description
+            from zteam.transforms.urdf import read_description
 
             yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
     if file.team.team.map is not None:

@@ -61,8 +61,8 @@ def _map_server(options: MapOptions) -> Part:
 
 
 def _aggregator(options: AggregatorOptions) -> Part:
-    from zteam.nodes.transforms.node import run_aggregator
-    from zteam.tf.urdf import read_description
+    from zteam.transforms.process.node import run_aggregator
+    from zteam.transforms.urdf import read_description
 
     descriptions = {robot_id: read_description(file) for robot_id, file in options.descriptions.items()}
     return Part(lambda node: run_aggregator(node, options, descriptions), small=True)

@@ -17,7 +17,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli import listening, tf
 from zteam.messages import TFMessage, time_from_ns
-from zteam.tf.statistics import FrameFigures, Watch
+from zteam.transforms.statistics import FrameFigures, Watch
 
 START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
 

@@ -23,7 +23,7 @@ from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.services.logs import printable
-from zteam.services.transforms import Lookup, TransformClient
+from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")
 

@@ -10,10 +10,10 @@ from zteam.bus import NoRequest
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.planning.scans import Scan, Teammate
-from zteam.runtime.listener import TransformListener
 from zteam.runtime.node import Node
-from zteam.services.transforms import Lookup, LookupReply, LookupRequest
-from zteam.tf import FrameInfo, TransformException
+from zteam.transforms import FrameInfo, TransformException
+from zteam.transforms.client import Lookup, LookupReply, LookupRequest
+from zteam.transforms.listener import TransformListener
 
 log = logging.getLogger("zteam")
 

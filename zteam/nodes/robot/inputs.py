@@ -25,7 +25,7 @@ from zteam.messages import (
 )
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.runtime.tick_messages import TickMessages
-from zteam.tf import Buffer, TransformException
+from zteam.transforms import Buffer, TransformException
 
 log = logging.getLogger("zteam")
 

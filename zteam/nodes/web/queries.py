@@ -19,9 +19,9 @@ from zteam.nodes.web.received import Received
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
-from zteam.services.transforms import BundleReply, Lookup, TransformClient
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
-from zteam.tf import FrameInfo
+from zteam.transforms import FrameInfo
+from zteam.transforms.client import BundleReply, Lookup, TransformClient
 
 
 class TopicRow(msgspec.Struct):

@@ -19,7 +19,7 @@ from zteam.nodes.web.received import (
     topics_of,
 )
 from zteam.runtime.process_node import ProcessNode
-from zteam.tf import Buffer, TransformException
+from zteam.transforms import Buffer, TransformException
 
 
 class Places:

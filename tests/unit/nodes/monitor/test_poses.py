@@ -15,7 +15,7 @@ from zteam.nodes.monitor import display as module
 from zteam.nodes.monitor.display import Poses
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.transforms import Lookup, LookupReply, LookupRequest
+from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 
 
 def answer(lookup: Lookup) -> LookupReply:

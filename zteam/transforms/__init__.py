@@ -1,7 +1,7 @@
 """The transform buffer and tree: they behave like tf2, without its faults. They do not use the bus."""
 
-from zteam.tf.buffer import Buffer
-from zteam.tf.errors import (
+from zteam.transforms.buffer import Buffer
+from zteam.transforms.errors import (
     BackwardExtrapolationException,
     ConnectivityException,
     ExtrapolationException,
@@ -12,7 +12,7 @@ from zteam.tf.errors import (
     TimeoutException,
     TransformException,
 )
-from zteam.tf.tree import FrameInfo, Rejection
+from zteam.transforms.tree import FrameInfo, Rejection
 
 __all__ = [
     "BackwardExtrapolationException",

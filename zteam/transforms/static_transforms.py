@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.messages import TFMessage, TransformStamped
-from zteam.tf.buffer import Buffer
-from zteam.tf.tree import Rejection
+from zteam.transforms.buffer import Buffer
+from zteam.transforms.tree import Rejection
 
 
 class Rank(IntEnum):

@@ -8,8 +8,8 @@ import pytest
 
 from zteam.errors import ConfigError
 from zteam.messages import Header, JointState, TFMessage, TransformStamped, time_from_ns
-from zteam.tf.merge import Merger
-from zteam.tf.urdf import read_description
+from zteam.transforms.merge import Merger
+from zteam.transforms.urdf import read_description
 
 URDF = """<?xml version="1.0"?>
 <robot name="bot">

@@ -4,8 +4,8 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import TFMessage, TransformStamped
-from zteam.tf.merge import Merger
-from zteam.tf.static_transforms import is_start_pose
+from zteam.transforms.merge import Merger
+from zteam.transforms.static_transforms import is_start_pose
 
 
 def merged(*transforms: TransformStamped) -> tuple[list[TransformStamped], list[str]]:

@@ -8,8 +8,8 @@ from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Clock, TFMessage, decode, time_from_ns
-from zteam.services.transforms import BundleReply
 from zteam.tf import FrameInfo
+from zteam.transforms.client import BundleReply
 
 
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:

@@ -5,7 +5,7 @@ import tracemalloc
 import pytest
 
 from support.transforms import S, stamped
-from zteam.tf.statistics import WINDOW, Watch
+from zteam.transforms.statistics import WINDOW, Watch
 
 
 def test_a_watch_measures_rate_jitter_and_delay() -> None:

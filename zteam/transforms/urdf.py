@@ -15,7 +15,7 @@ from zteam.errors import ConfigError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import JointState, Time, TransformStamped
 from zteam.resources import read_file
-from zteam.tf.rigid import Floats, compose, stamped_transform
+from zteam.transforms.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
 _SKIPPED = ("floating", "planar")

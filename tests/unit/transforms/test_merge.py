@@ -15,7 +15,7 @@ from zteam.messages import (
     TransformStamped,
     ns_from_time,
 )
-from zteam.tf.merge import MAX_CONFLICTS, Merger
+from zteam.transforms.merge import MAX_CONFLICTS, Merger
 
 
 def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:

@@ -7,8 +7,8 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import TransformStamped
-from zteam.tf.buffer import Buffer
-from zteam.tf.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms
+from zteam.transforms.buffer import Buffer
+from zteam.transforms.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms
 
 ODOM = "robot_0/odom"
 SOURCES = (Rank.TEAM_FILE, Rank.SIMULATOR, Rank.CALLER, Rank.DESCRIPTION)

@@ -8,9 +8,9 @@ from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.bus import Deferred
 from zteam.errors import UsageError
-from zteam.nodes.transforms.queries import answer_history, answer_lookups
-from zteam.services.transforms import HistoryRequest, Lookup, LookupRequest
 from zteam.tf import Buffer, LookupException
+from zteam.transforms.client import HistoryRequest, Lookup, LookupRequest
+from zteam.transforms.process.queries import answer_history, answer_lookups
 
 
 @pytest.fixture

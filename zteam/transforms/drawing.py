@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 from zteam.errors import UsageError
 from zteam.geometry import rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
-from zteam.tf.tree import FrameInfo
+from zteam.transforms.tree import FrameInfo
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -11,8 +11,8 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.messages import Time, TransformStamped, time_from_ns
-from zteam.tf import errors
-from zteam.tf.rigid import stamped_transform
+from zteam.transforms import errors
+from zteam.transforms.rigid import stamped_transform
 
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""

@@ -14,15 +14,15 @@ from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
-from zteam.nodes.transforms.bundle import PATIENCE, Bundle
-from zteam.nodes.transforms.queries import answer_frames, answer_history, answer_lookups
 from zteam.process_options import AggregatorOptions
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import GRACE, TokenLossFilter, TokenSet
-from zteam.services.transforms import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
-from zteam.tf.merge import Merger, base_stamp
-from zteam.tf.urdf import Description
+from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
+from zteam.transforms.merge import Merger, base_stamp
+from zteam.transforms.process.bundle import PATIENCE, Bundle
+from zteam.transforms.process.queries import answer_frames, answer_history, answer_lookups
+from zteam.transforms.urdf import Description
 
 log = logging.getLogger("zteam")
 

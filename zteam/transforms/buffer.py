@@ -33,8 +33,8 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.names import strip_slash
-from zteam.tf.errors import InvalidArgumentException, TransformException
-from zteam.tf.rigid import (
+from zteam.transforms.errors import InvalidArgumentException, TransformException
+from zteam.transforms.rigid import (
     apply_to_point,
     apply_to_points,
     apply_to_pose,
@@ -45,7 +45,7 @@ from zteam.tf.rigid import (
     scan_points,
     twist_between,
 )
-from zteam.tf.tree import FrameInfo, Rejection, Tree
+from zteam.transforms.tree import FrameInfo, Rejection, Tree
 
 log = logging.getLogger("zteam.tf")
 

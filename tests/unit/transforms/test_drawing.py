@@ -11,8 +11,8 @@ from support.transforms import S, stamped
 from zteam.errors import UsageError
 from zteam.messages import TFMessage
 from zteam.tf import Buffer, FrameInfo
-from zteam.tf.drawing import PICTURES, draw_tree, format_transform, format_tree, tree_as_dot, tree_as_svg
-from zteam.tf.merge import Merger
+from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree, tree_as_dot, tree_as_svg
+from zteam.transforms.merge import Merger
 
 FRAMES = {
     "odom": FrameInfo("map", "sim", True, 0.0, 0, 0, 1),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam.names import strip_slash
-from zteam.tf.errors import (
+from zteam.transforms.errors import (
     BackwardExtrapolationException,
     ConnectivityException,
     ExtrapolationException,
@@ -21,7 +21,7 @@ from zteam.tf.errors import (
     LookupException,
     NoDataForExtrapolationException,
 )
-from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+from zteam.transforms.rigid import IDENTITY, Floats, compose, interpolate, invert
 
 UNIT_TOLERANCE = 0.01
 """tf2 refuses a quaternion whose squared length is this far from 1."""

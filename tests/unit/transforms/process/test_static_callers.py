@@ -11,8 +11,8 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import BusError
 from zteam.messages import TFMessage
-from zteam.nodes.transforms import node
-from zteam.services.transforms import StaticReply, StaticRequest
+from zteam.transforms.client import StaticReply, StaticRequest
+from zteam.transforms.process import node
 
 
 @pytest.mark.usefixtures("desk")

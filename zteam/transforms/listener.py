@@ -4,7 +4,7 @@ from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import TFMessage, Tick, TransformStamped
 from zteam.runtime.node import Node
-from zteam.tf import Buffer
+from zteam.transforms import Buffer
 
 
 class TransformListener:

@@ -9,10 +9,10 @@ from zteam.bus import Deferred
 from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.messages import ns_from_time
-from zteam.services.transforms import MAX_LOOKUPS, HistoryReply, HistoryRequest, Lookup, LookupReply, LookupRequest
-from zteam.tf import Buffer, FrameInfo, TransformException
-from zteam.tf.merge import Merger
-from zteam.tf.rigid import floats_of
+from zteam.transforms import Buffer, FrameInfo, TransformException
+from zteam.transforms.client import MAX_LOOKUPS, HistoryReply, HistoryRequest, Lookup, LookupReply, LookupRequest
+from zteam.transforms.merge import Merger
+from zteam.transforms.rigid import floats_of
 
 
 def answer_lookups(buffer: Buffer, request: LookupRequest) -> list[LookupReply] | Deferred:

@@ -4,8 +4,8 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import Quaternion, TFMessage, TransformStamped
-from zteam.tf.merge import Merger
-from zteam.tf.static_transforms import Rank, Static
+from zteam.transforms.merge import Merger
+from zteam.transforms.static_transforms import Rank, Static
 
 
 def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:

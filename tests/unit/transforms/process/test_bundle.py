@@ -1,6 +1,6 @@
 """The bundle that is being filled: which robots it waits for, and when it may leave."""
 
-from zteam.nodes.transforms.bundle import PATIENCE, Bundle
+from zteam.transforms.process.bundle import PATIENCE, Bundle
 
 
 def spoken(*robots: int, stamp: int = 1) -> Bundle:

@@ -11,9 +11,9 @@ from functools import lru_cache
 from zteam import names
 from zteam.messages import Header, TFMessage, TransformStamped, encode, ns_from_time
 from zteam.messages.tf_stamps import is_base
-from zteam.tf.buffer import Buffer
-from zteam.tf.static_transforms import Rank, Static, StaticTransforms, is_start_pose
-from zteam.tf.tree import Rejection
+from zteam.transforms.buffer import Buffer
+from zteam.transforms.static_transforms import Rank, Static, StaticTransforms, is_start_pose
+from zteam.transforms.tree import Rejection
 
 TEAM_FILE = "team file"
 

@@ -66,7 +66,7 @@ def _filled(roll: float) -> tuple[Buffer, _TellingLock]:
     """A buffer with map → base → tip at 1, 2 and 3 s; the path is prepared, and the last sample is still raw."""
     lock = _TellingLock()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("zteam.tf.buffer.threading.RLock", lambda: lock)
+        patch.setattr("zteam.transforms.buffer.threading.RLock", lambda: lock)
         buffer = Buffer()
     buffer.set_transform_static(stamped("base", "tip", 0, 0.5), "test")
     buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")

@@ -21,7 +21,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.tf import BackwardExtrapolationException, Buffer, InvalidArgumentException, LookupException
-from zteam.tf.rigid import Floats, compose
+from zteam.transforms.rigid import Floats, compose
 
 
 def _tilted() -> tuple[Buffer, Floats]:
