@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from support.start_protocols import ZteamTeam
 from zteam.bus import presence
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.start_gate import Gate
 
 ROBOTS = st.integers(0, 3)
 TOKENS = st.tuples(st.just("token"), ROBOTS, st.sampled_from("ab"), st.booleans())

@@ -1,7 +1,7 @@
 """Tokens and statuses of robots for a start gate, and the lines that it tells."""
 
 from zteam.messages import RobotState, RobotStatus
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.start_gate import Gate
 
 READY, RUNNING, BOOT, STOPPED, FAULT = (
     RobotState.READY,

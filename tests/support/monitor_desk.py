@@ -9,9 +9,9 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
-from zteam.nodes.monitor.display import Lines
-from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.node import Monitor
+from zteam.monitor.process.display import Lines
+from zteam.monitor.process.members import Event
+from zteam.monitor.process.node import Monitor
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop

@@ -14,7 +14,7 @@ from zteam.bus import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import DuplicateNameError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.start_gate import Gate
 from zteam.runtime.robot_status import Readiness
 
 

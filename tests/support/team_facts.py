@@ -8,7 +8,6 @@ import numpy as np
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo
-from zteam.diagnosis.facts import Facts, Finding
 from zteam.messages import (
     Header,
     MapMetaData,
@@ -20,6 +19,7 @@ from zteam.messages import (
     TeamState,
     TeamStatus,
 )
+from zteam.monitor.doctor.facts import Facts, Finding
 from zteam.simulator.client import MapInfo, SimStatus
 
 WORLD_MAP = MapInfo(-5.0, -4.0, 0.0, 0.05, 200, 160)

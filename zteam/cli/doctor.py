@@ -29,13 +29,13 @@ from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import terminal_width
 from zteam.cli.tf import ask_frames
-from zteam.diagnosis.checks import check_team
-from zteam.diagnosis.facts import Facts, Fault, Finding, Level, ok, problem
-from zteam.diagnosis.maps import check_map_file
 from zteam.errors import BusError, DecodeError
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
+from zteam.monitor.doctor.checks import check_team
+from zteam.monitor.doctor.facts import Facts, Fault, Finding, Level, ok, problem
+from zteam.monitor.doctor.maps import check_map_file
 from zteam.numbers import counted
 from zteam.runtime import kinds
 from zteam.simulator.client import MapInfo, find_status

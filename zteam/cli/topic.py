@@ -461,7 +461,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount]) -> str:
-    from zteam.diagnosis.checks import format_refusals
+    from zteam.monitor.doctor.checks import format_refusals
 
     received = {name: f"{name}: {count.received} received, {format_refusals(count)}" for name, count in stats.items()}
     silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]

@@ -36,7 +36,7 @@ PRELOADS = (
     "zteam.transforms.process.node",
     "zteam.team_file.reading",
     "zteam.transforms.urdf",
-    "zteam.nodes.monitor.node",
+    "zteam.monitor.process.node",
     "zteam.nodes.robot.node",
     "zteam.behaviors.registry",
     "zteam.messages.team_codecs",

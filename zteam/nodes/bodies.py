@@ -69,15 +69,15 @@ def _aggregator(options: AggregatorOptions) -> Part:
 
 
 def _monitor(options: MonitorOptions) -> Part:
-    from zteam.nodes.monitor.node import run_monitor
+    from zteam.monitor.process.node import run_monitor
 
     return Part(lambda node: run_monitor(node, options), small=True)
 
 
 def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Part:
     """A monitor whose events `say(line)` prints, where several nodes share a standard output."""
-    from zteam.nodes.monitor.display import Lines
-    from zteam.nodes.monitor.node import run_monitor
+    from zteam.monitor.process.display import Lines
+    from zteam.monitor.process.node import run_monitor
 
     return Part(lambda node: run_monitor(node, options, Lines(say)))
 

@@ -1,7 +1,7 @@
 """How `zteam doctor` prints its findings."""
 
 from zteam.cli.doctor import format_findings
-from zteam.diagnosis.facts import note, ok, problem
+from zteam.monitor.doctor.facts import note, ok, problem
 
 FINDINGS = [
     ok("data", "data on 7 keys"),

@@ -23,9 +23,9 @@ from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.log import format_line
 from zteam.cli.output import Output
 from zteam.cli.up_display import Printer
-from zteam.diagnosis.facts import problem
 from zteam.messages import LogLevel
-from zteam.nodes.monitor.display import showing
+from zteam.monitor.doctor.facts import problem
+from zteam.monitor.process.display import showing
 from zteam.process_options import MonitorOptions
 from zteam.runtime.logs import start_logging
 from zteam.services.logs import LogLine

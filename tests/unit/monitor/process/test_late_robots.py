@@ -4,7 +4,7 @@ import pytest
 
 from support.gate_feed import BOOT, READY, RUNNING, STOPPED, come, status, told
 from zteam.messages import TeamState
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.start_gate import Gate
 
 
 def test_a_robot_that_was_ready_in_time_is_not_late() -> None:

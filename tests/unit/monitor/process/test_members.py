@@ -1,8 +1,8 @@
 """The robots that the gate knows: lost, stopped, at fault, silent."""
 
 from support.gate_feed import FAULT, READY, STOPPED, come, status, told
-from zteam.nodes.monitor.members import SILENT_AFTER
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.members import SILENT_AFTER
+from zteam.monitor.process.start_gate import Gate
 
 
 def test_a_new_process_is_not_silent_at_once() -> None:

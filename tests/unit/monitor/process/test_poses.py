@@ -11,8 +11,8 @@ from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.launch.supervisor import serve_restarts
-from zteam.nodes.monitor import display as module
-from zteam.nodes.monitor.display import Poses
+from zteam.monitor.process import display as module
+from zteam.monitor.process.display import Poses
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest

@@ -4,9 +4,9 @@ import msgspec
 import pytest
 
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts
-from zteam.diagnosis.checks import check_elsewhere, check_processes, check_robots_of_world, check_team
-from zteam.diagnosis.facts import Facts, Finding
 from zteam.messages import RobotState
+from zteam.monitor.doctor.checks import check_elsewhere, check_processes, check_robots_of_world, check_team
+from zteam.monitor.doctor.facts import Facts, Finding
 from zteam.runtime import kinds
 from zteam.runtime.kinds import KINDS, Kind
 

@@ -15,9 +15,9 @@ from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.errors import UsageError
 from zteam.messages import RobotState, TeamState, TeamStatus
-from zteam.nodes.monitor import display, view
-from zteam.nodes.monitor.node import run_monitor
-from zteam.nodes.monitor.view import FollowedTeam
+from zteam.monitor.process import display, view
+from zteam.monitor.process.node import run_monitor
+from zteam.monitor.process.view import FollowedTeam
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from support.team_facts import WORLD_MAP, grid, nodes, problems, sim_status, team_facts
-from zteam.diagnosis.maps import check_map, check_map_file, compare_with_world, find_differences
+from zteam.monitor.doctor.maps import check_map, check_map_file, compare_with_world, find_differences
 from zteam.simulator.client import MapInfo
 
 

@@ -1,8 +1,8 @@
 """What the start gate says it waits for, and which robots it names."""
 
 from support.gate_feed import BOOT, FAULT, come, status, told
-from zteam.nodes.monitor.members import SILENT_AFTER
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.members import SILENT_AFTER
+from zteam.monitor.process.start_gate import Gate
 
 
 def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:

@@ -11,9 +11,9 @@ from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, wall_ns
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState, TeamStatus
-from zteam.nodes.monitor.display import Display, showing
-from zteam.nodes.monitor.members import WatchedTeam
-from zteam.nodes.monitor.watch import TeamWatch
+from zteam.monitor.process.display import Display, showing
+from zteam.monitor.process.members import WatchedTeam
+from zteam.monitor.process.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
 from zteam.robot_ids import format_robot_ids

@@ -6,8 +6,8 @@ import pytest
 
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
-from zteam.nodes.monitor import display, watch
-from zteam.nodes.monitor.display import Lines
+from zteam.monitor.process import display, watch
+from zteam.monitor.process.display import Lines
 from zteam.process_options import MonitorOptions
 
 

@@ -17,8 +17,8 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.nodes.monitor.members import Event, Member, WatchedTeam
-from zteam.nodes.monitor.watch import TeamWatch
+from zteam.monitor.process.members import Event, Member, WatchedTeam
+from zteam.monitor.process.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
@@ -248,7 +248,7 @@ def showing(options: MonitorOptions) -> Iterator[Lines]:
     elif not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb" or options.exit_on_go:
         yield Lines()
     else:
-        from zteam.nodes.monitor.live_table import LiveTable
+        from zteam.monitor.process.live_table import LiveTable
 
         table = LiveTable()
         with table.live:

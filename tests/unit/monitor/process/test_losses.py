@@ -5,7 +5,7 @@ import pytest
 from support.monitor_desk import FLICKER, LOSS, RETURN, Open, Robot
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.nodes.monitor.members import SILENT_AFTER
+from zteam.monitor.process.members import SILENT_AFTER
 
 
 def test_a_token_that_only_flickers_is_no_loss(hub: MemoryHub, open_desk: Open) -> None:

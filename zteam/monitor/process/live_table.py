@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from zteam.nodes.monitor.display import Line, Lines, Row, format_table
-from zteam.nodes.monitor.members import Event
+from zteam.monitor.process.display import Line, Lines, Row, format_table
+from zteam.monitor.process.members import Event
 
 _COLORS = {
     "ready": "cyan", "running": "green", "stopped": "yellow", "fault": "red", "lost": "bold red", "silent": "red",

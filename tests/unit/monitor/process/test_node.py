@@ -14,9 +14,9 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
-from zteam.nodes.monitor import watch
-from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
-from zteam.nodes.monitor.members import Event
+from zteam.monitor.process import watch
+from zteam.monitor.process.display import LEAVE_AFTER, JsonLines, Lines
+from zteam.monitor.process.members import Event
 from zteam.runtime.logs import LogKeeper
 
 

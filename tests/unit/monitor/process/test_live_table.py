@@ -7,11 +7,11 @@ import pytest
 from support.monitor_desk import Open, Robot
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
-from zteam.nodes.monitor import display
-from zteam.nodes.monitor.display import Lines, Row, make_rows
-from zteam.nodes.monitor.live_table import LiveTable
-from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process import display
+from zteam.monitor.process.display import Lines, Row, make_rows
+from zteam.monitor.process.live_table import LiveTable
+from zteam.monitor.process.members import Event
+from zteam.monitor.process.start_gate import Gate
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import msgspec
 
 from zteam import names
-from zteam.diagnosis.facts import Facts, Finding, note, ok, problem
 from zteam.geometry import Pose2, normalize_angle
+from zteam.monitor.doctor.facts import Facts, Finding, note, ok, problem
 from zteam.simulator.client import MapInfo, SimStatus, map_info
 
 _TURN = 0.01

@@ -4,10 +4,10 @@ from contextlib import nullcontext
 
 from zteam import names
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.nodes.monitor.display import Display, Lines, showing
-from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.view import run_view
-from zteam.nodes.monitor.watch import TeamWatch
+from zteam.monitor.process.display import Display, Lines, showing
+from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.view import run_view
+from zteam.monitor.process.watch import TeamWatch
 from zteam.process_options import MonitorOptions
 from zteam.runtime.lockstep import Ticks
 from zteam.runtime.process_node import ProcessNode

@@ -5,8 +5,8 @@ import pytest
 
 from support.gate_feed import BOOT, FAULT, RUNNING, STOPPED, come, status, told
 from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
-from zteam.nodes.monitor.members import SILENT_AFTER
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.members import SILENT_AFTER
+from zteam.monitor.process.start_gate import Gate
 
 
 def test_each_ready_robot_is_told_until_go() -> None:

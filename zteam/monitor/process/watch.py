@@ -7,7 +7,7 @@ from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.messages import RobotStatus
-from zteam.nodes.monitor.members import WatchedTeam
+from zteam.monitor.process.members import WatchedTeam
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenLossFilter, TokenSet, Writers
 from zteam.simulator.client import find_status

@@ -10,7 +10,7 @@ import numpy as np
 
 from zteam import names
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.nodes.monitor.members import Member, WatchedTeam
+from zteam.monitor.process.members import Member, WatchedTeam
 from zteam.robot_ids import format_robot_ids
 from zteam.simulator.client import absence_text
 

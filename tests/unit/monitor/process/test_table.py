@@ -5,9 +5,9 @@ import pytest
 from support.gate_feed import come
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState, RobotStatus
-from zteam.nodes.monitor.display import Row, format_table, make_rows, team_notes
-from zteam.nodes.monitor.members import SILENT_AFTER
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.monitor.process.display import Row, format_table, make_rows, team_notes
+from zteam.monitor.process.members import SILENT_AFTER
+from zteam.monitor.process.start_gate import Gate
 
 POSE = Pose2(-12.345, 8.5, -3.1)
 

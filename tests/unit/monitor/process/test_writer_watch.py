@@ -5,9 +5,9 @@ import pytest
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.messages import Twist
-from zteam.nodes.monitor import watch
-from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.watch import WriterWatch
+from zteam.monitor.process import watch
+from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.watch import WriterWatch
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.tokens import RECENT, Writers

@@ -1,8 +1,8 @@
 """Whether data flows, and whether each robot is commanded by one process only."""
 
 from support.team_facts import problems, sim_status, team_facts
-from zteam.diagnosis.checks import check_data, check_writers
-from zteam.diagnosis.facts import Facts
+from zteam.monitor.doctor.checks import check_data, check_writers
+from zteam.monitor.doctor.facts import Facts
 
 
 def test_no_data_at_all() -> None:

@@ -4,8 +4,8 @@ import pytest
 
 from support.team_facts import problems, sim_status, team_facts
 from zteam.bus.receiving import KeyCount
-from zteam.diagnosis.checks import HISTORY_AFTER, check_refusals, check_team, format_refusals, is_recent
-from zteam.diagnosis.facts import Facts, Fault
+from zteam.monitor.doctor.checks import HISTORY_AFTER, check_refusals, check_team, format_refusals, is_recent
+from zteam.monitor.doctor.facts import Facts, Fault
 
 
 @pytest.mark.parametrize(

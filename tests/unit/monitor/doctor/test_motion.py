@@ -4,8 +4,15 @@ import msgspec
 import pytest
 
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts, team_status
-from zteam.diagnosis.checks import check_frames, check_gate, check_readiness, check_silence, check_team, check_world
 from zteam.messages import RobotState
+from zteam.monitor.doctor.checks import (
+    check_frames,
+    check_gate,
+    check_readiness,
+    check_silence,
+    check_team,
+    check_world,
+)
 
 
 def test_a_paused_world_is_named_as_the_cause() -> None:
