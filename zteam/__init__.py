@@ -65,17 +65,17 @@ from zteam.version import __version__
 # Not typing's own: a command is deaf to Ctrl+C until the imports of this module are done.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from zteam.behaviors import Behavior, View
     from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
     from zteam.errors import ZteamError
     from zteam.geometry import Pose2
     from zteam.in_process.team_run import run_team
     from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
+    from zteam.robot.behaviors import Behavior, View
+    from zteam.robot.parameters import ParametersClient
     from zteam.runtime.basic_navigator import BasicNavigator
     from zteam.runtime.node import Node, run
     from zteam.services.navigation import TaskResult
-    from zteam.services.parameters import ParametersClient
     from zteam.simulator.client import SimulatorClient
     from zteam.team_file.entries import Team
     from zteam.team_file.reading import load_team
@@ -115,7 +115,7 @@ __all__ = [
 
 _HOMES = {
     "BasicNavigator": "runtime.basic_navigator",
-    "Behavior": "behaviors.behavior",
+    "Behavior": "robot.behaviors.behavior",
     "Bus": "bus.bus",
     "BusOptions": "bus.options",
     "Change": "bus.queries",
@@ -124,7 +124,7 @@ _HOMES = {
     "Lookup": "transforms.client",
     "NoRequest": "bus.queries",
     "Node": "runtime.node",
-    "ParametersClient": "services.parameters",
+    "ParametersClient": "robot.parameters",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
@@ -133,7 +133,7 @@ _HOMES = {
     "Team": "team_file.entries",
     "TransformClient": "transforms.client",
     "TransformListener": "transforms.listener",
-    "View": "behaviors.behavior",
+    "View": "robot.behaviors.behavior",
     "ZteamError": "errors",
     "connect": "bus.connection",
     "load_team": "team_file.reading",

@@ -11,8 +11,8 @@ import pytest
 
 from support.browser import Screen
 from zteam.geometry import Pose2
-from zteam.nodes.teleop import DIRECTIONS, MAX_SPEED, MIN_SPEED, SPEED_FACTORS
 from zteam.nodes.web import frames
+from zteam.robot.teleop import DIRECTIONS, MAX_SPEED, MIN_SPEED, SPEED_FACTORS
 
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from zteam.behaviors.assignment import assign
-from zteam.behaviors.shapes import slots_of
 from zteam.geometry import Pose2
+from zteam.robot.behaviors.assignment import assign
+from zteam.robot.behaviors.shapes import slots_of
 
 pytestmark = pytest.mark.team
 

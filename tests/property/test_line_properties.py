@@ -4,8 +4,8 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.behaviors.line import Line, OnLeaderLost, Place
 from zteam.messages import RobotStatus
+from zteam.robot.behaviors.line import Line, OnLeaderLost, Place
 from zteam.testing import make_view
 
 MOST = 7

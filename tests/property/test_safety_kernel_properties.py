@@ -11,8 +11,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from support import safety_references as slow
-from zteam.behaviors.safety.motion import Outline
 from zteam.kernels import binding
+from zteam.robot.safety.motion import Outline
 
 Floats = NDArray[np.float64]
 places, angles = st.floats(-2.0, 2.0), st.floats(-7.0, 7.0)

@@ -24,7 +24,9 @@ from support.flat_floor import (
 )
 from zteam.base import Base
 from zteam.behaviors import SafetyLayer
-from zteam.behaviors.safety.motion import (
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.safety.motion import (
     BaseLimits,
     Motion,
     Outline,
@@ -34,8 +36,6 @@ from zteam.behaviors.safety.motion import (
     place_after,
     swept_disc,
 )
-from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Twist, Vector3
 
 Floats = NDArray[np.float64]
 

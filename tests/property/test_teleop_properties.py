@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import Twist
-from zteam.nodes.teleop import (
+from zteam.robot.teleop import (
     DIRECTIONS,
     FIRST,
     FOCUS_GAINED,

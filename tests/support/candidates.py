@@ -5,10 +5,10 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-from zteam.behaviors.registry import find_behavior
-from zteam.trials.check import TrialResult, run_trials
-from zteam.trials.subject import Fault
-from zteam.trials.worlds import PLACES
+from zteam.robot.behaviors.registry import find_behavior
+from zteam.robot.trials.check import TrialResult, run_trials
+from zteam.robot.trials.subject import Fault
+from zteam.robot.trials.worlds import PLACES
 
 HEAD = """\
 import math, random, time

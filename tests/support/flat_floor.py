@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
-from zteam.behaviors.behavior import FindPose
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.kernels.binding import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
+from zteam.robot.behaviors.behavior import FindPose
+from zteam.robot.trials import situations
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import Limits, Obstacle, Ranger, Robot, Shape, World
-from zteam.trials import situations
 
 Segment = tuple[float, float, float, float]
 """x0, y0, x1, y1 in metres."""

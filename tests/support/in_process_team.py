@@ -13,13 +13,13 @@ import msgspec
 from support.limits import ASKED, LIMIT
 from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
-from zteam.behaviors.registry import find_behavior
 from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
-from zteam.nodes.robot.node import RobotNode
 from zteam.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
+from zteam.robot.behaviors.registry import find_behavior
+from zteam.robot.process.node import RobotNode
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.simulator.client import FinishReply, SimReport, SimStatus, StepRequest, WaitRequest

@@ -9,7 +9,6 @@ import numpy as np
 from support.limits import LIMIT
 from zteam import names
 from zteam.behaviors import Behavior
-from zteam.behaviors.follow import Follow
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
@@ -26,12 +25,13 @@ from zteam.messages import (
     Twist,
     time_from_ns,
 )
-from zteam.nodes.robot.node import RobotNode
 from zteam.process_options import RobotOptions
 from zteam.resources import shipped_world
+from zteam.robot.behaviors.follow import Follow
+from zteam.robot.parameters import ParametersClient
+from zteam.robot.process.node import RobotNode
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.parameters import ParametersClient
 from zteam.simulator.client import SimStatus
 from zteam.simulator.core import to_messages
 from zteam.simulator.world.model import base_info

@@ -19,7 +19,7 @@ from zteam.messages import (
 )
 from zteam.messages import Path as PathMessage
 from zteam.messages.topics import is_latched
-from zteam.services.goal_queries import navigation_query
+from zteam.robot.goal_queries import navigation_query
 from zteam.services.navigation import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.testing.team import TeamFixture
 

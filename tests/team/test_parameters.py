@@ -4,7 +4,7 @@ import pytest
 
 from zteam import names
 from zteam.messages import RobotStatus
-from zteam.services.parameters import ParametersClient
+from zteam.robot.parameters import ParametersClient
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.team, pytest.mark.real_time]
 
 FAILING = """
 import sys
-from zteam.nodes.teleop import Pilot
+from zteam.robot.teleop import Pilot
 press = Pilot.press
 def fail_at_y(self, key, now):
     if key == "y":
@@ -30,7 +30,7 @@ sys.exit(main(sys.argv[1:]))
 """The command with a fault: it ends by an exception at the key y."""
 PATIENT = """
 import sys
-from zteam.nodes import teleop
+from zteam.robot import teleop
 teleop.FIRST = 1e4
 from zteam.cli.teleop import main
 sys.exit(main(sys.argv[1:]))

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from zteam.behaviors import View
-from zteam.behaviors.registry import BEHAVIORS, describe_behavior
 from zteam.cli.behaviors import default_text, format_behavior, limits_text
+from zteam.robot.behaviors.registry import BEHAVIORS, describe_behavior
 from zteam.testing import make_view
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "behaviors.md").read_text()

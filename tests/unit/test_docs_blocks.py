@@ -16,9 +16,9 @@ from zteam import entry_points
 from zteam.behaviors import Behavior
 from zteam.launch.check import check_team
 from zteam.resources import shipped_world
+from zteam.robot.trials.check import run_trials
+from zteam.robot.trials.worlds import PLACES
 from zteam.team_file.reading import read_team_file
-from zteam.trials.check import run_trials
-from zteam.trials.worlds import PLACES
 
 
 def name_of(block: Block) -> str:

@@ -66,7 +66,7 @@ def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_path_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--path`: folders for `zteam.behaviors.registry.look_in`."""
+    """Add `--path`: folders for `zteam.robot.behaviors.registry.look_in`."""
     parser.add_argument(
         "--path",
         action="append",

@@ -7,11 +7,11 @@ from typing import Any
 
 import msgspec
 
-from zteam.behaviors.registry import BehaviorInfo, Parameter, behavior_names, describe_behavior, look_in
 from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
+from zteam.robot.behaviors.registry import BehaviorInfo, Parameter, behavior_names, describe_behavior, look_in
 
 _SINGLE = {
     "ge": "at least {}",

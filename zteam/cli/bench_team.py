@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import names
-from zteam.behaviors.polyline import Polyline
 from zteam.clock import process_time
 from zteam.counter_random import uniform
 from zteam.errors import UsageError, ZteamError
@@ -26,6 +25,7 @@ from zteam.messages import Twist, Vector3
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
 from zteam.planning.grid import OCCUPIED
 from zteam.planning.planner import AStarPlanner, NoPathError
+from zteam.robot.behaviors.polyline import Polyline
 from zteam.runtime.lockstep import RoundTiming
 from zteam.services.maps import map_grid
 from zteam.simulation_options import Options

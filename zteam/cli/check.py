@@ -10,16 +10,16 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.behaviors.registry import find_behavior, look_in
 from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.zteam_robot import add_param_option
+from zteam.robot.behaviors.registry import find_behavior, look_in
 
 # Trials import the simulator, which takes a moment: a mistake in the command line is said before.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from zteam.trials.check import TrialResult
-    from zteam.trials.subject import Fault
+    from zteam.robot.trials.check import TrialResult
+    from zteam.robot.trials.subject import Fault
 
 _WIDTH = 31
 """Columns of a trial's name."""
@@ -42,7 +42,7 @@ def _check(args: argparse.Namespace) -> int:
     # What the author's own code prints must not come among the results, and its steps are hundreds.
     with contextlib.redirect_stdout(sys.stderr):
         kind = find_behavior(args.name)
-    from zteam.trials.check import run_trials, trial_names
+    from zteam.robot.trials.check import run_trials, trial_names
 
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         for result in run_trials(args.name, kind, dict(args.param)):

@@ -24,7 +24,7 @@ from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Duration, NavigationState
 from zteam.numbers import MAX_SECONDS, counted
-from zteam.services.goal_queries import navigation_query
+from zteam.robot.goal_queries import navigation_query
 from zteam.services.navigation import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
 from zteam.simulator.client import absence_of
 

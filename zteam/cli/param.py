@@ -15,8 +15,8 @@ from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.errors import BusError, UsageError, did_you_mean
+from zteam.robot.parameters import DescribeReply, ParametersClient
 from zteam.robot_ids import parse_robot_ids
-from zteam.services.parameters import DescribeReply, ParametersClient
 from zteam.toml_values import parse_value
 
 Robots = dict[str, DescribeReply]

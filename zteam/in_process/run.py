@@ -34,8 +34,8 @@ from zteam.launch.run import (
 from zteam.launch.supervisor import Again, Member, Supervisor
 from zteam.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.nodes.bodies import Part, part_of, printing_monitor, robot_part
-from zteam.nodes.robot.inputs import TransformInputs
 from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.robot.process.inputs import TransformInputs
 from zteam.runtime.kinds import KINDS
 from zteam.runtime.node import Node, stepping
 from zteam.runtime.process_node import ProcessNode, run_body

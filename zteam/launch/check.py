@@ -13,12 +13,12 @@ from functools import partial
 from pathlib import Path
 
 from zteam import names
-from zteam.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.errors import ConfigError, UsageError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
+from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.robot_ids import format_robot_ids
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS

@@ -37,8 +37,8 @@ PRELOADS = (
     "zteam.team_file.reading",
     "zteam.transforms.urdf",
     "zteam.monitor.process.node",
-    "zteam.nodes.robot.node",
-    "zteam.behaviors.registry",
+    "zteam.robot.process.node",
+    "zteam.robot.behaviors.registry",
     "zteam.messages.team_codecs",
     "zteam.runtime.node",
 )

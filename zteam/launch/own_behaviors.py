@@ -12,11 +12,11 @@ from typing import Any
 
 import msgspec
 
-from zteam.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError
 from zteam.launch.process import Process, exit_text
 from zteam.launch.supervisor import Supervisor
+from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
 LIMIT = 60.0 * HOST_FACTOR

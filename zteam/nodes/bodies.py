@@ -83,9 +83,9 @@ def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Par
 
 
 def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
-    """A robot. The robots of one process share `transforms` (`zteam.nodes.robot.inputs.TransformInputs`)."""
-    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-    from zteam.nodes.robot.node import run_robot
+    """A robot. The robots of one process share `transforms` (`zteam.robot.process.inputs.TransformInputs`)."""
+    from zteam.robot.behaviors.registry import find_behavior, load_behavior, look_in
+    from zteam.robot.process.node import run_robot
 
     if ":" in options.behavior:
         look_in(options.folders)

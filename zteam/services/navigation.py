@@ -18,7 +18,7 @@ from zteam.clock import monotonic, to_ns
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
-from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.maps import pose_message
 
 log = logging.getLogger("zteam")

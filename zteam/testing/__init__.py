@@ -11,14 +11,14 @@ import importlib
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from zteam.bus import MemoryHub
+    from zteam.robot.trials.check import find_faults
     from zteam.testing.in_memory import RunningNode, make_view, run_node
     from zteam.testing.team import TeamFixture as Team
-    from zteam.trials.check import find_faults
 
 __all__ = ["MemoryHub", "RunningNode", "Team", "find_faults", "make_view", "run_node"]
 
 
-_MODULES = {"MemoryHub": "zteam.bus", "Team": "zteam.testing.team", "find_faults": "zteam.trials.check"}
+_MODULES = {"MemoryHub": "zteam.bus", "Team": "zteam.testing.team", "find_faults": "zteam.robot.trials.check"}
 """Where these are; the rest is in `in_memory`."""
 
 

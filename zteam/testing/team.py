@@ -16,7 +16,6 @@ from typing import Any, Self
 from msgspec import structs
 
 from zteam import names
-from zteam.behaviors.registry import look_in
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
@@ -28,6 +27,7 @@ from zteam.launch.team_launch import Pace, TeamLaunch
 from zteam.messages import TeamState
 from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.resources import find_team, find_world
+from zteam.robot.behaviors.registry import look_in
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.runtime.kinds import kind_of
 from zteam.runtime.logs import KEEPER

@@ -6,11 +6,11 @@ from typing import NamedTuple
 from studies.scenes import Part
 from zteam import names
 from zteam.behaviors import SafetyLayer, load_behavior
-from zteam.behaviors.behavior import declared_inputs
-from zteam.behaviors.registry import find_behavior
-from zteam.behaviors.safety import ask
 from zteam.messages import BaseInfo, Header, LaserScan, Odometry, Point, Pose, PoseStamped, TFMessage, Twist, Vector3
-from zteam.nodes.robot.inputs import SOURCES, RobotInputs
+from zteam.robot.behaviors.behavior import declared_inputs
+from zteam.robot.behaviors.registry import find_behavior
+from zteam.robot.process.inputs import SOURCES, RobotInputs
+from zteam.robot.safety import ask
 
 
 class Tick(NamedTuple):

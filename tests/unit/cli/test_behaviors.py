@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from support.installed_packages import install
-from zteam.behaviors.registry import BEHAVIORS
 from zteam.cli import main as zteam
+from zteam.robot.behaviors.registry import BEHAVIORS
 
 MINE = '''
 from typing import Annotated
@@ -74,7 +74,7 @@ def test_scripts_get_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert zteam.main(["behaviors", "follow", "--json"]) == 0
     follow = json.loads(capsys.readouterr().out)
     assert follow in listed
-    assert follow["source"] == "zteam.behaviors.follow:Follow"
+    assert follow["source"] == "zteam.robot.behaviors.follow:Follow"
     assert follow["parameters"][0] == {
         "name": "leader",
         "type": "int",

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from zteam.behaviors.polyline import Polyline
 from zteam.cli.bench_team import APART, GAP, find_circuit
 from zteam.errors import UsageError
 from zteam.resources import find_world
+from zteam.robot.behaviors.polyline import Polyline
 from zteam.world import load_world
 
 

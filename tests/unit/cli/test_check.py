@@ -10,7 +10,7 @@ import pytest
 from support.commands import exit_code
 from support.pages import DOCS, blocks_of, find_file
 from zteam.cli import main as zteam
-from zteam.trials import subject, worlds
+from zteam.robot.trials import subject, worlds
 
 FAULTY = """
 import math

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from zteam.behaviors.registry import BEHAVIORS
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import param
-from zteam.nodes.robot.parameters import BehaviorParameters
+from zteam.robot.behaviors.registry import BEHAVIORS
+from zteam.robot.process.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.team_file.entries import behavior_of

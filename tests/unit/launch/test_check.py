@@ -9,10 +9,10 @@ import pytest
 
 from support.limits import LIMIT
 from zteam import run_team
-from zteam.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.errors import ConfigError
 from zteam.launch.check import check_team, random_parts
 from zteam.resources import find_world, shipped_world
+from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.team_file.reading import load_team, read_team_file
 from zteam.testing.team import TeamFixture
 from zteam.world import load_world

@@ -3,13 +3,13 @@
 import pytest
 
 from zteam import names
-from zteam.behaviors.straight import Forward
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
-from zteam.nodes.robot.parameters import BehaviorParameters
+from zteam.robot.behaviors.straight import Forward
+from zteam.robot.parameters import DESCRIBE, ParametersClient
+from zteam.robot.process.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.parameters import DESCRIBE, ParametersClient
 
 NAME = "robot_1"
 

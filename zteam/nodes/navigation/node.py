@@ -22,8 +22,8 @@ from zteam.nodes.navigation.robot import RobotNavigation
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters, make_planner
 from zteam.planning.planner import Planner
+from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.runtime.node import Node
-from zteam.services.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.maps import map_grid
 from zteam.services.navigation import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from zteam import names
-from zteam.behaviors.assignment import assign
 from zteam.bus import Publisher
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
@@ -29,6 +28,7 @@ from zteam.messages import (
 )
 from zteam.nodes.web import frames, requests
 from zteam.nodes.web.team_view import TeamView, pose2_of
+from zteam.robot.behaviors.assignment import assign
 from zteam.simulator.client import SimulatorClient
 
 SPACING = 0.9

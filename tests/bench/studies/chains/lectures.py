@@ -6,9 +6,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior, View
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
+from zteam.robot.behaviors.behavior import Behavior, View
 
 MIN_DIST, MAX_LINEAR, MAX_ANGULAR = 0.8, 0.7, 3.14
 

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 import msgspec
 
 from studies.navigation.scene import Way, make_robot, scan_of, twist_of
-from zteam.behaviors.behavior import View
-from zteam.behaviors.wander import Wander, WanderParams
 from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
 from zteam.messages import Twist
@@ -15,6 +13,8 @@ from zteam.planning.controller import BlockedError, GoalChecker, ProgressChecker
 from zteam.planning.costmap import Costmap
 from zteam.planning.planner import AStarPlanner, NoPathError
 from zteam.planning.recovery import Recovery
+from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.wander import Wander, WanderParams
 from zteam.sim import Engine, Options
 from zteam.simulator.core.observation import Observation, RobotObservation
 from zteam.simulator.core.to_messages import odometry_message, scan_message

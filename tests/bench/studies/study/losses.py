@@ -6,11 +6,11 @@ from typing import Any
 from msgspec.structs import replace
 
 from zteam import names
-from zteam.behaviors.behavior import View
-from zteam.behaviors.follow import Follow, FollowParams
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import Twist
+from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.follow import Follow, FollowParams
 
 SHARE = 0.05
 """Of the messages of others that are lost, each by itself."""

@@ -9,7 +9,7 @@ from zteam.bus import Bus, MemoryHub
 from zteam.messages import Twist, Vector3
 from zteam.nodes.web import driving as module
 from zteam.nodes.web.driving import DEAD_MAN, Driving, Lease
-from zteam.runtime.wheels import Wheels
+from zteam.robot.wheels import Wheels
 
 AHEAD = Twist(Vector3(0.5), Vector3(z=0.1))
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.behaviors.polyline import Polyline
 from zteam.errors import UsageError
+from zteam.robot.behaviors.polyline import Polyline
 
 LEAD_IN = 13.0
 """Metres of a tour behind the leader's start, where its followers stand: room for 16 robots."""

@@ -1,0 +1,140 @@
+"""head: the robot that leads looks before it turns, keeps its line together, and hands over where it is stuck."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import pytest
+
+from support.flat_floor import LASER, Segment, cast, drive, make_odometry, make_scan, make_view
+from zteam.behaviors import View
+from zteam.clock import to_ns
+from zteam.geometry import Pose2
+from zteam.messages import Twist
+from zteam.robot.behaviors.head import Head
+from zteam.robot.behaviors.line import Place
+
+START = Pose2(0.0, 0.0, 0.0)
+SPEED = 0.4
+NO_MATES: Mapping[int, tuple[float, float]] = {}
+
+
+def box(left: float, right: float, ahead: float, back: float) -> list[Segment]:
+    """Walls so many metres from the origin."""
+    corners = [(-back, -right), (ahead, -right), (ahead, left), (-back, left)]
+    return [(*corners[i - 1], *corners[i]) for i in range(4)]
+
+
+OPEN, SHUT = box(20.0, 20.0, 20.0, 20.0), box(1.2, 1.2, 0.6, 1.2)
+
+
+def look(
+    own: Pose2,
+    walls: Sequence[Segment],
+    seconds: float,
+    mates: Mapping[int, tuple[float, float]] = NO_MATES,
+    seed: int = 1,
+) -> View:
+    """What a robot sees at `own` of walls and of the others, whose places are in its own base frame."""
+    frames = {f"robot_{robot}/base_footprint": Pose2(x, y, 0.0) for robot, (x, y) in mates.items()}
+
+    def lookup(_target: str, source: str) -> tuple[Pose2, int] | None:
+        return (frames[source], 0) if source in frames else None
+
+    scan = make_scan(cast(own.compose(LASER), walls), to_ns(seconds))
+    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates), seed=seed)
+
+
+def lead(head: Head, view: View, own: Pose2 = START, behind: int | None = None) -> tuple[Twist | None, str]:
+    """One step of a head that may drive 0.4 m/s and turn 1 rad/s."""
+    return head.step(view, own, Place(behind=behind, may_turn=True), SPEED, 1.0)
+
+
+@pytest.mark.parametrize(("ahead", "straight"), [(1.15, True), (1.0, False)])
+def test_it_drives_straight_on_while_a_metre_is_free(ahead: float, straight: bool) -> None:
+    """It turns only where less is free ahead of its laser."""
+    command, reason = lead(Head(), look(START, box(20.0, 20.0, ahead, 20.0), 1.0))
+    assert command is not None
+    assert ((command.linear.x, command.angular.z) == (SPEED, 0.0)) is straight
+    assert not reason
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
+    """A wall ahead, 1.25 m free on one side and 1.8 m on the other: it turns to the other."""
+    left, right = (1.8, 1.25) if side > 0.0 else (1.25, 1.8)
+    command, _ = lead(Head(), look(START, box(left, right, 0.6, 20.0), 1.0, seed=seed))
+    assert command is not None
+    assert command.linear.x == 0.0
+    assert command.angular.z * side > 0.0
+
+
+@pytest.mark.parametrize(("mate", "straight"), [((0.9, 0.5), False), ((0.9, 0.7), True), ((-0.8, 0.0), True)])
+def test_another_robot_counts_as_a_wall(mate: tuple[float, float], straight: bool) -> None:
+    """Which the laser may look over: in its way it turns, beside it or behind it drives on."""
+    command, _ = lead(Head(), look(START, OPEN, 1.0, {1: mate}))
+    assert command is not None
+    assert (command.angular.z == 0.0) is straight
+
+
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_it_does_not_turn_to_where_another_robot_is(seed: int) -> None:
+    """A wall ahead, robots on the left: it turns to the right."""
+    mates = {1: (0.3, 1.0), 2: (-0.4, 1.0), 3: (0.9, 0.9)}
+    command, _ = lead(Head(), look(START, box(3.0, 3.0, 0.6, 20.0), 1.0, mates, seed))
+    assert command is not None
+    assert command.angular.z < 0.0
+
+
+def test_it_hands_over_where_it_does_not_get_on() -> None:
+    """The way is free, and yet it has not come 0.4 m in 6 s; one that has come so far goes on."""
+    stuck, moving = Head(), Head()
+    for tick in range(10, 71):
+        on = Pose2(0.01 * (tick - 10), 0.0, 0.0)
+        assert lead(stuck, look(START, OPEN, 0.1 * tick))[0] is not None
+        assert lead(moving, look(on, OPEN, 0.1 * tick), on)[0] is not None
+    assert lead(stuck, look(START, OPEN, 7.1))[0] is None
+    assert lead(moving, look(Pose2(0.61, 0.0, 0.0), OPEN, 7.1), Pose2(0.61, 0.0, 0.0))[0] is not None
+
+
+@pytest.mark.parametrize(("seconds", "hands_over"), [(2.9, False), (3.1, True)])
+def test_a_new_head_has_three_seconds_to_find_a_heading(seconds: float, hands_over: bool) -> None:
+    """Shut in later than that it hands over at once; before, its own line may be what shuts it in."""
+    head = Head()
+    lead(head, look(START, OPEN, 1.0))
+    command, _ = lead(head, look(START, SHUT, 1.0 + seconds))
+    assert (command is None) is hands_over
+
+
+def test_a_new_head_that_is_shut_in_turns_round() -> None:
+    """Its line is behind it no more: it looks where it has come from, and drives out there."""
+    head, own = Head(), START
+    walls = box(0.6, 0.6, 0.6, 20.0)
+    for tick in range(10, 60):
+        command, _ = lead(head, look(own, walls, 0.1 * tick), own)
+        assert command is not None
+        own = drive(own, command, 0.1)
+    assert own.x < -0.2
+    assert abs(math.remainder(own.yaw - math.pi, math.tau)) < 0.2
+
+
+@pytest.mark.parametrize(("apart", "share"), [(0.8, 1.0), (1.6, 1.0), (1.95, 0.5), (2.4, 0.0)])
+def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
+    """From 1.6 m on, and at 2.3 m it stands and says so."""
+    command, reason = lead(Head(), look(START, OPEN, 1.0, {1: (-apart, 0.0)}), behind=1)
+    assert command is not None
+    assert command.linear.x == pytest.approx(SPEED * share)
+    assert reason == ("" if share else "waits for robot_1 behind it")
+
+
+def test_one_that_has_led_before_begins_anew() -> None:
+    """The time for which it followed does not count: it does not hand over at once."""
+    head = Head()
+    lead(head, look(START, OPEN, 1.0))
+    head.rest()
+    assert lead(head, look(START, OPEN, 30.0))[0] is not None
+
+
+def test_without_a_scan_it_stands() -> None:
+    """And says why."""
+    assert lead(Head(), make_view()) == (Twist(), "no scan yet")

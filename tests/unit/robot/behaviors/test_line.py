@@ -1,0 +1,201 @@
+"""Which robot of a line follows which, and which one leads."""
+
+import math
+from typing import Any
+
+import msgspec
+import pytest
+
+from support.flat_floor import make_view as view_of
+from zteam.geometry import Pose2
+from zteam.messages import RobotStatus
+from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
+from zteam.testing import make_view
+
+
+def told(*statuses: tuple[int, str, int]) -> View:
+    """Robot 3's view after these robots have told behaviour and leader."""
+    messages = {i: RobotStatus(robot_id=i, behavior=behavior, leader=leader) for i, behavior, leader in statuses}
+    return make_view(robot_id=3, inputs={"statuses": messages})
+
+
+def test_a_behaviour_is_known_by_its_status() -> None:
+    """Of a robot that has told nothing it is empty."""
+    view = told((0, "wander", -1))
+    assert (behavior_of(view, 0), behavior_of(view, 1), behavior_of(make_view(), 0)) == ("wander", "", "")
+
+
+@pytest.mark.parametrize(
+    ("found", "reason"),
+    [
+        (None, "leader robot_0 not seen"),
+        ((Pose2(1.0, 0.0, 0.0), 400_000_000), "leader robot_0 not seen for 0.5 s"),
+        ((Pose2(1.0, math.nan, 0.0), 1_000_000_000), "the pose of leader robot_0 is no number"),
+        ((Pose2(1.0, 2.0, 0.0), 600_000_000), ""),
+        ((Pose2(1.0, 2.0, 0.0), 0), ""),
+    ],
+)
+def test_a_place_counts_if_it_is_known_for_certain(found: Any, reason: str) -> None:
+    """It is there, fresh and a number; a stamp of 0 has no age. No robot is its own leader."""
+    view = msgspec.structs.replace(view_of(now=1_000_000_000, robot_id=1), lookup=lambda _target, _source: found)
+    seen, why = see_robot(view, 0, "map", 0.5)
+    assert why == reason
+    assert (seen is None) is bool(reason)
+    assert see_robot(view, 1, "map", 0.5) == (None, "it cannot follow itself")
+
+
+LINE = {0: None, 1: 0, 2: 1, 3: 2}
+"""0 <- 1 <- 2 <- 3."""
+
+
+def places(
+    leaders: dict[int, int | None], gone: frozenset[int] = frozenset(), on_lost: OnLeaderLost = "relink", turns: int = 0
+) -> dict[int, Place]:
+    """The places that the living robots find, each for itself, from what all of them tell."""
+    told = {
+        robot: RobotStatus(robot_id=robot, leader=-1 if leader is None else leader, turns=turns, gap=0.8)
+        for robot, leader in leaders.items()
+    }
+    found = {}
+    for robot in leaders.keys() - gone:
+        line, view = Line(), make_view(robot_id=robot, inputs={"statuses": told})
+        line.find_gone(msgspec.structs.replace(view, team=tuple(leaders)))
+        living = msgspec.structs.replace(view, team=tuple(leaders.keys() - gone))
+        found[robot] = line.find_place(living, leaders[robot], on_lost)
+    return found
+
+
+def ahead(found: dict[int, Place]) -> dict[int, int | str | None]:
+    """The robot that each follows, or why it stands."""
+    return {robot: place.reason or place.ahead for robot, place in found.items()}
+
+
+@pytest.mark.parametrize("on_lost", ["relink", "stop", "takeover"])
+def test_a_whole_line_is_as_it_was_named(on_lost: OnLeaderLost) -> None:
+    """While no robot is gone, each follows the robot that it was told to follow, and knows the one behind it."""
+    found = places(LINE, on_lost=on_lost)
+    assert ahead(found) == LINE
+    assert [found[robot].behind for robot in LINE] == [1, 2, 3, None]
+    assert all(place.may_turn and place.head == 0 for place in found.values())
+
+
+@pytest.mark.parametrize("turns", [1, 7])
+def test_an_odd_number_of_turns_is_a_line_that_is_led_from_its_other_end(turns: int) -> None:
+    """Each follows the robot behind it, and the last one leads."""
+    found = places(LINE, turns=turns)
+    assert ahead(found) == {0: 1, 1: 2, 2: 3, 3: None}
+    assert [found[robot].behind for robot in LINE] == [None, 0, 1, 2]
+    assert ahead(places(LINE, turns=turns + 1)) == LINE
+
+
+def test_a_leader_of_which_nothing_is_known_is_the_head() -> None:
+    """Before any status has come the named leader is all that there is, and the line cannot turn."""
+    place = Line().find_place(make_view(robot_id=3), 2)
+    assert (place.ahead, place.head, place.may_turn) == (2, 2, False)
+
+
+@pytest.mark.parametrize("on_lost", ["relink", "takeover"])
+@pytest.mark.parametrize("turns", [0, 1])
+def test_those_behind_a_lost_middle_robot_move_up(on_lost: OnLeaderLost, turns: int) -> None:
+    """They follow the next living robot, whichever end leads."""
+    expected = [{0: None, 1: 0, 3: 1}, {0: 1, 1: 3, 3: None}][turns]
+    assert ahead(places(LINE, frozenset({2}), on_lost, turns)) == expected
+
+
+def test_without_its_head_the_whole_line_stands() -> None:
+    """With `relink` all name the lost robot at once, also where the other end leads."""
+    for turns in (0, 1):
+        assert set(ahead(places(LINE, frozenset({0}), turns=turns)).values()) == {"leader robot_0 is gone"}
+
+
+def test_stop_is_about_every_robot_before() -> None:
+    """With `stop` the loss of a middle robot stops the robots behind it, and no others."""
+    assert ahead(places(LINE, frozenset({1}), "stop")) == {
+        0: None, 2: "leader robot_1 is gone", 3: "leader robot_1 is gone",
+    }  # fmt: skip
+    assert ahead(places(LINE, frozenset({2, 3}), "stop")) == {0: None, 1: 0}
+
+
+def test_the_first_living_robot_takes_over() -> None:
+    """It leads, the others follow it; if it is gone as well, the next one leads."""
+    assert ahead(places(LINE, frozenset({0}), "takeover")) == {1: None, 2: 1, 3: 2}
+    assert ahead(places(LINE, frozenset({0, 1}), "takeover")) == {2: None, 3: 2}
+
+
+def test_a_line_with_branches_does_not_turn() -> None:
+    """Each follows the robot that it was told to follow, however often another line has turned."""
+    tree = {0: None, 1: 0, 2: 1, 5: 0, 6: 5}
+    found = places(tree, turns=1)
+    assert ahead(found) == tree
+    assert not any(place.may_turn for place in found.values())
+
+
+@pytest.mark.parametrize(("turns", "expected"), [(2, {1: 0, 2: 1, 3: 2}), (3, {3: 0, 2: 3, 1: 2})])
+def test_a_head_that_cannot_follow_keeps_its_place(turns: int, expected: dict[int, int]) -> None:
+    """The robots behind it may turn their order: after an odd number of times the last one follows the head."""
+    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=turns, gap=0.8) for robot in LINE}
+    told[0].turns = NO_TURNS
+    found = {
+        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
+    }
+    assert {robot: place.ahead for robot, place in found.items()} == expected
+    assert all(place.may_reverse and not place.may_turn and place.head == 0 for place in found.values())
+
+
+@pytest.mark.parametrize("robot", [0, 2, 3])
+def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: int) -> None:
+    """With `hand_over = false` on any follower the robots behind a head that keeps its place do not turn."""
+    told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=0, gap=0.8) for each in LINE}
+    told[0].turns = NO_TURNS
+    told[robot].turns = NO_TURNS
+    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0)
+    assert place.may_reverse == (robot == 0)
+
+
+def test_a_robot_that_cannot_follow_the_one_behind_it_keeps_the_line_as_it_is() -> None:
+    """One such robot is enough: a formation, or `hand_over = false`."""
+    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=0, gap=0.8) for robot in (0, 1, 2)}
+    told[2].turns = NO_TURNS
+    view = make_view(robot_id=0, inputs={"statuses": told})
+    assert not Line().find_place(view, None).may_turn
+    told[2].turns = 0
+    assert Line().find_place(view, None).may_turn
+
+
+def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
+    """A robot in a formation keeps another place behind its leader than a line would have, and tells no gap."""
+    told = {
+        1: RobotStatus(robot_id=1, behavior="formation", leader=0),
+        2: RobotStatus(robot_id=2, behavior="follow", leader=1, gap=0.8),
+    }
+    place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2)
+    assert (place.before, place.head) == ((2, 1), 1)
+
+
+def test_the_own_leader_counts_as_it_is_set() -> None:
+    """And not as it was told."""
+    told = {3: RobotStatus(robot_id=3, behavior="follow", leader=1, gap=0.8)}
+    assert Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2).before == (2,)
+
+
+@pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])
+def test_a_circle_moves_no_robot(leaders: dict[int, int | None]) -> None:
+    """A line that leads back to one of its robots has no head."""
+    assert chain_before(1, {robot: leader for robot, leader in leaders.items() if leader is not None}) is None
+    assert places(leaders)[1].reason == "the robots follow each other in a circle"
+
+
+def test_gone_is_what_was_there_and_is_not() -> None:
+    """A robot that never was alive is not gone; one that comes back is there again; without itself nothing is known."""
+    line, view = Line(), make_view(robot_id=1)
+
+    def gone(*team: int) -> set[int]:
+        return set(line.find_gone(msgspec.structs.replace(view, team=team)))
+
+    assert gone() == set()
+    assert gone(1) == set()
+    assert gone(0, 1, 2) == set()
+    assert gone(1) == {0, 2}
+    assert gone() == set()
+    assert gone(0, 1) == {2}

@@ -1,0 +1,139 @@
+"""Why shipped behaviours stand: always in words of their own, wherever they are."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zteam.behaviors import Behavior, SafetyLayer, View, decide
+from zteam.messages import Twist
+from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
+from zteam.robot.behaviors.straight import Forward
+from zteam.robot.safety import ask
+from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
+from zteam.robot.trials.subject import Answer
+from zteam.robot.trials.worlds import PLACES, TrialDrive
+
+_AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
+"""The leader stands so near before it that it has nothing to do."""
+_NEEDED: Mapping[str, Mapping[str, Any]] = {
+    "follow": {"leader": LEADER},
+    "formation": {"leader": LEADER},
+    "path": {"waypoints": [[0.0, 0.0], [1.0, 0.0]]},
+}
+_FURTHER = [
+    ("forward", {"speed": 0.0}),
+    ("avoid", {"speed": 0.0}),
+    ("wander", {"speed": 0.0}),
+    ("go_to", {"speed": 0.0}),
+    ("follow", {"leader": LEADER, "law": "direct"}),
+    ("follow", {"leader": LEADER, "max_linear": 0.0}),
+    ("follow", {"leader": LEADER, "gap": 2.5}),
+    ("formation", {"leader": LEADER, "max_linear": 0.0}),
+    ("formation", {"leader": LEADER, "shape": "line", "spacing": 0.5}),
+    ("path", {"waypoints": [[0.0, 0.0], [0.01, 0.0]], "loop": True}),
+    ("path", {"waypoints": [[0.0, 0.0], [1.0, 0.0]], "speed": 0.0}),
+]
+_CASES = [*((name, dict(_NEEDED.get(name, {}))) for name in BEHAVIORS), *_FURTHER]
+
+
+def _views(kind: type[Behavior]) -> Iterator[tuple[str, Iterator[View]]]:
+    moment = ViewMaker(kind.inputs)
+    for name, make in SITUATIONS.items():
+        yield name, make(moment)
+    yield "with messages", moment.views(has_messages=True)
+    yield "at its place", moment.views(poses=_AT_ITS_PLACE)
+    yield "a narrow room", moment.views(np.full(1081, 0.35))
+
+
+class _Asked:
+    """A behaviour in awkward views and in small worlds: how often it stands, and what it says then."""
+
+    def __init__(self, name: str, params: dict[str, Any]) -> None:
+        self._name, self._params = name, params
+        self.told: list[tuple[str, str]] = []
+        """Where it stood, and the word."""
+        self.steps = 0
+
+    def _begin(self, where: str) -> None:
+        self._where, self._behavior = where, load_behavior(self._name, self._params)
+
+    def step(self, view: View) -> Answer:
+        """As `Subject.step`."""
+        return self._note(*ask(self._behavior, view))
+
+    def _note(self, command: Twist, reason: str) -> Answer:
+        self.steps += 1
+        if not command.linear.x and not command.angular.z:
+            self.told.append((self._where, reason or self._behavior.why_it_rests()))
+        return Answer(command, reason)
+
+    def run(self) -> None:
+        """Step it everywhere."""
+        for where, views in _views(BEHAVIORS[self._name]):
+            self._begin(where)
+            layer = SafetyLayer()
+            for view in views:
+                self._note(*decide(self._behavior, view, layer))
+        for where, place in PLACES.items():
+            self._begin(where)
+            # A Subject would look for faults.
+            TrialDrive(self, place, ViewMaker(self._behavior.inputs).messages()).run()  # type: ignore[arg-type]
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize(("name", "params"), _CASES, ids=lambda value: value if isinstance(value, str) else None)
+def test_a_shipped_behavior_says_why_it_stands(name: str, params: dict[str, Any]) -> None:
+    """In every view and world a command of zero comes with a reason or with a word on why it rests."""
+    asked = _Asked(name, params)
+    asked.run()
+    assert asked.steps > 500
+    assert not [where for where, told in asked.told if not told or not _is_sane(told)], asked.told
+
+
+def _is_sane(text: str) -> bool:
+    """Whether a reason names no number that is none, and no robot that does not exist."""
+    return "nan" not in text and "inf" not in text and "robot_-" not in text
+
+
+def test_a_follower_says_which_robot_is_how_near() -> None:
+    """By both laws, at its place and before it."""
+    for law, said in (("trail", "waits: robot_0 is 0.6 m away"), ("direct", "waits: robot_0 is 0.6 m away")):
+        behavior = load_behavior("follow", {"leader": LEADER, "law": law})
+        for view in ViewMaker(behavior.inputs).views(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}):
+            command, reason = decide(behavior, view)
+        assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
+        assert behavior.why_it_rests() == said
+
+
+def test_a_step_of_a_users_own_has_no_word_of_the_class_above() -> None:
+    """What a shipped behaviour says of its own step need not be true of a subclass's."""
+
+    class Own(Forward):
+        def step(self, view: View) -> Twist:
+            return Twist()
+
+    assert Own(Forward.Params()).why_it_rests() == ""
+
+
+def test_a_behaviour_may_have_further_bases() -> None:
+    """Python calls `__init_subclass__` of each base of a class, with the class's keywords."""
+    named: dict[str, type] = {}
+
+    class Named:
+        def __init_subclass__(cls, label: str = "", **kwargs: Any) -> None:
+            super().__init_subclass__(**kwargs)
+            named[label] = cls
+
+    class Own(Behavior, Named, label="own"):
+        def step(self, view: View) -> Twist:
+            return Twist()
+
+    assert named == {"own": Own}
+
+
+def test_the_robot_is_in_the_middle_of_the_views() -> None:
+    """The leader of the case 'at its place' is nearer than any gap, so followers do stand there."""
+    assert math.dist(_AT_ITS_PLACE[LEADER][:2], _AT_ITS_PLACE[ROBOT][:2]) < 0.6

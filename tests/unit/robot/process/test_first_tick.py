@@ -1,0 +1,157 @@
+"""A robot's first tick of lock-step: what it waits for."""
+
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+
+import pytest
+
+from support.lockstep_doubles import INTERVAL, ScriptedSimulator
+from support.transforms import stamped
+from zteam import names
+from zteam.behaviors import Behavior, View
+from zteam.bus import MemoryHub
+from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.process_options import RobotOptions
+from zteam.robot.process.node import RobotNode
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.shutdown import Stop
+
+
+class Seen(Behavior):
+    """Notes the models of the bases that it sees, and which robots' statuses."""
+
+    models: ClassVar[list[str]]
+    told: ClassVar[list[list[int]]]
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = {
+        "statuses": (names.all_robots_key(names.STATUS), RobotStatus)
+    }
+
+    def step(self, view: View) -> Twist:
+        """Stand."""
+        self.models.append(view.base.model)
+        self.told.append(sorted(view.inputs["statuses"]))
+        return Twist()
+
+
+@pytest.fixture
+def simulator(hub: MemoryHub) -> ScriptedSimulator:
+    """A simulator in lock-step."""
+    return ScriptedSimulator(hub, "robot_0")
+
+
+@pytest.fixture
+def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.MonkeyPatch) -> Iterator[RobotNode]:
+    """Robot 0, which takes part in tick 2. That is open."""
+    monkeypatch.setattr(Seen, "models", [], raising=False)
+    monkeypatch.setattr(Seen, "told", [], raising=False)
+    node = ProcessNode("robot_0", hub.bus(), Stop())
+    made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
+    simulator.appear()
+    node.become_present()
+    simulator.tick(1, robots=(0,))
+    simulator.tick(2, "robot_0", robots=(0,))
+    simulator.take()
+    yield made
+    node.close()
+
+
+@pytest.fixture
+def models(robot: RobotNode) -> list[str]:
+    """What the behaviour of robot 0 saw."""
+    return Seen.models
+
+
+def test_it_waits_for_the_base_also_where_that_comes_last(
+    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+) -> None:
+    """With scan and odometry there the robot does not answer; with `base_info` it does, and the behaviour sees it."""
+
+    put_inputs(hub, 2)
+    assert (simulator.take(), models) == ([], [])
+    put(hub, names.BASE_INFO, BaseInfo(model="cart"), latched=True)
+    assert [done.tick for done in simulator.take()] == [2]
+    assert models == ["cart"]
+
+
+def put(hub: MemoryHub, topic: str, message: Message, *, robot: int = 0, latched: bool = False) -> None:
+    """Publish for a robot."""
+    hub.bus().publisher(names.robot_key(robot, topic), type(message), latched=latched).put(message)
+
+
+def put_inputs(hub: MemoryHub, tick: int) -> None:
+    """Scan and odometry of a tick."""
+    header = Header(time_from_ns(tick * INTERVAL))
+    put(hub, names.BASE_SCAN, LaserScan(header, angle_min=-1.0, angle_increment=1.0, range_max=9.0, ranges=[5.0] * 3))
+    put(hub, names.ODOM, Odometry(header))
+
+
+def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_next_tick_on(
+    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+) -> None:
+    """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
+    the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing.
+    """
+    heard: list[RobotStatus] = []
+    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put(hub, names.STATUS, RobotStatus(robot_id=7), robot=7)
+    told = []
+    for tick, team in enumerate((["robot_0"], ["robot_0"], ["robot_0", "robot_1"], ["robot_0", "robot_1"]), 2):
+        simulator.tick(tick, *team, robots=(0,))
+        before = len(heard)
+        put_inputs(hub, tick)
+        told.append(len(heard) > before)
+    assert [7 in robots for robots in Seen.told] == [False, True, True, True]
+    assert told == [True, False, True, False]
+
+
+def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
+    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+) -> None:
+    """A robot that has not heard of a reset may repeat its last status, and the aggregator its last bundle. Such a
+    status does not hold back those of the new time, and such a bundle is not the one that a step waits for."""
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put_inputs(hub, 2)
+    simulator.tick(9, "robot_0", "tf", robots=(0,))
+    put_bundle(hub, 9)
+    put_inputs(hub, 9)
+    assert [done.tick for done in simulator.take()] == [2, 9]
+    simulator.tick(1, "robot_0", "tf", robots=(0,))
+    put_bundle(hub, 9)
+    put_status(hub, 9)
+    put_inputs(hub, 1)
+    assert simulator.take() == []
+    put_bundle(hub, 1)
+    put_status(hub, 1)
+    assert [done.tick for done in simulator.take()] == [1]
+    Seen.told.clear()
+    simulator.tick(2, "robot_0", robots=(0,))
+    put_inputs(hub, 2)
+    assert [7 in robots for robots in Seen.told] == [True]
+
+
+def put_bundle(hub: MemoryHub, tick: int) -> None:
+    """The bundle of a tick."""
+    base = stamped("robot_0/odom", "robot_0/base_footprint", tick * INTERVAL)
+    hub.bus().publisher(names.TF, TFMessage).put(TFMessage([base]))
+
+
+def put_status(hub: MemoryHub, tick: int) -> None:
+    """The status of robot 7, of a tick."""
+    put(hub, names.STATUS, RobotStatus(Header(time_from_ns(tick * INTERVAL)), robot_id=7), robot=7)
+
+
+def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(
+    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
+) -> None:
+    """Lock-step that goes on tells enough; while it stands still, each heartbeat sends the last status again."""
+    heard: list[RobotStatus] = []
+    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put_inputs(hub, 2)
+    counts = [len(heard)]
+    for _ in range(3):
+        robot._status.beat()
+        counts.append(len(heard) - counts[0])
+    assert counts[1:] == [0, 1, 2]
+    assert heard[-1] == heard[counts[0] - 1]

@@ -1,0 +1,130 @@
+"""The robot's main loop in real time, on a bus in memory: what wakes it, and what it does without its data."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from support.limits import LIMIT
+from support.real_time_robot import NEVER, RealTimeRobot
+from zteam.behaviors import Behavior, View
+from zteam.messages import Twist
+from zteam.robot.process import inputs
+from zteam.robot.process import node as robot_module
+from zteam.runtime.process_node import ProcessNode
+
+
+@pytest.fixture
+def robot() -> Iterator[RealTimeRobot]:
+    """A follower that knows all fixed frames."""
+    made = RealTimeRobot()
+    made.say_statics()
+    made.say_time(1)
+    yield made
+    made.close()
+
+
+def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scan without its transforms waits for them, and the command follows as soon as they come."""
+    waits = threading.Event()
+    usual = ProcessNode.wait
+
+    def wait(self: ProcessNode, ready: Callable[[], bool], timeout: float) -> bool:
+        def watched() -> bool:
+            found = ready()
+            if timeout == NEVER and not found:
+                # Under the node's lock: messages from here on find it waiting.
+                waits.set()
+            return found
+
+        return usual(self, watched, timeout)
+
+    monkeypatch.setattr(robot_module, "TF_LIMIT", NEVER)
+    monkeypatch.setattr(ProcessNode, "wait", wait)
+    robot.say_scan(1)
+    assert waits.wait(LIMIT)
+    robot.say_transforms(1)
+    robot.wait_for_commands(1)
+
+
+def test_a_robot_does_without_transforms_that_stay_away(robot: RealTimeRobot) -> None:
+    """A scan is answered without transforms too: the robot must be told to stand still."""
+    robot.say_scan(1)
+    robot.say_transforms(1)
+    robot.wait_for_commands(1)
+    for tick in range(2, 8):
+        robot.say_time(tick)
+        robot.say_scan(tick)
+        robot.wait_for_commands(tick)
+
+
+def test_a_robot_acts_once_a_scan(robot: RealTimeRobot) -> None:
+    """Neither the clock nor a second bundle makes it act on the same scan again."""
+    for tick in range(1, 6):
+        robot.say_scan(tick)
+        robot.say_transforms(tick)
+        robot.say_time(tick)
+        robot.say_transforms(tick)
+        robot.wait_for_commands(tick)
+    assert len(robot.commands) == 5
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_robot_is_ready_with_its_base(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With all else there it waits for `base_info`; a base that does not publish it is waited for only so long."""
+    monkeypatch.setattr(inputs, "BASE_INFO_LIMIT", NEVER)
+    robot = RealTimeRobot(gate=True)
+    try:
+        robot.say_statics()
+        robot.say_time(1)
+        robot.say_odometry(1)
+        robot.say_transforms(1)
+        robot.say_scan(1)
+        robot.wait_for_text("waiting for its footprint (robot_1/base_info)")
+        if told:
+            robot.say_base_info()
+        else:
+            monkeypatch.setattr(inputs, "BASE_INFO_LIMIT", 0.0)
+        robot.say_time(2)
+        robot.say_transforms(2)
+        robot.say_scan(2)
+        robot.wait_for_text("waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
+    finally:
+        robot.close()
+
+
+class Held(Behavior):
+    """Steps until it is let go."""
+
+    entered = threading.Event()
+    release = threading.Event()
+
+    def step(self, view: View) -> Twist:
+        """Wait within the step."""
+        Held.entered.set()
+        Held.release.wait(LIMIT)
+        return Twist()
+
+
+def test_a_long_step_keeps_no_message_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the behaviour works, time, scans, transforms and tokens are handled, and a monitor gets its status."""
+    for name in ("entered", "release"):
+        monkeypatch.setattr(Held, name, threading.Event())
+    robot = RealTimeRobot(Held)
+    try:
+        robot.say_statics()
+        robot.say_time(50)
+        robot.say_scan(50)
+        assert Held.entered.wait(LIMIT)
+        statuses = robot.statuses
+        robot.say_time(51)
+        robot.say_scan(51)
+        robot.say_transforms(51)
+        robot.say_monitor()
+        assert robot.statuses == statuses + 1
+        assert not robot.commands
+        Held.release.set()
+        robot.wait_for_commands(2)
+    finally:
+        Held.release.set()
+        robot.close()

@@ -1,0 +1,199 @@
+"""What a robot knows around it: beams that say nothing, and teammates."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.flat_floor import TICK, make_odometry, make_scan, make_view
+from zteam.base import DEFAULT_BASE, Base
+from zteam.behaviors import SafetyLayer, View
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan, Twist, Vector3
+from zteam.robot.safety.motion import outline_of
+from zteam.robot.safety.surroundings import FOLLOWING_GAP, GAP, MAX_GROWTH, NearTeammate, TeammateTracker
+
+START = 100 * TICK
+BEAMS = 541
+"""Of half a degree each."""
+
+
+def scan_with(value: float, half_deg: float, bearing_deg: float, now: int) -> LaserScan:
+    """A free scan whose beams within `half_deg` of a bearing say `value`."""
+    ranges = np.full(BEAMS, 20.0)
+    middle = BEAMS // 2 + round(2 * bearing_deg)
+    ranges[max(0, middle - round(2 * half_deg)) : middle + round(2 * half_deg) + 1] = value
+    scan = make_scan(ranges, now, math.radians(270.0))
+    scan.range_min = 0.2
+    return scan
+
+
+def drive(value: float, half_deg: float, bearing_deg: float = 0.0, free_ticks: int = 0) -> list[tuple[float, str]]:
+    """What is left of 0.4 m/s straight on, and why, after so many steps with a free scan."""
+    layer, found = SafetyLayer(), []
+    for tick in range(free_ticks + 10):
+        now = START + tick * TICK
+        scan = scan_with(20.0 if tick < free_ticks else value, half_deg, bearing_deg, now)
+        command, why = layer.limit(Twist(Vector3(0.4)), make_view(scan, now=now))
+        found.append((command.linear.x, why))
+    return found[free_ticks:]
+
+
+@pytest.mark.parametrize("value", [math.nan, 0.0, 0.1, -1.0, 31.0])
+def test_a_silent_way_is_no_free_way(value: float) -> None:
+    """NaN, 0, below range_min, below 0, beyond range_max: the robot stands as long as such beams point into its way."""
+    assert drive(value, 5.0) == [(0.0, "blind ahead")] * 10
+
+
+@pytest.mark.parametrize("value", [math.inf, 30.0, 20.0])
+def test_no_hit_is_a_free_way(value: float) -> None:
+    """Beams that met nothing are free space."""
+    assert drive(value, 5.0) == [(0.4, "")] * 10
+
+
+def test_the_last_word_of_a_beam_counts_for_half_a_second() -> None:
+    """A short silence stops no robot; a longer one does."""
+    found = drive(math.nan, 5.0, free_ticks=3)
+    assert [speed for speed, _ in found] == [0.4] * 5 + [0.0] * 5
+
+
+@pytest.mark.parametrize("bearing_deg", [100.0, -120.0])
+def test_silent_beams_to_the_side_stop_nobody(bearing_deg: float) -> None:
+    """Only what points into the way counts."""
+    assert drive(math.nan, 10.0, bearing_deg) == [(0.4, "")] * 10
+
+
+@pytest.mark.parametrize(("half_deg", "speed"), [(0.0, 0.4), (0.5, 0.0)])
+def test_one_silent_beam_is_bridged(half_deg: float, speed: float) -> None:
+    """One beam of half a degree between two that speak hides nothing that a robot could hit; three do."""
+    assert drive(math.nan, half_deg)[-1][0] == speed
+
+
+def test_a_teammate_explains_dazzled_beams() -> None:
+    """Beams around a teammate that stands far ahead are dazzled by its laser: the robot drives on; without the
+    teammate they hide the way."""
+    for team, expected in (((0, 1), 0.4), ((0,), 0.0)):
+        layer = SafetyLayer()
+        for tick in range(10):
+            now = START + tick * TICK
+            ahead = (Pose2(0.0, 0.0, 0.0), now), (Pose2(6.0, 0.0, 0.0), now)
+            view = make_view(
+                scan_with(math.nan, 2.0, 0.0, now),
+                now=now,
+                team=team,
+                lookup=lambda target, source, ahead=ahead: ahead[source.startswith("robot_1")],
+            )
+            command, _ = layer.limit(Twist(Vector3(0.4)), view)
+        assert command.linear.x == expected
+
+
+def test_beams_that_are_silent_from_the_start_stay_silent_when_it_turns() -> None:
+    """What a beam said, it said of its bearing then: a robot that turns into bearings that no beam has seen stands."""
+    layer, left = SafetyLayer(), []
+    for tick in range(12):
+        now, yaw = START + tick * TICK, 0.1 * tick
+        ranges = np.full(BEAMS, 20.0)
+        # Silent is what lies to the left of 70 degrees in `odom`.
+        ranges[np.linspace(-0.75 * math.pi, 0.75 * math.pi, BEAMS) + yaw > math.radians(70.0)] = math.nan
+        view = make_view(make_scan(ranges, now, math.radians(270.0)), now=now, odom=make_odometry(Pose2(0.0, 0.0, yaw)))
+        command, why = layer.limit(Twist(Vector3(0.4)), view)
+        left.append((command.linear.x, why))
+    assert left[0] == (0.4, "")
+    assert left[-3:] == [(0.0, "blind ahead")] * 3
+    assert {speed for speed, _ in left} == {0.4, 0.0}
+
+
+LATER = 1000 * TICK
+FRONT, REAR, WIDE = 0.125, 0.225, 0.175
+
+
+def view(mate: Pose2, age: float = 0.0, tick: int = 0, mate_base: Base = DEFAULT_BASE) -> View:
+    """Robot 0 at the map's origin with a free scan; robot 1 was at `mate` `age` seconds ago."""
+    now = LATER + tick * TICK
+    poses = {"robot_0": (Pose2(0.0, 0.0, 0.0), now), "robot_1": (mate, now - round(age * 1e9))}
+    return make_view(
+        make_scan([30.0] * 361, now, math.tau),
+        now=now,
+        team=(0, 1),
+        bases={1: mate_base},
+        lookup=lambda target, source: poses[source.split("/")[0]],
+    )
+
+
+def stops_at(speed: float, behind: bool = False, age: float = 0.0) -> float:
+    """The largest distance between both outlines, to the centimetre, at which robot 0 does not begin to move."""
+    for centimetre in range(200):
+        away = centimetre / 100
+        x = -(away + REAR + FRONT) if behind else away + FRONT + REAR
+        command, _ = SafetyLayer().limit(Twist(Vector3(speed)), view(Pose2(x, 0.0, 0.0), age))
+        if command.linear.x:
+            return away - 0.01
+    raise AssertionError("it never moves")
+
+
+def test_it_stops_before_a_teammate_that_no_beam_shows() -> None:
+    """At 0.3 m, forwards and backwards."""
+    assert stops_at(0.2) == pytest.approx(GAP, abs=0.05)
+    assert stops_at(-0.2, behind=True) == pytest.approx(GAP, abs=0.05)
+
+
+def test_the_outline_grows_with_the_age_of_the_pose() -> None:
+    """By 0.25 m/s from 0.3 s on, up to half a metre; after 5 s the teammate counts as gone."""
+    fresh = stops_at(0.2)
+    assert stops_at(0.2, age=0.3) == fresh
+    assert stops_at(0.2, age=1.3) == pytest.approx(fresh + 0.25, abs=0.011)
+    assert stops_at(0.2, age=4.9) == pytest.approx(fresh + MAX_GROWTH, abs=0.011)
+    assert SafetyLayer().limit(Twist(Vector3(0.2)), view(Pose2(0.5, 0.0, 0.0), 5.1))[0].linear.x == 0.2
+
+
+def near(*places: Pose2, reach: float = 1.0, age: float = 0.0) -> NearTeammate | None:
+    """What robot 0 makes of a teammate that was seen at these places, a tick apart."""
+    mates, found = TeammateTracker(), []
+    for tick, place in enumerate(places):
+        mates.look(view(place, age, tick))
+        found = mates.near(0.0, 0.0, reach + outline_of(DEFAULT_BASE.footprint).radius, 0.1)
+    return found[0] if found else None
+
+
+def test_a_moving_teammate_takes_up_its_way() -> None:
+    """One that comes nearer takes up the way until it can stand; one that drives away takes up its place, and may be
+    come nearer to."""
+    comes = near(Pose2(1.57, 0.0, math.pi), Pose2(1.5, 0.0, math.pi))
+    assert comes is not None
+    assert comes.gap == GAP
+    way = 0.7 * 0.1 + 0.5 * 0.7**2
+    assert comes.points[0].min() == pytest.approx(1.5 - FRONT - way)
+    leaves = near(Pose2(0.83, 0.0, 0.0), Pose2(0.9, 0.0, 0.0))
+    assert leaves is not None
+    assert leaves.gap == FOLLOWING_GAP
+    assert leaves.points[0].min() == pytest.approx(0.9 - REAR)
+    assert leaves.points[1].max() == pytest.approx(WIDE)
+
+
+def test_a_teammates_own_outline_counts() -> None:
+    """A long one is stopped before earlier, whatever the robot itself is."""
+    long = Base(footprint=((0.9, 0.2), (-0.9, 0.2), (-0.9, -0.2), (0.9, -0.2)))
+    command, why = SafetyLayer().limit(Twist(Vector3(0.2)), view(Pose2(1.3, 0.0, 0.0), mate_base=long))
+    assert (command.linear.x, why) == (0.0, "robot_1 ahead")
+    assert SafetyLayer().limit(Twist(Vector3(0.2)), view(Pose2(1.3, 0.0, 0.0)))[0].linear.x == 0.2
+
+
+@pytest.mark.parametrize("tick", [0.1, 1.0])
+def test_two_robots_that_close_in_stop_apart(tick: float) -> None:
+    """Both at 1 m/s, and each commanded once a tick: however long it is."""
+    layer, own, other, mates = SafetyLayer(), 0.0, 10.0, 1.0
+    for step in range(round(30.0 / tick)):
+        now = LATER + round(step * tick * 1e9)
+
+        def look(target: str, source: str, now: int = now, own: float = own, other: float = other) -> tuple[Pose2, int]:
+            return Pose2(other if source.startswith("robot_1") else own, 0.0, 0.0), now
+
+        scan = make_scan([30.0] * 361, now, math.tau)
+        command, why = layer.limit(Twist(Vector3(1.0)), make_view(scan, now=now, dt=tick, team=(0, 1), lookup=look))
+        own += tick * command.linear.x
+        # It brakes with 1 m/s² when it is within its own way to stand.
+        room = other - own - FRONT - REAR - GAP
+        mates = min(mates, max(0.0, math.sqrt(tick**2 + 2.0 * max(0.0, room - 0.5)) - tick))
+        other -= tick * mates
+        assert other - own - FRONT - REAR >= GAP - 0.01
+    assert why == "robot_1 ahead"

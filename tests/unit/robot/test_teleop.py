@@ -1,0 +1,188 @@
+"""Keys, scripts, and what they command."""
+
+import pytest
+
+from zteam.errors import UsageError
+from zteam.messages import Twist, Vector3
+from zteam.robot.teleop import (
+    DIRECTIONS,
+    FOCUS_GAINED,
+    FOCUS_LOST,
+    HELP,
+    HELP_TEXT,
+    MAX_SPEED,
+    MIN_SPEED,
+    NEXT,
+    OTHER,
+    SPACE,
+    KeyDecoder,
+    Pilot,
+    parse_script,
+)
+
+TELEOP_TWIST_KEYBOARD = {
+    "i": (1, 0, 0), "o": (1, 0, -1), "j": (0, 0, 1), "l": (0, 0, -1), "u": (1, 0, 1), ",": (-1, 0, 0),
+    ".": (-1, 0, 1), "m": (-1, 0, -1), "O": (1, -1, 0), "I": (1, 0, 0), "J": (0, 1, 0), "L": (0, -1, 0),
+    "U": (1, 1, 0), "<": (-1, 0, 0), ">": (-1, -1, 0), "M": (-1, 1, 0),
+}  # fmt: skip
+"""x, y and turn of its table of moves."""
+
+
+def test_the_keys_are_those_of_teleop_twist_keyboard() -> None:
+    """Each of its keys in the plane means the same; the arrows are i, comma, j and l."""
+    arrows = {"up": "i", "down": ",", "left": "j", "right": "l"}
+    expected = {**TELEOP_TWIST_KEYBOARD, **{arrow: TELEOP_TWIST_KEYBOARD[key] for arrow, key in arrows.items()}}
+    assert dict(DIRECTIONS) == expected
+
+
+@pytest.mark.parametrize("key", ["i", "j", "l", "u", "o", "m", ",", ".", "k", "q", "z", "w", "x", "e", "c", "?", "tab"])
+def test_the_help_names_every_key(key: str) -> None:
+    """A user finds each key in the help."""
+    assert key in HELP_TEXT.replace(":", " ").replace(";", " ").split() or f" {key}" in HELP_TEXT
+
+
+@pytest.mark.parametrize(
+    ("data", "keys"),
+    [
+        (b"iI,", ["i", "I", ","]),
+        (b"\t \x1b[A", [NEXT, SPACE, "up"]),
+        (b"\x1b[B\x1bOC\x1b[D", ["down", "right", "left"]),
+        (b"\x1b[O\x1b[I", [FOCUS_LOST, FOCUS_GAINED]),
+        (b"\x1b[15~\x1b[1;2A\x1bOPi", [OTHER, OTHER, OTHER, "i"]),
+        (b"\x1bi", [OTHER]),
+        ("é".encode(), ["é"]),
+        (b"\xff", ["\ufffd"]),
+    ],
+)
+def test_bytes_become_keys(data: bytes, keys: list[str]) -> None:
+    """Plain keys, arrows in both modes of a terminal, its focus, and sequences without a meaning."""
+    assert KeyDecoder().feed(data) == keys
+
+
+def test_a_sequence_may_come_in_parts() -> None:
+    """A loss of the focus that comes byte by byte is one key, not three."""
+    decoder = KeyDecoder()
+    assert [decoder.feed(bytes([byte])) for byte in b"\x1b[Oi"] == [[], [], [FOCUS_LOST], ["i"]]
+
+
+def test_escape_alone_is_a_key() -> None:
+    """Esc has no meaning, so it stops; it does not swallow the next key."""
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b") == []
+    assert decoder.flush() == [OTHER]
+    assert decoder.flush() == []
+    assert decoder.feed(b"i") == ["i"]
+
+
+STILL = Twist()
+AHEAD = Twist(Vector3(0.5))
+
+
+def make_pilot(*robot_ids: int) -> Pilot:
+    """With the speeds of teleop_twist_keyboard."""
+    return Pilot(robot_ids or (0,), 0.5, 1.0)
+
+
+def test_nothing_is_commanded_before_the_first_key() -> None:
+    """A look at a robot does not take it from its behaviour; nor do the focus, the help or a change of speed."""
+    pilot = make_pilot(3)
+    for key in (FOCUS_LOST, FOCUS_GAINED, HELP, "q"):
+        pilot.press(key, 1.0)
+        assert pilot.take_commands(1.0) == []
+    pilot.press("k", 2.0)
+    assert pilot.take_commands(2.0) == [(3, STILL)]
+
+
+def test_a_press_counts_for_a_while_and_a_repeat_extends_it() -> None:
+    """0.75 s after the first press, 0.3 s after each repeat, then zero, which is sent on and on."""
+    pilot = make_pilot()
+    pilot.press("i", 10.0)
+    assert [pilot.command(now) for now in (10.0, 10.74, 10.75, 11.0)] == [AHEAD, AHEAD, STILL, STILL]
+    for now in (20.0, 20.5, 20.53, 20.56):
+        pilot.press("i", now)
+    assert [pilot.command(now) for now in (20.85, 20.87)] == [AHEAD, STILL]
+    assert pilot.take_commands(30.0) == [(0, STILL)]
+
+
+def test_a_quick_second_tap_takes_nothing_away() -> None:
+    """The first press counts for its 0.75 s also if a repeat follows at once."""
+    pilot = make_pilot()
+    pilot.press("i", 1.0)
+    pilot.press("i", 1.1)
+    assert [pilot.command(now) for now in (1.74, 1.76)] == [AHEAD, STILL]
+
+
+@pytest.mark.parametrize("key", ["k", SPACE, OTHER, "y", "\x04", FOCUS_LOST])
+def test_these_keys_stop_at_once(key: str) -> None:
+    """k, space, any key without a meaning, and the loss of the focus."""
+    pilot = make_pilot()
+    pilot.press("i", 1.0)
+    pilot.press(key, 1.1)
+    assert pilot.take_commands(1.1) == [(0, STILL)]
+    pilot.press(FOCUS_GAINED, 1.2)
+    assert pilot.command(1.2) == STILL
+
+
+def test_sideways_and_turning_keys_use_their_speeds() -> None:
+    """J goes to the left at the speed, m backwards with the turn rate."""
+    pilot = make_pilot()
+    pilot.press("J", 0.0)
+    assert pilot.command(0.0) == Twist(Vector3(0.0, 0.5))
+    pilot.press("m", 0.1)
+    assert pilot.command(0.1) == Twist(Vector3(-0.5), Vector3(z=-1.0))
+
+
+def test_speed_keys_change_the_motion_under_way() -> None:
+    """q makes both 10 % faster, x and c slower, within bounds; the key that drives goes on to count."""
+    pilot = make_pilot()
+    pilot.press("u", 0.0)
+    pilot.press("q", 0.1)
+    command = pilot.command(0.2)
+    assert (command.linear.x, command.angular.z) == pytest.approx((0.55, 1.1))
+    for _ in range(200):
+        pilot.press("w", 0.2)
+        pilot.press("c", 0.2)
+    assert (pilot.speed, pilot.turn) == (MAX_SPEED, MIN_SPEED)
+
+
+def test_tab_stops_the_robot_that_is_left() -> None:
+    """It gets one zero and no more; the next is not commanded before its first key; after the last comes the first."""
+    pilot = make_pilot(0, 1)
+    pilot.press("i", 0.0)
+    pilot.press(NEXT, 0.1)
+    assert pilot.take_commands(0.1) == [(0, STILL)]
+    assert pilot.take_commands(0.2) == []
+    pilot.press("i", 0.3)
+    assert pilot.take_commands(0.3) == [(1, AHEAD)]
+    pilot.press(NEXT, 0.4)
+    assert pilot.take_commands(0.4) == [(1, STILL)]
+    assert pilot.robot_id == 0
+
+
+def test_letting_go_stops() -> None:
+    """At the end the robot gets a zero, once; a robot that was never commanded gets none."""
+    pilot = make_pilot()
+    pilot.let_go()
+    assert pilot.take_commands(0.0) == []
+    pilot.press("i", 1.0)
+    pilot.let_go()
+    assert pilot.take_commands(1.0) == [(0, STILL)]
+    assert pilot.take_commands(1.0) == []
+
+
+def test_words_are_presses() -> None:
+    """A key, a key with a count, and names of keys that are no character."""
+    assert parse_script("i*3 l*2 k") == ["i", "i", "i", "l", "l", "k"]
+    assert parse_script(" up*2\n,  tab space > q ") == ["up", "up", ",", "tab", "space", ">", "q"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "y", "i*0", "i*-1", "i*", "*3", "i**2", "i*1.5", "i*٣", "ii", "i*9999999", "?"]
+)
+def test_bad_scripts_are_refused(text: str) -> None:
+    """One line that names the option, and the word if there is one."""
+    with pytest.raises(UsageError) as caught:
+        parse_script(text)
+    assert str(caught.value).startswith("--script: ")
+    assert "\n" not in str(caught.value)
+    assert not text.strip() or repr(text.strip()) in str(caught.value)

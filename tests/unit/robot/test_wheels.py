@@ -1,0 +1,163 @@
+"""The way to a robot's wheels, on a bus in memory."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from support.limits import LIMIT
+from support.named_sessions import open_named
+from zteam import names
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus.presence import Claim, own_info
+from zteam.cli.teleop import describe
+from zteam.errors import DuplicateNameError, ZteamError
+from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
+from zteam.robot.teleop import Pilot, drive
+from zteam.robot.wheels import Wheels
+from zteam.runtime.shutdown import Stop
+from zteam.simulator.client import SimStatus
+
+AHEAD = Twist(Vector3(0.5))
+
+
+@pytest.fixture
+def hub() -> MemoryHub:
+    """A bus in memory."""
+    return MemoryHub()
+
+
+def take(hub: MemoryHub, robot_id: int = 0, stop: Stop | None = None) -> Wheels:
+    """The wheels of a robot, taken in a session of their own."""
+    wheels = Wheels(hub.bus(), robot_id, stop or Stop())
+    wheels.take()
+    return wheels
+
+
+def hear(bus: Bus, key: str) -> list[Twist]:
+    """The commands on a key from now on."""
+    heard: list[Twist] = []
+    bus.subscribe(key, Twist, lambda _key, command: heard.append(command))
+    return heard
+
+
+def test_without_a_process_the_base_is_driven_under_the_robots_name(hub: MemoryHub) -> None:
+    """Commands go to cmd_vel alone; a robot that comes is refused, until the wheels are given back."""
+    outside = hub.bus()
+    base, mux = hear(outside, "robot_0/cmd_vel"), hear(outside, "robot_0/cmd_vel_teleop")
+    wheels = take(hub)
+    wheels.drive(AHEAD)
+    assert (wheels.direct, base, mux) == (True, [AHEAD], [])
+    with pytest.raises(DuplicateNameError, match="robot_0 is taken by process"):
+        Claim(hub.bus(), "robot_0").win(lambda _: None)
+    wheels.close()
+    Claim(hub.bus(), "robot_0").win(lambda _: None)
+
+
+def test_a_robots_process_is_asked_to_drive(hub: MemoryHub) -> None:
+    """Commands go to cmd_vel_teleop alone, the robot keeps its name, and its status is known."""
+    robot = open_named(hub, "robot_0")
+    base, mux = hear(robot, "robot_0/cmd_vel"), hear(robot, "robot_0/cmd_vel_teleop")
+    wheels = take(hub)
+    wheels.drive(AHEAD)
+    assert (wheels.direct, base, mux) == (False, [], [AHEAD])
+    robot.publisher("robot_0/status", RobotStatus).put(RobotStatus(robot_id=0, reason="an obstacle ahead"))
+    assert wheels.status is not None
+    assert wheels.status.reason == "an obstacle ahead"
+    wheels.close()
+
+
+def test_a_robot_that_the_world_lacks_is_refused(hub: MemoryHub) -> None:
+    """The error names the robots that the simulator has."""
+    status = SimStatus("arena", [0, 2], 100, 1, 0, 0, 1.0)
+    open_named(hub, names.SIMULATOR).serve("sim/status", NoRequest, lambda _: status)
+    take(hub, 2)
+    with pytest.raises(ZteamError, match="robot_1 is not in the world; it has 0, 2"):
+        take(hub, 1)
+
+
+def test_an_older_holder_of_the_name_ends_teleop(hub: MemoryHub) -> None:
+    """After a healed network two processes drive one base: the younger one stops."""
+    stop, asked = Stop(), threading.Event()
+    stop.on_request(asked.set)
+    take(hub, 0, stop)
+    older = hub.bus()
+    older.serve("robot_0/info", NoRequest, lambda _: own_info("robot_0", older.instance, 1))
+    older.declare_token(names.token_key("robot_0", older.instance))
+    assert asked.wait(LIMIT)
+    assert stop.reason == "another process holds the name"
+
+
+@pytest.mark.parametrize("failing", [False, True])
+def test_the_end_of_the_presses_stops_the_robots(hub: MemoryHub, failing: bool) -> None:
+    """Whether they end or fail, the last command is zero; the robot that was left got its zero before."""
+    outside = hub.bus()
+    heard = {robot_id: hear(outside, f"robot_{robot_id}/cmd_vel") for robot_id in (0, 1)}
+    wheels = {robot_id: take(hub, robot_id) for robot_id in (0, 1)}
+
+    def presses() -> Iterator[tuple[list[str], float]]:
+        yield ["i"], 1.0
+        yield ["tab", "i"], 1.1
+        yield [], 1.2
+        if failing:
+            raise RuntimeError
+
+    def drive_all() -> None:
+        drive(Pilot((0, 1), 0.5, 1.0), wheels, presses(), lambda: None)
+
+    if failing:
+        with pytest.raises(RuntimeError):
+            drive_all()
+    else:
+        drive_all()
+    assert heard == {0: [AHEAD, Twist()], 1: [AHEAD, AHEAD, Twist()]}
+
+
+STATUS = RobotStatus(robot_id=0, driver=RobotDriver.TELEOP, reason="an obstacle ahead")
+BEHAVIOR = RobotStatus(robot_id=0, driver=RobotDriver.BEHAVIOR)
+
+
+@pytest.mark.parametrize(
+    ("told", "driven", "text"),
+    [
+        (None, AHEAD, "no status yet"),
+        (STATUS, AHEAD, "teleop drives 0.50 m/s, 0.00 rad/s: an obstacle ahead"),
+        (
+            STATUS,
+            Twist(Vector3(0.25)),
+            "teleop drives 0.25 m/s, 0.00 rad/s, wanted 0.50 m/s, 0.00 rad/s: an obstacle ahead",
+        ),
+        (BEHAVIOR, Twist(Vector3(-0.1)), "behavior drives -0.10 m/s, 0.00 rad/s"),
+    ],
+)
+def test_the_line_tells_what_the_robot_does(hub: MemoryHub, told: RobotStatus | None, driven: Twist, text: str) -> None:
+    """Robot and speeds of the keys, then driver, speed and reason; the wanted speed too if the robot is slower."""
+    robot = open_named(hub, "robot_0")
+    hear(robot, "robot_0/cmd_vel_teleop")
+    wheels = take(hub)
+    wheels.drive(AHEAD)
+    robot.publisher("robot_0/cmd_vel", Twist).put(driven)
+    if told is not None:
+        robot.publisher("robot_0/status", RobotStatus).put(told)
+    assert describe(Pilot((0,), 0.5, 1.0), wheels) == f"robot_0: keys 0.50 m/s, 1.00 rad/s | {text}"
+
+
+def _nothing(hub: MemoryHub) -> None:
+    """No subscriber."""
+
+
+@pytest.mark.parametrize(
+    ("prepare", "text"),
+    [
+        (_nothing, "nothing hears robot_0/cmd_vel"),
+        (lambda hub: hear(hub.bus(), "robot_0/cmd_vel"), "0.50 m/s, 0.00 rad/s straight to the base, no safety layer"),
+    ],
+)
+def test_the_line_of_a_base_without_a_process(
+    hub: MemoryHub, prepare: Callable[[MemoryHub], object], text: str
+) -> None:
+    """It says that nothing hears the commands, or the newest command and that nothing makes it safe."""
+    prepare(hub)
+    wheels = take(hub)
+    wheels.drive(AHEAD)
+    assert describe(Pilot((0,), 0.5, 1.0), wheels) == f"robot_0: keys 0.50 m/s, 1.00 rad/s | {text}"

@@ -1,6 +1,0 @@
-"""The safety layer, and how it is used: `ask` a behaviour, then `limit` what drives."""
-
-from zteam.behaviors.safety.layer import SafetyLayer, ask, decide, make_safe, missing
-from zteam.behaviors.safety.motion import LimitsOnly
-
-__all__ = ["LimitsOnly", "SafetyLayer", "ask", "decide", "make_safe", "missing"]

@@ -1,0 +1,147 @@
+"""Follow another robot: along the trail of the robot ahead, in a line that may be led from either end, or straight."""
+
+import logging
+import math
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import Twist
+from zteam.robot.behaviors.behavior import Behavior, View
+from zteam.robot.behaviors.evasion import Around
+from zteam.robot.behaviors.line import NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
+from zteam.robot.behaviors.line_member import LineMember
+from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.straight import Avoid, Forward, Idle
+from zteam.robot.behaviors.trail import head_comes_round
+from zteam.robot.behaviors.wander import Wander
+
+Law = Literal["trail", "direct"]
+Successor = Literal["same", "idle", "forward", "avoid", "wander"]
+
+
+class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `follow`; only the leader has to be given."""
+
+    leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
+    law: Annotated[Law, Meta(description="trail: along the leader's trail; direct: straight to the leader")] = "trail"
+    gap: Annotated[
+        float, Meta(ge=0.4, le=100.0, description="m along the trail to the robot ahead, base to base; law trail")
+    ] = 0.8
+    min_dist: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="m; it stands while the leader is nearer; law direct")
+    ] = 0.8
+    max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.7
+    max_angular: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad/s")] = 3.14
+    stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
+    hand_over: Annotated[
+        bool,
+        Meta(description="whether the line may be led from its other end where its head is stuck; law trail"),
+    ] = True
+    on_leader_lost: Annotated[
+        OnLeaderLost, Meta(description="what it does when a robot in front is gone, see below")
+    ] = "relink"
+    takeover_behavior: Annotated[
+        Successor, Meta(description="what it does as the new head; same: what the lost one did, else avoid")
+    ] = "same"
+
+
+log = logging.getLogger("zteam")
+
+SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
+"""What a robot can go on with that takes over: they need no parameters and no further inputs."""
+HEAD_SPEED, HEAD_TURN_RATE = 0.4, 1.0
+"""m/s and rad/s of a robot to which the head has handed over."""
+LEADER_ROOM = 0.3
+"""Metres before the leader's base where its own body begins to be seen."""
+
+
+class Follow(LineMember):
+    """Follow a robot along its trail, each the one before it (law trail), or straight (law direct).
+
+    A head that gets on no more hands over to the last robot of the line, which then leads the other way.
+    """
+
+    Params = FollowParams
+    params: FollowParams
+    uses_tf = True
+
+    def __init__(self, params: FollowParams) -> None:
+        super().__init__(params)
+        self._around = Around()
+        self._successor: Behavior | None = None
+        """What it does in the place of a head that is gone."""
+        self._is_past = False
+        """Whether it has passed that head."""
+        self._before = params.leader
+        """The robot that it followed last."""
+
+    def on_params(self) -> None:
+        """Follow the robot that `params` names, by the law that they name."""
+        self.leader, self.follows = self.params.leader, self.params.leader
+        self.turns = self._line.turns if self.params.hand_over and self.params.law == "trail" else NO_TURNS
+        self.gap, self._successor = self.params.gap, None
+
+    def step(self, view: View) -> Twist:
+        """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
+        params = self.params
+        place = self._find_place(view, params.leader, params.on_leader_lost)
+        own = self._locate(view, place)
+        if own is None:
+            return Twist()
+        if place.ahead != self.follows:
+            self.follows = place.ahead
+            log.info("%s now", "leads the line" if place.ahead is None else f"follows {names.robot_name(place.ahead)}")
+        limits = SpeedLimits(params.max_linear, params.max_angular)
+        if place.ahead is None:
+            return self._take_the_lead(view, own, place, limits)
+        self._successor, self._is_past, self._before = None, False, place.ahead
+        if place.may_reverse and not place.after and head_comes_round(view, place):
+            self._turn_line()
+        if params.law == "direct":
+            return self._drive_straight(view, place.ahead, limits)
+        return self._follow(view, own, place, params.gap, params.stale_after, limits)
+
+    def _take_the_lead(self, view: View, own: Pose2, place: Place, limits: SpeedLimits) -> Twist:
+        """In the place of a head that is gone, or that has handed over."""
+        if self._before in place.gone and not self._is_past:
+            lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
+            command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, place.gone)
+            if command is not None:
+                return command
+            self._is_past = True
+        if place.head in place.gone:
+            then: str = self.params.takeover_behavior
+            then = behavior_of(view, place.head) if then == "same" and place.head is not None else then
+            if then != "wander" or not place.may_turn:
+                kind = SUCCESSORS.get(then, Avoid)
+                if type(self._successor) is not kind:
+                    self._successor = kind(kind.Params())
+                command, self.reason = self._successor.step(view), self._successor.reason
+                return command
+        return self._lead(view, own, place, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+
+    def why_it_rests(self) -> str:
+        """It is near enough, or is told to."""
+        if not self.params.max_linear:
+            return "its parameter max_linear is 0"
+        if self._successor is not None:
+            return self._successor.why_it_rests()
+        return super().why_it_rests()
+
+    def _drive_straight(self, view: View, ahead: int, limits: SpeedLimits) -> Twist:
+        """The lectures' law, mended: to the robot ahead, past what stands between."""
+        seen, self.reason = see_robot(view, ahead, view.base_frame, self.params.stale_after)
+        if seen is None:
+            return Twist()
+        apart = self._trail.ahead.apart = math.hypot(seen.pose.x, seen.pose.y)
+        if apart <= self.params.min_dist:
+            return Twist()
+        return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
+
+    def missing(self, view: View) -> list[str]:
+        """The leader's pose, as long as it is not there or old."""
+        seen, _ = see_robot(view, self.params.leader, view.base_frame, self.params.stale_after)
+        return [] if seen else [f"the pose of its leader {names.robot_name(self.params.leader)}"]

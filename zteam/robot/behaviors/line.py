@@ -1,0 +1,201 @@
+"""A line of robots, which can be led from either end: which robot each one follows now, and which one leads.
+
+Each robot is started to follow the one before it. The robot in front that gets on no more hands over to the one at the
+other end: it says `turns` + 1 in its status, and each robot takes the highest number that it hears. While that is even,
+each follows the robot that it was started to follow; while it is odd, the one behind. So no robot has to turn round in
+its place, or to be passed.
+"""
+
+import math
+from collections.abc import Mapping, Set
+from typing import Any, Literal, NamedTuple
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import RobotStatus
+from zteam.robot.behaviors.behavior import View
+
+STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
+"""What a behaviour declares as `inputs` that asks for the chain."""
+
+
+class Seen(NamedTuple):
+    """Where a robot is."""
+
+    pose: Pose2
+    stamp: int
+    """Nanoseconds; 0 where nothing on the way ever moves."""
+
+
+def see_robot(view: View, robot_id: int, frame: str, stale_after: float) -> tuple[Seen | None, str]:
+    """The leader `robot_id` in `frame`; or None and why not: its pose is not known, or older than `stale_after` s."""
+    if robot_id == view.robot_id:
+        return None, "it cannot follow itself"
+    found = view.lookup(frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+    if found is None:
+        return None, f"leader {names.robot_name(robot_id)} not seen"
+    pose, stamp = found
+    # A stamp of 0 says that nothing on the way ever moves, so there is no age.
+    if stamp and not view.is_fresh(stamp, stale_after):
+        return None, f"leader {names.robot_name(robot_id)} not seen for {stale_after:g} s"
+    if not all(map(math.isfinite, pose)):
+        return None, f"the pose of leader {names.robot_name(robot_id)} is no number"
+    return Seen(pose, stamp), ""
+
+
+def behavior_of(view: View, robot: int) -> str:
+    """The behaviour that a robot tells in its status; empty if it has told none."""
+    status = (view.inputs.get("statuses") or {}).get(robot)
+    return status.behavior if status is not None else ""
+
+
+OnLeaderLost = Literal["relink", "stop", "takeover"]
+GONE = " is gone"
+"""The end of what a robot says that stands because another one is lost."""
+WAITS = "waits: "
+"""The beginning of what a robot says that stands because one before it does, or comes past."""
+GAP = 0.8
+"""Metres between neighbours that have told nothing else."""
+STRETCHED, TORN = 0.8, 1.5
+"""Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
+LEAST_SHARE = 0.05
+"""A smaller share of its speed is 0."""
+NO_TURNS = -1
+"""`turns` of a robot that cannot follow the robot behind it."""
+
+
+class Place(NamedTuple):
+    """What a robot of a line does now: it follows, it leads, or it stands for a reason."""
+
+    before: tuple[int, ...] = ()
+    """The living robots before it, from the one to follow to the one that leads; none where it leads, or stands."""
+    after: tuple[int, ...] = ()
+    """The living robots behind it, if they are a line."""
+    behind: int | None = None
+    """The first of them, if it can follow."""
+    head: int | None = None
+    """The robot that was started to lead the line."""
+    may_turn: bool = False
+    """Whether the robot that leads may hand over to the one at the other end."""
+    may_reverse: bool = False
+    """Whether the robots behind a head that keeps its place may follow it in the opposite order."""
+    reason: str = ""
+    """Why it has to stand; empty if it has not."""
+    gap: float = GAP
+    """Metres that the line keeps between neighbours."""
+    gone: Set[int] = frozenset()
+    """The robots that are gone: they may stand in the way."""
+    turns: int = 0
+    """How often the line has been led from the other end since it was there."""
+
+    @property
+    def ahead(self) -> int | None:
+        """The robot to follow."""
+        return self.before[0] if self.before else None
+
+
+class Line:
+    """One robot's knowledge of its line."""
+
+    def __init__(self) -> None:
+        self.turns = 0
+        """How often the line has been led from the other end since it was there."""
+        self._seen: set[int] = set()
+        """The robots that have been alive."""
+
+    def find_gone(self, view: View) -> Set[int]:
+        """The robots that were alive since this one began, and are not any more.
+
+        A robot that never was alive may be driven by something else: its transforms are followed. None is gone while
+        this robot does not even know that itself is there.
+        """
+        if view.robot_id not in view.team:
+            return frozenset()
+        self._seen.update(view.team)
+        return self._seen.difference(view.team)
+
+    def find_place(
+        self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
+    ) -> Place:
+        """The place of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
+        gone = self.find_gone(view)
+        statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        leaders = _told_leaders(statuses, view.robot_id, leader)
+        before = chain_before(view.robot_id, leaders)
+        if before is None:
+            return Place(reason="the robots follow each other in a circle")
+        order, is_tree = _order([*reversed(before), view.robot_id], leaders)
+        head = order[0]
+        lost = [robot for robot in before if robot in gone]
+        if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
+            return Place(reason=f"leader {names.robot_name(lost[0] if on_lost == 'stop' else head)}{GONE}")
+        told = {robot: statuses[robot] for robot in order if robot in statuses}
+        turns = {robot: status.turns for robot, status in told.items()}
+        turns[view.robot_id] = 0 if may_turn else NO_TURNS
+        self.turns = max(self.turns, *turns.values())
+        living = [robot for robot in order if robot not in gone]
+        stays = turns.get(living[0], NO_TURNS) == NO_TURNS
+        others = [turns.get(robot, 0) for robot in living[stays:]]
+        can_turn = not is_tree and len(others) > 1 and NO_TURNS not in others
+        if self.turns % 2 and not is_tree:
+            living[stays:] = living[stays:][::-1]
+        at = living.index(view.robot_id)
+        after = () if is_tree else tuple(living[at + 1 :])
+        # A robot that stands until a lost one comes back, or that waits itself, is not waited for.
+        why = statuses[after[0]].reason if after and after[0] in statuses else ""
+        waits = bool(after) and not (why.endswith(GONE) or why.startswith(WAITS))
+        return Place(
+            before=tuple(reversed(living[:at])),
+            after=after,
+            behind=after[0] if waits else None,
+            head=head,
+            may_turn=can_turn and not stays,
+            may_reverse=can_turn and stays,
+            gap=max([GAP, *[status.gap for status in told.values()]]),
+            gone=gone,
+            turns=self.turns,
+        )
+
+
+def _told_leaders(statuses: Mapping[int, Any], own: int, leader: int | None) -> dict[int, int]:
+    """The robot that each was started to follow; the own one as it is set now."""
+    # What follows in another way, as in a formation, tells no gap, and counts as a head.
+    leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
+    leaders.pop(own, None)
+    return leaders if leader is None else {**leaders, own: leader}
+
+
+def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
+    """The robots before `own`, from the one that it is to follow to the head; None if they lead back to one of them."""
+    found: list[int] = []
+    robot = own
+    while (leader := leaders.get(robot)) is not None:
+        if len(found) == len(leaders):
+            return None
+        found.append(leader)
+        robot = leader
+    return found
+
+
+def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool]:
+    """The robots from the head to the last one behind the own robot, the last of `line`; and whether it has branches.
+
+    Robots behind a branch are left out.
+    """
+    behind = {leader: robot for robot, leader in leaders.items()}
+    branches = {leader for robot, leader in leaders.items() if behind[leader] != robot}
+    while line[-1] in behind and line[-1] not in branches:
+        line.append(behind[line[-1]])
+    return line, not branches.isdisjoint(line)
+
+
+def keep_together(view: View, place: Place) -> tuple[float, str]:
+    """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
+    behind, seen = place.behind, None if place.behind is None else view.base_from_robot(place.behind)
+    if behind is None or seen is None:
+        return 1.0, ""
+    apart = math.hypot(seen[0].x, seen[0].y)
+    share = min(1.0, (place.gap + TORN - apart) / (TORN - STRETCHED))
+    share = share if share > LEAST_SHARE else 0.0
+    # Without the distance: each other text is a line of the log and a status.
+    return share, "" if share else f"waits for {names.robot_name(behind)} behind it"

@@ -1,0 +1,74 @@
+"""What `follow` and `wander` share: a robot of a line, which follows along the trail of its head, or leads."""
+
+import logging
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import Message, Twist
+from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.robot.behaviors.head import Head
+from zteam.robot.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place
+from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.trail import Trail
+
+log = logging.getLogger("zteam")
+
+
+class LineMember(Behavior):
+    """A robot that may be in a line. A subclass sets `turns` to NO_TURNS if it cannot follow the robot behind it."""
+
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self._line, self._trail, self._head = Line(), Trail(), Head()
+        self.on_params()
+
+    def _find_place(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> Place:
+        """As `Line.find_place`."""
+        may_turn = self.turns != NO_TURNS
+        place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
+        self.turns = self._line.turns if may_turn else NO_TURNS
+        return place
+
+    def _locate(self, view: View, place: Place) -> Pose2 | None:
+        """The own pose in map, which counts as a part of its way; None where the robot has to stand for a reason."""
+        own = own_pose(view)
+        self.reason = place.reason or (NO_POSE if own is None else "")
+        if own is None or place.reason:
+            return None
+        self._trail.note(own)
+        if place.ahead is not None:
+            self._head.rest()
+        return own
+
+    def _follow(
+        self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits
+    ) -> Twist:
+        """As `Trail.step`."""
+        command, self.reason = self._trail.step(view, own, place, gap, stale_after, limits)
+        return command
+
+    def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
+        """The velocity as the robot that leads; it hands over where it gets on no more."""
+        command, self.reason = self._head.step(view, own, place, speed, turn_rate)
+        if command is not None:
+            return command
+        self._head.rest()
+        self._turn_line()
+        self.reason = "hands over to the other end of the line"
+        log.info("%s", self.reason)
+        return Twist()
+
+    def _turn_line(self) -> None:
+        """The line is led from its other end from now on."""
+        self._line.turns += 1
+        self.turns = self._line.turns
+
+    def why_it_rests(self) -> str:
+        """It is near enough to the robot ahead."""
+        if self.follows is None:
+            return "it looks for a way to lead the line"
+        return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"

@@ -1,0 +1,330 @@
+"""Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
+
+import enum
+import importlib
+import inspect
+import sys
+from collections.abc import Iterable, Iterator
+from importlib.machinery import PathFinder
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import msgspec
+
+from zteam.entry_points import BEHAVIORS as GROUP
+from zteam.entry_points import load_offered, offered
+from zteam.errors import UsageError, did_you_mean
+from zteam.problems import Problem, problems_of
+from zteam.robot.behaviors.behavior import Behavior, check_inputs
+from zteam.robot.behaviors.follow import Follow
+from zteam.robot.behaviors.formation import Formation
+from zteam.robot.behaviors.go_to import GoTo
+from zteam.robot.behaviors.path import FollowPath
+from zteam.robot.behaviors.straight import Avoid, Forward, Idle
+from zteam.robot.behaviors.wander import Wander
+
+_LIMITS = ("ge", "gt", "le", "lt", "multiple_of", "pattern", "min_length", "max_length")
+"""Attributes of msgspec.Meta that limit a value."""
+
+
+class Parameter(msgspec.Struct, frozen=True):
+    """One field of a `Params`."""
+
+    name: str
+    type: str
+    """As it is written in Python: `float`, `int`, `bool`, `str`, `list[float]`, `float | None`, …"""
+    limits: dict[str, Any] = {}
+    """What limits its value, by the names of msgspec.Meta: `ge` and `le` are the lowest and the highest value."""
+    description: str = ""
+    """Its unit and what it does, from msgspec.Meta."""
+    required: bool = False
+    """Whether it has to be given."""
+    default: Any = None
+    """As plain data; None also where it is required."""
+
+
+def parameters_of(kind: type[msgspec.Struct]) -> list[Parameter]:
+    """The parameters that a behaviour with these `Params` takes, in their order."""
+    return [_parameter(field) for field in msgspec.structs.fields(kind)]
+
+
+def values_of(params: msgspec.Struct) -> dict[str, Any]:
+    """The values of all parameters as plain data, by name."""
+    return {field.encode_name: _plain(getattr(params, field.name)) for field in msgspec.structs.fields(type(params))}
+
+
+def _parameter(field: msgspec.structs.FieldInfo) -> Parameter:
+    metas = list(_metas(field.type))
+    default = None if field.default is msgspec.NODEFAULT else field.default
+    if field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return Parameter(
+        name=field.encode_name,
+        type=_type_text(field.type),
+        limits={name: value for meta in metas for name in _LIMITS if (value := getattr(meta, name)) is not None},
+        description=next((meta.description for meta in metas if meta.description), ""),
+        required=field.required,
+        default=_plain(default),
+    )
+
+
+def _plain(value: Any) -> Any:
+    return msgspec.to_builtins(value, enc_hook=str)
+
+
+def _metas(annotation: Any) -> Iterator[msgspec.Meta]:
+    """What is annotated to a type, or to a member of a union."""
+    if get_origin(annotation) is Annotated:
+        yield from (meta for meta in annotation.__metadata__ if isinstance(meta, msgspec.Meta))
+        yield from _metas(annotation.__origin__)
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _metas(part)
+
+
+def _type_text(annotation: Any) -> str:
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type_text(annotation.__origin__)
+    if origin in (Union, UnionType):
+        return " | ".join(map(_type_text, parts))
+    if origin is Literal:
+        return " | ".join(map(repr, parts))
+    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+        return " | ".join(repr(choice.value) for choice in annotation)
+    if origin is not None and parts:
+        return f"{_type_text(origin)}[{', '.join(map(_type_text, parts))}]"
+    if annotation is NoneType:
+        return "None"
+    return "..." if annotation is ... else getattr(annotation, "__name__", str(annotation))
+
+
+_ZTEAM = str(Path(__file__).parents[1])
+_OF_ROS = {
+    **dict.fromkeys(("rospy", "rclpy"), "a behaviour has step(view), a node of your own runs by zteam.run"),
+    **dict.fromkeys(("tf", "tf2_ros", "tf_transformations"), "zteam.TransformListener and zteam.Pose2 do its work"),
+    **dict.fromkeys(
+        ("geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs", "tf2_msgs", "visualization_msgs"),
+        "its message types are in zteam.messages",
+    ),
+}
+"""What stands for a module of ROS."""
+
+
+def explain(error: BaseException) -> str:
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
+    return f"{_place(error)}{error_text(error)}{_way_out(error)}"
+
+
+def error_text(error: BaseException) -> str:
+    """The type of an error and what it says, on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+
+
+def _place(error: BaseException) -> str:
+    """`file:line: ` of the user's own line that ended the import; empty if none was run."""
+    if isinstance(error, SyntaxError):
+        # Its text names the line.
+        return ""
+    import traceback
+
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
+    return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
+
+
+def is_own(filename: str) -> bool:
+    """Whether a file of code is the user's own, and neither zteam's, Python's nor an installed package's."""
+    return not filename.startswith(("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix))
+
+
+def _way_out(error: BaseException) -> str:
+    if not isinstance(error, ImportError):
+        return ""
+    of_ros = _OF_ROS.get((error.name or "").partition(".")[0])
+    if of_ros:
+        return f" (zteam works without ROS: {of_ros})"
+    if isinstance(error, ModuleNotFoundError):
+        return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
+    quoted = str(error).split("'")
+    return _name_of_zteam(quoted[1]) if error.name == "zteam" and len(quoted) > 1 else ""
+
+
+def _name_of_zteam(name: str) -> str:
+    """What a name that `zteam` lacks may stand for."""
+    from zteam import messages
+
+    if name in dir(messages):
+        return f" (from zteam.messages import {name})"
+    return did_you_mean(name, dir(sys.modules["zteam"]))
+
+
+BEHAVIORS: dict[str, type[Behavior]] = {
+    "idle": Idle,
+    "forward": Forward,
+    "avoid": Avoid,
+    "wander": Wander,
+    "follow": Follow,
+    "path": FollowPath,
+    "go_to": GoTo,
+    "formation": Formation,
+}
+_STEP = "def step(self, view): return Twist(Vector3(0.2))"
+DETERMINISTIC = frozenset({"idle", "forward", "avoid", "follow", "path", "go_to", "formation"})
+"""Those that draw no random numbers: with them, every seed gives the same run."""
+
+
+def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None) -> Behavior:
+    """The behaviour called `spec` with its parameters checked.
+
+    `spec` is a shipped name, an entry point `zteam.behaviors` of an installed package, or `package.module:Class`. With
+    `robot_id`, a robot that would follow itself is refused. Raises UsageError.
+    """
+    kind = find_behavior(spec)
+    return kind(read_params(spec, kind, params, robot_id))
+
+
+def read_params(spec: str, kind: type[Behavior], params: dict[str, Any], robot_id: int | None = None) -> Any:
+    """The parameters of the behaviour `spec` as its `Params`. Raises UsageError that names every mistake."""
+    problems = parameter_problems(spec, kind, params)
+    if problems:
+        raise UsageError(f"behaviour {spec}: {'; '.join(map(str, problems))}")
+    read = msgspec.convert(params, kind.Params)
+    if robot_id is not None and getattr(read, "leader", None) == robot_id:
+        raise UsageError(f"behaviour {spec}: robot {robot_id} cannot follow itself; name another robot")
+    return read
+
+
+def parameter_problems(
+    spec: str, kind: type[Behavior], params: dict[str, Any], near: Iterable[str] = ()
+) -> list[Problem]:
+    """Every mistake in the parameters of the behaviour `spec`; `near` are other words that a key may stand for."""
+    return problems_of(params, kind.Params, takes=f"{spec} takes", near=near)
+
+
+def look_in(folders: Iterable[str | Path]) -> None:
+    """Look for the user's modules in these folders too ("" is the current one), after all that is installed."""
+    for folder in map(str, folders):
+        if folder not in sys.path:
+            sys.path.append(folder)
+
+
+def find_behavior(spec: str) -> type[Behavior]:
+    """The class called `spec`. Imports its module. Raises UsageError."""
+    if spec in BEHAVIORS:
+        return BEHAVIORS[spec]
+    module, colon, name = spec.partition(":")
+    if colon and module.endswith(".py"):
+        meant = f"{module.removesuffix('.py').replace('/', '.')}:{name}"
+        raise UsageError(f"no behaviour {spec!r} (did you mean {meant}?): a module is named without .py")
+    if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
+        return _checked(spec, _import(spec, module, name))
+    found = load_offered(GROUP, spec)
+    if found is not None:
+        return _checked(spec, found)
+    known = behavior_names()
+    raise UsageError(f"no behaviour {spec!r}{_suggestion(spec, known)}: use {', '.join(known)} or package.module:Class")
+
+
+def _import(spec: str, module: str, name: str) -> Any:
+    """What is called `name` in the user's `module`. Raises UsageError."""
+    try:
+        imported = importlib.import_module(module)
+    except (Exception, SystemExit) as error:
+        # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
+        raise UsageError(f"behaviour {spec!r}: cannot import {module}: {explain(error)}") from error
+    found = getattr(imported, name, None)
+    if found is None:
+        known = [name for name, value in vars(imported).items() if _is_behavior(value) and value is not Behavior]
+        hint = did_you_mean(name, known) or (f"; it has {', '.join(known)}" if known else "")
+        place = getattr(imported, "__file__", None) or "built in"
+        raise UsageError(f"behaviour {spec!r}: module {module} ({place}) has no {name}{hint}")
+    return found
+
+
+def _checked(spec: str, found: Any) -> type[Behavior]:
+    """`found` itself, if it is a behaviour with a type for its parameters. Raises UsageError."""
+    if not _is_behavior(found):
+        raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
+    params = getattr(found, "Params", None)
+    if not (inspect.isclass(params) and issubclass(params, msgspec.Struct)):
+        raise UsageError(f"behaviour {spec!r}: give it a class Params(msgspec.Struct, forbid_unknown_fields=True)")
+    try:
+        inspect.signature(found).bind(None)
+    except TypeError:
+        text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
+        raise UsageError(f"behaviour {spec!r}: {text}") from None
+    try:
+        check_inputs(found.inputs)
+    except UsageError as error:
+        raise UsageError(f"behaviour {spec!r}: {error}") from None
+    if found.step is Behavior.step:
+        raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
+    try:
+        inspect.signature(found.step).bind(None, None)
+    except TypeError:
+        raise UsageError(f"behaviour {spec!r}: its step must take the view: {_STEP}") from None
+    return found  # type: ignore[no-any-return]
+
+
+def _suggestion(spec: str, known: Iterable[str]) -> str:
+    """What may have been meant: a known name, or a class in the module of that name, which is not imported."""
+    spec = spec.removesuffix(".py")
+    near = did_you_mean(spec, known)
+    module, dot, name = spec.rpartition(".")
+    if dot and name[:1].isupper():
+        return f" (did you mean {module}:{name}?)"
+    if near or not spec.isidentifier():
+        return near
+    place = PathFinder.find_spec(spec)
+    if place is None or place.origin is None or not place.origin.endswith(".py"):
+        return ""
+    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in _classes_in(Path(place.origin)))}?)"
+
+
+def _classes_in(path: Path) -> list[str]:
+    """Names of the classes in a source file that look like behaviours; `Class` where none does."""
+    import ast
+
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return ["Class"]
+    found = []
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            methods = {part.name for part in node.body if isinstance(part, ast.FunctionDef)}
+            bases = {ast.unparse(base).rpartition(".")[2] for base in node.bases}
+            if "step" in methods or "Behavior" in bases:
+                found.append(node.name)
+    return found or ["Class"]
+
+
+def _is_behavior(found: object) -> bool:
+    return inspect.isclass(found) and issubclass(found, Behavior)
+
+
+class BehaviorInfo(msgspec.Struct):
+    """One behaviour."""
+
+    name: str
+    """As `--behavior` takes it."""
+    source: str
+    """Its class, as `package.module:Class`."""
+    summary: str
+    """The first paragraph of the docstring of its class, on one line."""
+    parameters: list[Parameter]
+
+
+def behavior_names() -> list[str]:
+    """The behaviours that come with zteam, then those of installed packages."""
+    return [*BEHAVIORS, *(name for name in offered(GROUP) if name not in BEHAVIORS)]
+
+
+def describe_behavior(spec: str) -> BehaviorInfo:
+    """The behaviour called `spec`. Imports its module. Raises UsageError."""
+    kind = find_behavior(spec)
+    # Its own docstring: that of the base class would say nothing of it.
+    paragraph = (vars(kind).get("__doc__") or "").strip().partition("\n\n")[0]
+    source = f"{kind.__module__}:{kind.__qualname__}"
+    return BehaviorInfo(spec, source, " ".join(paragraph.split()), parameters_of(kind.Params))

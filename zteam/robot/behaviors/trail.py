@@ -1,0 +1,336 @@
+"""How a robot of a line follows: along the way of the robot that leads, and not too near to the one ahead."""
+
+import math
+from collections.abc import Sequence, Set
+from itertools import pairwise
+
+from zteam import names
+from zteam.clock import to_ns
+from zteam.geometry import Pose2
+from zteam.messages import Twist
+from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.evasion import Around, Escape
+from zteam.robot.behaviors.leader_trail import LeaderTrail
+from zteam.robot.behaviors.line import STRETCHED, WAITS, Place, Seen, keep_together, see_robot
+from zteam.robot.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
+from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue
+from zteam.robot.behaviors.scans import is_clear, is_seen
+
+OFF = 0.5
+"""Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
+MARGIN = 0.1
+"""Metres before a robot in which what the laser sees may be that robot."""
+NEAREST = 0.6
+"""Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
+BEHIND, PAST, BESIDE = 5.0, 0.3, 1.0
+"""Metres of the trail: a robot that is no further behind, no further ahead, and no further beside it comes past to its
+place, and is waited for."""
+LOOK_ON, BODY = 1.5, 0.15
+"""Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
+
+
+def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
+    """Whether a wall leaves no straight way to this point (map), as far as to the first robot on it."""
+    x, y = own.locate(*point)
+    reach, bearing = math.hypot(x, y), math.atan2(y, x)
+    for mate in view.teammates:
+        along, across = mate.along(bearing)
+        if along > 0.0 and abs(across) < view.base.half_width + mate.base.radius:
+            reach = min(reach, along - mate.base.radius - MARGIN)
+    if view.scan is None or reach <= 0.0:
+        return False
+    return not is_clear(view.scan, view.base.half_width, reach, bearing)
+
+
+def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
+    """The poses in map of those that are seen."""
+    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in robots)
+    return [each.pose for each in seen if each is not None]
+
+
+def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
+    """Metres straight from robot to robot up to the head; infinite where the first of them may be behind a wall."""
+    way = [own, *places_of(view, before)]
+    x, y, _ = own.inverse().compose(way[1])
+    is_blind = view.scan is not None and not is_seen(view.scan, math.atan2(y, x))
+    if is_blind or is_walled_off(view, own, way[1][:2]):
+        return math.inf
+    return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
+
+
+def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
+    """Those of the robots that belong behind the place `here` that are ahead of it on the path."""
+    found = []
+    for robot in after:
+        seen = view.base_from_robot(robot)
+        if seen is not None:
+            x, y, _ = own.compose(seen[0])
+            place = path.project(x, y)
+            if place > here + OFF and math.dist((x, y), path.point(place)) < OFF:
+                found.append(robot)
+    return found
+
+
+def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
+    """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
+    place = path.project(robot.x, robot.y, here - BEHIND, here + BEHIND)
+    return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
+
+
+def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
+    """Whether one of these robots is on the path, a little ahead of `place`."""
+    for mate in view.teammates if robots else ():
+        if mate.robot_id in robots and math.hypot(*mate.pose[:2]) < LOOK_ON:
+            x, y, _ = own.compose(mate.pose)
+            at = path.point(path.project(x, y, place, place + LOOK_ON))
+            if math.dist((x, y), at) < view.base.half_width + mate.base.radius + BODY:
+                return True
+    return False
+
+
+def head_comes_round(view: View, place: Place) -> bool:
+    """Whether the head has left the robot that is to follow it, and is nearest to this one, the last of its line."""
+    seen = [view.base_from_robot(robot) for robot in reversed(place.before)]
+    if len(seen) < 2 or seen[0] is None or seen[1] is None:
+        return False
+    head, own = seen[0][0], math.hypot(*seen[0][0][:2])
+    apart = [math.dist(head[:2], each[0][:2]) for each in seen[1:] if each is not None]
+    return apart[0] > max(place.gap + STRETCHED, own + NEAREST) and min(apart) > own
+
+
+SPACING, STEP = 0.05, 0.1
+"""Metres between two points of the own way, and of what becomes a trail of it."""
+KEPT = 30.0
+"""Metres of the own way that are kept: a new head stands on it."""
+JUMP = 1.0
+"""Metres in one step after which a robot was moved; and up to which a new head counts as standing on the own way."""
+BACK, AHEAD = 0.3, 0.5
+"""Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
+ASIDE = 0.3
+"""Metres from the trail within which it has come back to the robot."""
+GAIN, NEAR_GAIN = 1.0, 1.5
+"""1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
+LAGS = 0.4
+"""Metres behind its place from which on it passes those that belong behind it."""
+WANTED = 0.1
+"""m/s from which on it wants to get on also where it is less behind."""
+PARKED, LEFT = 0.03, 0.1
+"""Metres to its place behind a standing head at which a robot stops, and at which it goes on."""
+CREEP = 0.01
+"""m/s: what is slower stands, and says why."""
+PASSING = 0.4
+"""m/s past a lost head."""
+SMOOTHING = 0.25
+"""Of the speed at which the robot ahead drives away, by each new pose: noise of a pose is no way."""
+SLOW = 0.1
+"""m/s below which a robot does not come past to its place."""
+SCRIBBLE = 2.0
+"""So many times longer than the way straight from robot to robot a trail is given up."""
+BEYOND = 1.9
+"""Metres past a lost head to which the robot drives that leads in its place."""
+STALLED, PROGRESS = to_ns(3.0), 0.05
+"""It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
+
+
+class Ahead:
+    """The robot to follow, as it was seen last."""
+
+    def __init__(self) -> None:
+        self._seen = Seen(Pose2(0.0, 0.0, 0.0), 0)
+        self.apart = 0.0
+        """Metres to it."""
+        self.leaves = 0.0
+        """m/s at which it drives away; negative where it comes nearer."""
+        self._steadily = 0.0
+        """The same smoothed, m/s."""
+        self.driven_on = 0.0
+        """Metres that it has driven away since that pose, which may be late."""
+        self.moves = False
+        """Whether it drives at all."""
+
+    def see(self, own: Pose2, ahead: Seen, now: int) -> None:
+        """It was there; `own`: the robot that follows, in map, at the time `now` (ns)."""
+        before, (x, y, _) = self._seen, ahead.pose
+        self.apart = math.hypot(x - own.x, y - own.y)
+        seconds = (ahead.stamp - before.stamp) / 1e9
+        if seconds > 0.0:
+            moved = (x - own.x) * (x - before.pose.x) + (y - own.y) * (y - before.pose.y)
+            self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
+            self._steadily += SMOOTHING * (self.leaves - self._steadily)
+            self.moves = math.dist(before.pose[:2], ahead.pose[:2]) > SLOW * seconds
+            self._seen = ahead
+        self.driven_on = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
+
+
+class Trail:
+    """The way of the robot that leads, the own place on it, and the velocity along it.
+
+    All robots of a line measure from the same robot, so no error adds up from one to the next.
+    """
+
+    def __init__(self) -> None:
+        self._trail = LeaderTrail()
+        self._leads: int | None = None
+        """Whose way it is."""
+        self._place = 0.0
+        self._own = Polyline()
+        """The robot's own way."""
+        self._known = 0.0
+        """The place from which on the trail is the way of a robot: before that it may lead through walls."""
+        self._left: tuple[float, float] | None = None
+        """The last place on that part at which it was, and where that is on its own way; None: it was at none."""
+        self.ahead = Ahead()
+        self._is_parked = False
+        self._has_place = False
+        """Whether it has been in its place since it began."""
+        self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
+        self._got_on = 0, 0.0
+        """When it got on last on its way past a lost head, and to which place."""
+
+    def note(self, own: Pose2) -> None:
+        """The own pose in map: part of its way, also while it leads."""
+        moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING
+        if moved > JUMP:
+            self._own, self._left = Polyline(), None
+        if moved >= SPACING:
+            self._own.append(own.x, own.y)
+            self._own.drop_before(self._own.end - KEPT)
+
+    def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits) -> Answer:
+        """The velocity of a robot at `own` (map) behind the robots `place.before`, and why it is zero."""
+        before = place.before
+        head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
+        ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
+        if head is None or ahead is None:
+            return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
+        self._take(view, before, head, own, gap)
+        self.ahead.see(own, ahead, view.now)
+        self._find_place(view, own)
+        if self._is_far_behind(gap * len(before)):
+            self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
+        # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
+        alone = not (place.may_turn and self._has_place)
+        trail = self._trail
+        age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
+        error = trail.place + trail.speed * age - gap * len(before) - self._place
+        is_late, speed = error > LAGS, self._speed(own, ahead.pose, error)
+        self._has_place = self._has_place or not is_late
+        passed = place.gone
+        if is_late:
+            passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
+        # One that is in the way of a robot behind it does not wait for that.
+        stopped = find_stopped(view)
+        goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
+        share, reason = (1.0, "") if goes_on else keep_together(view, place)
+        way = Following(trail.path, self._place, gap * len(before), self.ahead.driven_on)
+        wants = share > 0.0 and (is_late or speed > WANTED)
+        answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
+        if answer is not None:
+            return answer
+        if share == 0.0:
+            return Twist(), reason
+        if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
+            return Twist(), f"{WAITS}{names.robot_name(before[0])} comes past"
+        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
+        return self._escape.free(view, command), ""
+
+    def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
+        """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
+        self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
+        speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
+        if own.inverse().compose(ahead).x > 0.0:
+            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
+        return speed if speed >= CREEP else 0.0
+
+    def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
+        """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
+        trail, stamp = self._trail, head.stamp or view.now
+        if before[-1] != self._leads or trail.is_far(head.pose):
+            way = way_to(view, before, head.pose, own, gap, self._own)
+        elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
+            way = [own, *places_of(view, before[:-1])]
+        else:
+            trail.take(head.pose, stamp, trail.place - self._place + KEPT)
+            return
+        trail.begin(head.pose, stamp, way)
+        self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
+
+    def _is_far_behind(self, length: float) -> bool:
+        """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
+        return self._trail.place - self._place > SCRIBBLE * length + OFF
+
+    def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: SpeedLimits, gone: Set[int]) -> Twist | None:
+        """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
+        path = self._trail.path
+        if head is None:
+            return None
+        if self._leads is not None or not len(path):
+            # What lies beyond the lost head is no robot's way: this one does not go back to it.
+            self._leads, self._known, self._left = None, math.inf, None
+            path.append(*(path.last if len(path) else own[:2]))
+            for along in (0.0, BEYOND):
+                x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
+                path.append(x, y)
+            self._got_on = view.now, self._place
+        self._find_place(view, own)
+        if self._place > self._got_on[1] + PROGRESS:
+            self._got_on = view.now, self._place
+        if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
+            return None
+        return self._along(view, own, min(PASSING, limits.linear), limits, gone)
+
+    def _find_place(self, view: View, own: Pose2) -> None:
+        """Where it is on the trail. Where a wall parts it from that, the trail begins anew."""
+        path = self._trail.path
+        self._place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
+        off = math.dist(own[:2], path.point(self._place))
+        if off > OFF:
+            self._place = path.project(own.x, own.y)
+            if self._left is not None and is_walled_off(view, own, path.point(self._place)):
+                self._place = self._go_back(own, *self._left)
+            off = math.dist(own[:2], self._trail.path.point(self._place))
+        if self._place >= self._known and off < OFF:
+            self._left = self._place, self._own.end
+
+    def _go_back(self, own: Pose2, left: float, left_at: float) -> float:
+        """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""
+        trail = self._trail
+        on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
+        trail.begin(trail.leader, trail.stamp, [*way_back(own, self._own, left_at), *(Pose2(x, y, 0.0) for x, y in on)])
+        self._known = trail.path.start
+        return self._known
+
+    def _along(
+        self, view: View, own: Pose2, speed: float, limits: SpeedLimits, passed: Set[int], ahead: int | None = None
+    ) -> Twist:
+        """Along the trail; past these robots where they are on it, and to the trail from elsewhere."""
+        path, here = self._trail.path, self._place
+        beyond = here + LOOK_ON if is_blocked(view, own, path, here, passed) else here
+        if speed > 0.0 and (beyond > here or math.dist(own[:2], path.point(here)) > OFF):
+            x, y, _ = own.inverse().compose(path.at(min(beyond + LOOK_AHEAD, path.end)))
+            return self._around.drive_to(view, x, y, limits, ahead)
+        return pursue(own, path, here, speed, limits)
+
+
+def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
+    """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
+    # The own way may have crossed itself: the head stands on the newest part of it.
+    place = way.project(head.x, head.y, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else 0.0
+    if len(way) and math.dist(head[:2], way.point(place)) < JUMP:
+        return way_back(own, way, place)
+    return [own, *places_of(view, before[:-1])]
+
+
+def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
+    """From the own pose back over the own way to this place on it."""
+    return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, int((way.end - place) / STEP)))]
+
+
+def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
+    """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
+    there = path.project(own.x, own.y, here + AHEAD, path.end)
+    if there > here + AHEAD and math.dist(own[:2], path.point(there)) < ASIDE:
+        nearest = path.project(ahead.x, ahead.y, here, there)
+        if math.dist(ahead[:2], path.point(nearest)) > OFF:
+            return there
+    return here

@@ -1,0 +1,195 @@
+"""Drive about at random (the lectures' random walk, mended)."""
+
+import math
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
+from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.line import NO_TURNS, Place
+from zteam.robot.behaviors.line_member import LineMember
+from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
+
+HALF_ANGLE = math.radians(45.0)
+"""It looks this far to either side."""
+REACTION_TIME = 0.2
+"""Seconds from something coming into reach until the wheels obey: one scan and one command at 10 Hz."""
+BRAKING = 1.0
+"""m/s²: a base may not stop at once."""
+MAX_TURN = math.radians(120.0)
+"""A turn goes at least as far as an angle drawn from 0 to this, and on until the way is free."""
+LEAST_TURN = math.radians(60.0)
+"""The same where the laser sees nothing that it could turn away from."""
+AWAY = 0.8
+"""How often it turns away from what is nearest; always would be a circle in many a room."""
+SHORT_DRIVE = 1.0
+"""Metres: where it has to turn again after less than this, the place is narrow."""
+HEADINGS = tuple(math.radians(10.0 * step) for step in range(-17, 19))
+"""Of which it draws one in a narrow place: always the first free one would be to and fro between two walls."""
+ROOMY = 3.0
+"""Metres; more room counts no more."""
+STUCK_AFTER = 1.0
+"""Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
+MOVED = 0.02
+"""Metres of odometry that are a move."""
+STALE_AFTER = 0.5
+"""Seconds: older poses of the robot that it follows do not count."""
+LIMITS = SpeedLimits(0.7, math.pi)
+"""As the last of a line whose other end leads."""
+SIDE_MARGIN = 0.015
+"""Metres on either side of the circle that the base's corners describe when it turns: what it needs to squeeze
+through."""
+
+
+class WanderParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `wander`."""
+
+    speed: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.4
+    turn_rate: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 1.0
+    stop_distance: Annotated[float, Meta(ge=0.0, le=100.0, description="m; left ahead of the laser when it stands")] = (
+        0.5
+    )
+    max_invalid: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="it turns while a larger share of beams says nothing")
+    ] = 0.25
+    hand_over: Annotated[
+        bool, Meta(description="whether its line may be led from the other end where it gets on no more")
+    ] = True
+
+
+class Wander(LineMember):
+    """Forward while the way is free; else turn by a random angle, mostly away from what is nearest, till it is free.
+
+    It keeps the side until it drives again, so it does not swing in a corner. Where it gets on badly (a short drive,
+    or a full turn without a free cone) it squeezes: the next heading will do that leaves room for the robot alone.
+    """
+
+    Params = WanderParams
+    params: WanderParams
+
+    def __init__(self, params: WanderParams) -> None:
+        super().__init__(params)
+        self._side = 0.0
+        """1 while turning left, -1 while turning right, 0 while driving."""
+        self._turned = 0.0
+        self._wanted = 0.0
+        """Radians turned since it stopped, and how many there are to be at least."""
+        self._driven = SHORT_DRIVE
+        """Metres since the last turn."""
+        self._squeezing = False
+        self._stuck = 0.0
+        """Seconds for which it has not moved, though it wants to drive."""
+        self._place = math.nan, math.nan
+        """In odometry, where it has moved last."""
+        self._escape = Escape()
+
+    def on_params(self) -> None:
+        """Say whether its line may be led from the other end."""
+        self.turns = self._line.turns if self.params.hand_over else NO_TURNS
+
+    def step(self, view: View) -> Twist:
+        """Straight on or a turn on the spot; zero without a scan. With a line behind it, as its head or its tail."""
+        if view.scan is None:
+            self.reason = "no scan yet"
+            return Twist()
+        self.reason = ""
+        status = (view.inputs.get("statuses") or {}).get(view.robot_id)
+        is_driven = status is not None and status.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
+        place = self._find_place(view, None)
+        # Alone it drives by its laser, and needs no transforms.
+        self.uses_tf = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
+        self.follows = place.ahead if self.uses_tf else None
+        return self._step_in_line(view, place) if self.uses_tf else self._step_alone(view, view.scan)
+
+    def why_it_rests(self) -> str:
+        """It drives or turns unless it is told not to."""
+        return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
+
+    def _step_in_line(self, view: View, place: Place) -> Twist:
+        own = self._locate(view, place)
+        if own is None:
+            return Twist()
+        if place.ahead is None:
+            return self._lead(view, own, place, self.params.speed, self.params.turn_rate)
+        return self._follow(view, own, place, place.gap, STALE_AFTER, LIMITS)
+
+    def _step_alone(self, view: View, scan: LaserScan) -> Twist:
+        if self._side:
+            self._turned += self.params.turn_rate * view.dt
+            self._stuck = 0.0
+        else:
+            self._driven += self.params.speed * view.dt
+            self._watch_for_stuck(view)
+        cone = look_ahead(scan, HALF_ANGLE)
+        mate = self._bearing_of_teammate(view)
+        if self._stuck > STUCK_AFTER and self.params.speed > 0.0:
+            self._start_turn(view, -1.0 if mate is None else mate)
+            self._wanted = max(self._wanted, LEAST_TURN)
+        elif cone and mate is None and self._may_drive(cone, scan, view.base.radius + SIDE_MARGIN):
+            self._driven = 0.0 if self._side else self._driven
+            self._side = 0.0
+            return Twist(linear=Vector3(x=self.params.speed))
+        if not self._side:
+            self._start_turn(view, mate if mate is not None else cone.bearing if cone else -1.0)
+        return self._escape.free(view, Twist(angular=Vector3(z=self._side * self.params.turn_rate)))
+
+    def _bearing_of_teammate(self, view: View) -> float | None:
+        """Of one in the way ahead (rad), which the laser may look over; None if there is none.
+
+        Both keep the room to turn in, or they might stand side by side for ever.
+        """
+        found = None
+        for mate in view.teammates:
+            x, y, room = mate.pose.x, mate.pose.y, view.base.radius + mate.base.radius + SIDE_MARGIN
+            if 0.0 < x < room + self._reach and abs(y) < room:
+                found = math.atan2(y, x)
+        return found
+
+    def _watch_for_stuck(self, view: View) -> None:
+        if view.odom is None:
+            return
+        place = view.odom.pose.pose.position
+        if math.dist(self._place, (place.x, place.y)) < MOVED:
+            self._stuck += view.dt
+        else:
+            self._place, self._stuck = (place.x, place.y), 0.0
+
+    def _start_turn(self, view: View, bearing: float) -> None:
+        """Turn, mostly away from what is in this direction (rad)."""
+        away = -math.copysign(1.0, bearing)
+        self._side = away if view.random(0) < AWAY else -away
+        self._wanted = MAX_TURN * view.random(1)
+        self._turned = 0.0
+        self._squeezing = self._driven < SHORT_DRIVE
+        if self._squeezing:
+            heading = draw_heading(view)
+            self._side, self._wanted = math.copysign(1.0, heading), abs(heading)
+
+    def _may_drive(self, cone: Cone, scan: LaserScan, half_width: float) -> bool:
+        reach = self._reach
+        if cone.invalid > self.params.max_invalid:
+            return False
+        if self._side and self._turned >= math.tau:
+            self._squeezing = True
+        clear = is_clear(scan, half_width, reach) and (self._squeezing or cone.nearest >= reach)
+        return clear and (not self._side or self._turned >= self._wanted)
+
+    @property
+    def _reach(self) -> float:
+        """Metres ahead of the laser that have to be free."""
+        speed = self.params.speed
+        return self.params.stop_distance + REACTION_TIME * speed + 0.5 * speed * speed / BRAKING
+
+
+def draw_heading(view: View) -> float:
+    """Of those that the laser sees (rad); the more room there is, the likelier."""
+    best, most = math.pi, -1.0
+    for draw, heading in enumerate(HEADINGS, 2):
+        if view.scan is not None and is_seen(view.scan, heading):
+            room = min(look_along(view.scan, view.base.radius + SIDE_MARGIN, heading), ROOMY)
+            weight = room * view.random(draw)
+            best, most = (heading, weight) if weight > most else (best, most)
+    return best

@@ -1,0 +1,241 @@
+"""The robot's steps: gate, behaviour, velocity mux, safety layer, status. The same in real time and in lock-step."""
+
+import logging
+import math
+import sys
+from collections.abc import Callable
+from functools import partial
+from types import CodeType
+from typing import Any
+
+import msgspec
+
+from zteam.clock import to_ns
+from zteam.geometry import Pose2
+from zteam.messages import RobotDriver, Twist
+from zteam.process_options import RobotOptions
+from zteam.robot.behaviors import SafetyLayer, View, missing
+from zteam.robot.behaviors.scans import look_along
+from zteam.robot.process.inputs import Choice, RobotInputs
+from zteam.robot.process.parameters import BehaviorParameters
+from zteam.robot.safety import LimitsOnly, ask
+from zteam.robot.safety.layer import UNSEEN_CAUSE
+from zteam.robot.safety.motion import DRIVE_MARGIN
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.robot_status import StatusReport
+from zteam.runtime.step_watch import StepWatch
+
+log = logging.getLogger("zteam")
+
+_AHEAD = "obstacle ahead"
+FREE_AFTER = to_ns(1.0)
+"""Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
+ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
+_TEAMMATES: CodeType = vars(View)["teammates"].func.__code__
+
+
+class SafetyLog:
+    """The safety layer's lines in the robot's log: one when it stops the robot, one when the way is free again.
+
+    Fed with every step: what the driver wanted, and why that was stopped.
+    """
+
+    def __init__(self, behavior: str) -> None:
+        """`behavior` is the name that the lines show of it."""
+        self._behavior = behavior
+        self._began: int | None = None
+        """Time of the stop (ns); None while there is none."""
+        self._stands = False
+        """Whether a line has said that it was stopped, and not only slowed."""
+        self._free: int | None = None
+        """Time since which the robot may drive again (ns)."""
+
+    def take(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
+        """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
+        if trouble:
+            self._free = None
+            stands = not trouble.startswith(UNSEEN_CAUSE)
+            if self._began is None or (stands and not self._stands):
+                self._began, self._stands = self._began or view.now, stands
+                wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
+                verb = "stopped" if stands else "slowed"
+                log.info("safety: %s %s (%.2f m/s): %s", verb, wanting, wanted.linear.x, _cause(trouble, view))
+        elif self._began is not None and wanted.linear.x:
+            self._free = view.now if self._free is None else self._free
+            if view.now - self._free >= FREE_AFTER:
+                log.info("safety: the way is free again after %.1f s", (self._free - self._began) / 1e9)
+                self._began = self._free = None
+                self._stands = False
+
+
+def _cause(trouble: str, view: View) -> str:
+    if trouble != _AHEAD or view.scan is None:
+        return trouble
+    away = look_along(view.scan, view.base.half_width + DRIVE_MARGIN)
+    return f"obstacle {away:.2f} m ahead of the laser" if math.isfinite(away) else trouble
+
+
+class StepInput(msgspec.Struct, frozen=True):
+    """What one step goes by."""
+
+    view: View
+    choice: Choice | None
+    """What drives instead of the behaviour."""
+    epoch: int
+    """The GO that holds, 0 = none."""
+    jumps: int
+    """How often time had jumped back when the step began."""
+    parameters: dict[str, Any]
+    """The behaviour's, as in `BehaviorParameters`."""
+    missing: list[str]
+    """What the robot lacks before it is released that its view does not show, as nouns."""
+
+
+class Driver:
+    """Asks the behaviour of a robot, and has its status told.
+
+    One thread at a time steps: the main loop in real time, and then without `node.changed`, so that a behaviour that
+    works long keeps no message waiting; the bus's thread in lock-step, with that lock. `busy` says that a step is under
+    way. A jump back in time is only marked. The next step makes the behaviour anew, and what a step of the old time
+    found out is dropped.
+    """
+
+    def __init__(
+        self,
+        node: ProcessNode,
+        inputs: RobotInputs,
+        parameters: BehaviorParameters,
+        status: StatusReport,
+        options: RobotOptions,
+        team: Callable[[], tuple[int, ...]],
+    ) -> None:
+        """`team()`: ids of the robots that are alive, asked under `node.changed`."""
+        self._node = node
+        self._team = team
+        self._inputs = inputs
+        self._parameters = parameters
+        self.status = status
+        self.readiness = status.readiness
+        self.robot_id = options.robot_id
+        self._seed = options.seed
+        self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
+        self._make_behavior(parameters.given)
+        behavior = self.behavior
+        self._watch = StepWatch(
+            f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
+        )
+        if not behavior.uses_tf:
+            self._name_look_ups()
+        self.absence = ""
+        """Why no scan comes; empty if nothing is known of that."""
+        self.is_alone = False
+        """Whether no simulator answers."""
+        self.busy = False
+        """Whether the main loop steps: no other thread may (read it under `node.changed`)."""
+        self.jumps = 0
+        """How often time has jumped back."""
+        self._made_at = 0
+        """`jumps` when the behaviour was made."""
+        self.stepped = 0
+        """Time of the last step in ns."""
+
+    def _make_behavior(self, parameters: dict[str, Any]) -> None:
+        self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
+        self._given = parameters
+        """The parameters that the behaviour has."""
+        self._layer, self._safety = self._make_layer(), SafetyLog(self.status.behavior)
+
+    def _name_look_ups(self) -> None:
+        """Have the log say once if a step looks transforms up undeclared: it would drive on by old ones."""
+        inputs, find_pose = self._inputs, self._inputs.lookup
+
+        def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
+            # Teammates come with their age, and the safety layer looks when the step is over.
+            is_in_step = self._watch.is_under_way and not self.behavior.uses_tf
+            if is_in_step and sys._getframe(2).f_code is not _TEAMMATES:
+                inputs.lookup, name = find_pose, type(self.behavior).__name__
+                log.warning("%s looks transforms up without 'uses_tf = True': it would drive on by old ones", name)
+            return find_pose(target_frame, source_frame)
+
+        inputs.lookup = lookup
+
+    def jump_back(self) -> None:
+        """Time jumped back (under `node.changed`)."""
+        self.jumps += 1
+        self.stepped = 0
+
+    def take_input(self, now: int, epoch: int, *, is_first: bool = False) -> StepInput:
+        """The newest data, for a step at time `now` (ns) while the GO `epoch` holds (under `node.changed`).
+
+        In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
+        """
+        dt = (now - self.stepped) / 1e9 if 0 < self.stepped < now else 0.0
+        inputs = self._inputs
+        if not is_first:
+            inputs.messages.handle_due(now)
+        view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
+        lacking = [] if self.readiness.released else inputs.missing()
+        choice = None if is_first else inputs.mux.choose(now)
+        return StepInput(view, choice, epoch, self.jumps, self._parameters.given, lacking)
+
+    def step(self, given: StepInput) -> Twist | None:
+        """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""
+        self.pass_gate(given)
+        if not self.readiness.released:
+            return None
+        # In lock-step, where the main loop does not step, the next scan waits.
+        asking = partial(ask, self.behavior, given.view)
+        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
+        driver = RobotDriver.BEHAVIOR
+        if given.choice is not None:
+            driver, wanted, reason = *given.choice, ""
+        command, trouble = self._layer.limit(wanted, given.view, reason)
+        # A behaviour that old data keeps from wanting anything is not stopped.
+        is_stopped = trouble not in ("", reason)
+        if is_stopped or not trouble:
+            self._safety.take(driver, wanted, trouble, given.view)
+        reason = trouble or reason
+        if reason:
+            reason = self.absence or reason
+        with self._node.lock:
+            if given.jumps != self.jumps:
+                return None
+            self.readiness.drive(reason, given.epoch)
+            self.status.take(driver, command)
+            # What the safety layer stops has lines of its own.
+            self.status.tell(logged=not is_stopped)
+        return command
+
+    def pass_gate(self, given: StepInput) -> None:
+        """Release the robot when nothing is missing and GO has come; until then say what it waits for. No step."""
+        self._prepare_behavior(given)
+        was_released = self.readiness.released
+        lacking = [] if was_released else self._lacking(given)
+        with self._node.lock:
+            if given.jumps != self.jumps:
+                return
+            if not self.readiness.take(lacking, given.epoch):
+                self.status.tell()
+            elif not was_released:
+                log.info("GO: driving")
+
+    def _prepare_behavior(self, given: StepInput) -> None:
+        """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
+        if self._made_at != given.jumps:
+            self._make_behavior(given.parameters)
+        elif self._given is not given.parameters:
+            self.behavior.params, self._given = self._parameters.read(given.parameters), given.parameters
+            self.behavior.on_params()
+        else:
+            return
+        self._made_at = given.jumps
+        with self._node.changed:
+            self.status.publish()
+
+    def _lacking(self, given: StepInput) -> list[str]:
+        if self.absence and given.view.scan is None:
+            return [f"its first scan: {self.absence}"]
+        lacking = missing(given.view, self.behavior) + given.missing
+        if self.is_alone and given.view.scan is None:
+            lacking[-1] += f": {ALONE}"
+        return lacking

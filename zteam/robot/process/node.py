@@ -1,0 +1,379 @@
+"""The robot process: one robot's brain. It cannot tell the simulator from a real base.
+
+It acts when a scan arrives, not on a timer of its own, so that a command follows its scan at once; between scans it
+only watches for data that has grown old. In lock-step it acts once a tick, when all its inputs of that tick have come.
+"""
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from itertools import count
+from typing import Any
+
+from zteam import names
+from zteam.clock import Every, monotonic, to_ns
+from zteam.errors import BusError
+from zteam.messages import (
+    BaseInfo,
+    LaserScan,
+    Message,
+    Odometry,
+    RobotState,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Tick,
+    Twist,
+)
+from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.topics import is_latched
+from zteam.process_options import RobotOptions
+from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.behavior import declared_inputs
+from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.process.driver import ALONE, Driver, StepInput
+from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
+from zteam.robot.process.parameters import BehaviorParameters
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
+from zteam.runtime.tick_messages import HeldMessage, stamp_of
+from zteam.runtime.tokens import TokenSet
+from zteam.simulator.client import absence_text, read_status
+
+log = logging.getLogger("zteam")
+
+_HEARTBEAT = 1.0
+"""Host seconds after which a robot gives a sign of life."""
+_LOOK = 0.1
+"""Host seconds between two looks at whether data has stopped, in real time."""
+STALE = to_ns(0.5)
+"""Age of the newest scan (simulated ns) from which on the robot acts without a new one, to stop."""
+TF_LIMIT = 0.02
+"""Host seconds to wait for the transforms of a scan's own tick: they come over the aggregator, one hop later. By the
+host's clock, because simulated time stands still within a tick; a next scan ends the wait as well."""
+_ANSWER_LIMIT = 0.5
+"""Host seconds for the simulator to say which robots it has."""
+_LOOKS = 3
+"""Looks, a second apart, until something that does not come is missing."""
+_TELL_EVERY = 5
+"""Seconds between two lines about the others that GO waits for."""
+
+
+class StartWatch:
+    """What a robot waits for before it drives: a place in the world, its first data, the rest of its team.
+
+    Asked once a second by the main loop.
+    """
+
+    def __init__(self, node: ProcessNode, inputs: RobotInputs, driver: Driver, part: Participant) -> None:
+        self._node = node
+        self._inputs = inputs
+        self._driver = driver
+        self._part = part
+        self._looks = 0
+        self._ready_for = 0
+        """Seconds since the robot is ready, or since the last line."""
+        self._told = ""
+        self._scan: LaserScan | None = None
+        """The newest at the last look."""
+
+    def find_absence(self) -> None:
+        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
+        self._looks += 1
+        # At the start all is on its way.
+        if self._looks < _LOOKS:
+            return
+        before, self._scan = self._scan, self._inputs.scan
+        if self._scan is not before:
+            self._driver.absence = ""
+            return
+        try:
+            status = read_status(self._node.bus, _ANSWER_LIMIT)
+        except BusError as error:
+            log.debug("%s", error)
+            return
+        robot_id = self._driver.robot_id
+        lacks = status is not None and robot_id not in status.robots
+        name = names.robot_name(robot_id)
+        self._driver.absence = f"{name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
+        if status is None and not self._driver.is_alone and self._driver.readiness.released:
+            # Without a gate nothing else says what the robot waits for.
+            log.info("waiting for a first scan: %s", ALONE)
+        self._driver.is_alone = status is None
+
+    def begin_look(self) -> StepInput | None:
+        """The input to find out what is missing: while nothing comes there is no other (under `node.changed`)."""
+        if self._looks < _LOOKS or self._part.active or self._driver.readiness.released or self._node.stopping:
+            return None
+        return self._driver.take_input(self._node.clock.now(), 0)
+
+    def tell(self) -> None:
+        """Log what GO waits for, if that takes long (under `node.changed`)."""
+        team = self._inputs.team
+        if self._driver.readiness.state != RobotState.READY or team is None or not team.waiting_for:
+            self._ready_for = 0
+            return
+        self._ready_for += 1
+        if self._ready_for > _TELL_EVERY and team.waiting_for != self._told:
+            self._ready_for, self._told = 0, team.waiting_for
+            log.info("ready; GO waits for %s", team.waiting_for)
+
+
+class RobotNode:
+    """One robot on the bus. Handlers of messages run under `node.changed`."""
+
+    def __init__(
+        self, node: ProcessNode, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
+    ) -> None:
+        """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
+        self._node = node
+        self._id = options.robot_id
+        self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
+        self._status = StatusReport(
+            node,
+            self._id,
+            options.behavior,
+            Readiness(gated=options.gate),
+            lambda: self._part.active,
+            safety=options.safety,
+        )
+        parameters = BehaviorParameters(node, kind, options.behavior, options.params)
+        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team)
+        self._heartbeat = Every(_HEARTBEAT)
+        self._known_to: tuple[int, ...] = ()
+        """Lock-step: the robots that have had its status; none before its own first tick."""
+        self._alive: TokenSet | None = None
+        """The processes of robots that are alive, from the first question on."""
+        self._first_data = 0.0
+        """Host time of the first scan; 0 before."""
+        self._acted = 0
+        """Stamp of the scan that was acted on last."""
+        self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
+        # First: latched messages come while it subscribes, and look whether this is lock-step.
+        self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
+        self._start = StartWatch(node, self._inputs, self._driver, self._part)
+        node.on_time_reset(self._on_time_reset)
+        if self._driver.behavior.navigation is not None:
+            node.bus.serve(navigation_query(self._id, CANCEL), CancelRequest, self._cancel_goal)
+        self._subscribe()
+
+    def _subscribe(self) -> None:
+        node, key, numbers = self._node, partial(names.robot_key, self._id), count()
+        node.subscribe(key(names.BASE_SCAN), LaserScan, self._on_scan)
+        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
+        node.subscribe(key(names.ODOM), Odometry, partial(self._on_input, self._inputs.take_odom))
+        node.subscribe(names.TF, TFMessage, self._on_tf)
+        take_static = partial(self._on_input, self._inputs.transforms.take_static)
+        node.subscribe(names.TF_STATIC, TFMessage, take_static, latched=True)
+        for source in SOURCES:
+            velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
+            node.subscribe_from(key(source.topic), source.type, velocity)
+        for declared in self._inputs.declared.declared:
+            take = partial(self._on_sent, next(numbers), partial(self._inputs.declared.take, declared))
+            if is_latched(declared.key):
+                # Its bus lets one sender's message count alone: the one with the newest time.
+                node.subscribe(declared.key, declared.type, take, latched=True)
+            else:
+                node.subscribe_from(declared.key, declared.type, take)
+
+    def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
+        with self._node.changed:
+            return CancelReply(self._driver.behavior.cancel_goal())
+
+    # Inputs
+
+    def _on_scan(self, _key: str, scan: LaserScan) -> None:
+        self._inputs.take_scan(scan)
+        self._part.take_stamp(self._inputs.scan_stamp)
+        self._first_data = self._first_data or monotonic()
+        self._go_on()
+
+    def _on_input(self, take: Callable[[Any], None], _key: str, message: Message) -> None:
+        take(message)
+        self._go_on()
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        self._inputs.team = status
+
+    def _on_tf(self, key: str, bundle: TFMessage) -> None:
+        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
+            self._inputs.transforms.take_bundle(bundle)
+            self._go_on()
+
+    def _on_base_info(self, key: str, message: BaseInfo) -> None:
+        robot_id = names.robot_id_of(key.partition("/")[0])
+        if robot_id is not None:
+            self._inputs.take_base(robot_id, message)
+            self._go_on()
+
+    def _on_sent(self, number: int, take: Callable[..., None], key: str, message: Message, source: str = "") -> None:
+        """A message of another process than the simulator: in lock-step it counts in the tick after its own."""
+        part, clock, messages = self._part, self._node.clock, self._inputs.messages
+        if isinstance(message, RobotStatus) and self._node.ended_time.has(key, lambda: stamp_of(message), clock.now()):
+            return
+        if not part.active:
+            messages.handle_due(None)
+            take(key, message, clock.now())
+            return
+        # The tick itself may be on its way; what it brings to this robot left before it.
+        messages.hold(
+            HeldMessage(number, key, message, source, False, None, take), max(part.stamp, self._inputs.scan_stamp)
+        )
+
+    def _go_on(self) -> None:
+        """An input has come: lock-step goes on in this very thread, real time in the main loop."""
+        driver, part = self._driver, self._part
+        if part.active and not (part.advance() or driver.readiness.released or driver.busy) and self._node.speaks:
+            # The first tick is held until all are ready, and what that takes may come after this robot's answer.
+            try:
+                driver.pass_gate(driver.take_input(self._acted, 0))
+            except BaseException as error:
+                self._node.fail(error)
+
+    def _team(self) -> tuple[int, ...]:
+        """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
+        if self._part.active:
+            return self._part.team
+        if self._alive is None:
+            # Not before: in lock-step, each token would wake every robot for nothing.
+            self._alive = TokenSet()
+            self._node.watch_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
+        ids = map(names.robot_id_of, self._alive)
+        return tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
+
+    def _on_robot(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is not None and self._alive is not None:
+            self._alive.take(*token, alive)
+
+    def _on_time_reset(self) -> None:
+        log.warning("time jumped back (the simulator started anew): old data is forgotten")
+        self._inputs.forget()
+        self._driver.jump_back()
+        self._acted = 0
+
+    # Real time: once for each scan, and again while no scan comes
+
+    def run(self) -> None:
+        """Drive until the process is asked to stop."""
+        while not self._node.stopping:
+            self._wait_for_work()
+            if self._node.stopping:
+                return
+            self._node.decide_clock(self._first_data)
+            self._step(self._begin_step, self._driver.step)
+            if not self._heartbeat.due():
+                continue
+            self._start.find_absence()
+            self._step(self._start.begin_look, self._driver.pass_gate)
+            with self._node.changed:
+                self._start.tell()
+                self._status.beat()
+
+    def _wait_for_work(self) -> None:
+        """Wait until a step is due in real time. In lock-step, which goes on in handlers, only heartbeats are due."""
+        part, active, due = self._part, self._part.active, self._heartbeat.left()
+        self._node.wait(lambda: part.active != active or self._is_due(), due if active else min(due, _LOOK))
+
+    def _is_due(self) -> bool:
+        """Whether there is a reason to act in real time: a new scan, or none while time goes on.
+
+        Time goes on for STALE without a scan, and for a fifth of that since the last step.
+        """
+        if self._part.active:
+            return False
+        now = self._node.clock.now()
+        return self._has_new_scan() or (now - self._acted > STALE and now - self._driver.stepped >= STALE // 5)
+
+    def _has_new_scan(self) -> bool:
+        return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
+
+    def _begin_step(self) -> StepInput | None:
+        """The input of the step that is due, once its transforms have come; None if there is none.
+
+        Called under `node.changed`; may wait without the lock.
+        """
+        if not self._is_due():
+            return None
+        inputs, now = self._inputs, self._node.clock.now()
+        if self._has_new_scan():
+            self._acted = inputs.scan_stamp
+            # A scan that was held up on its way is as old as the clock says.
+            now = max(self._acted, now)
+            inputs.wait_no_longer()
+        if self._driver.behavior.uses_tf:
+            scan, jumps = inputs.scan, self._driver.jumps
+            self._node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
+            if self._driver.jumps != jumps or self._part.active or self._node.stopping:
+                return None
+        self._driver.stepped, epoch = now, go_epoch(inputs.team, now)
+        return self._driver.take_input(now, epoch)
+
+    def _step(self, begin: Callable[[], StepInput | None], step: Callable[[StepInput], Twist | None]) -> None:
+        """Real time: take the step that is due. The behaviour is asked without `node.changed`."""
+        with self._node.changed:
+            given = begin()
+            if given is None:
+                return
+            self._driver.busy = True
+        command = step(given)
+        with self._node.changed:
+            self._driver.busy = False
+            if self._part.active:
+                # Lock-step began during the step; the tick has waited for its end.
+                self._part.advance()
+            elif command is not None and given.jumps == self._driver.jumps:
+                self._cmd_vel.put(command)
+
+    # Lock-step: once a tick
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        """Lock-step: whether the tick can be answered: all that it brings to this robot has come."""
+        if self._driver.busy:
+            return False
+        if self._id not in self._part.robots:
+            return True
+        # Without an aggregator among the participants no transforms of this tick are promised. A bundle of lock-step is
+        # whole; only at first the fixed transforms may still be on their way.
+        tf = names.AGGREGATOR in tick.participants
+        return self._inputs.has_bases(self._part.robots) and self._inputs.complete_for(
+            self._part.stamp, tf=tf, connected=not self._driver.readiness.released
+        )
+
+    def _act(self, tick: Tick) -> Twist | None:
+        """Lock-step: this tick's command."""
+        self._acted = self._part.stamp
+        is_first = tick.tick == 1 or not self._known_to
+        given = self._driver.take_input(self._acted, tick.epoch, is_first=is_first)
+        self._driver.stepped = self._acted
+        command = self._driver.step(given)
+        if is_first or self._part.team != self._known_to:
+            # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.
+            self._known_to = self._part.team
+            self._status.publish()
+        self._status.keep_up(self._acted)
+        return command
+
+    def halt(self) -> None:
+        """Publish zero velocity, then the status; both leave before the session closes."""
+        with self._node.changed:
+            self._cmd_vel.put(Twist())
+            self._status.stop()
+        log.info("%s stopped", names.robot_name(self._id))
+
+
+def run_robot(
+    node: ProcessNode, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
+) -> None:
+    """Be robot `options.robot_id` until asked to stop. `transforms` are those of all robots of this process."""
+    robot = RobotNode(node, kind, options, transforms)
+    node.become_present()
+    # Only the process that holds the name may publish commands, so not before this.
+    node.on_stop(robot.halt)
+    if not options.safety:
+        log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
+    if not options.gate:
+        log.info("not waiting for GO (--no-gate)")
+    robot.run()

@@ -1,0 +1,213 @@
+"""The layer under everything that drives: nothing moves on old data, into an obstacle, or faster than the limits.
+
+A commanded arc is looked at for as long as the base needs to stop on it, and is slowed down so far that the base can
+stop before what it would meet. Text that says why is the same from step to step, so that a robot's status changes only
+with the cause.
+"""
+
+from zteam import names
+from zteam.base import Base
+from zteam.messages import Twist, ns_from_time
+from zteam.messages.velocity import checked_command
+from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View
+from zteam.robot.safety.motion import (
+    NO_NUMBER,
+    STANDING,
+    Motion,
+    admissible,
+    at_least,
+    limits_of,
+    outline_of,
+    share_of,
+    swept_disc,
+)
+from zteam.robot.safety.surroundings import GAP as TEAMMATE_GAP
+from zteam.robot.safety.surroundings import STALE_AFTER, Surroundings, TeammateTracker
+
+GAP = 0.15
+"""Metres that a robot stops before what it would drive into."""
+SHORTEST = 0.05
+"""Seconds until the next command, at least, whatever the last step took."""
+FIRST, FIRST_TICK = 2.0, 0.1
+"""Seconds until the next command (no tick is known yet) that the first step is safe for, and reckons with."""
+HYSTERESIS = 0.05
+"""Metres more than the gap that have to be free before a robot that was stopped drives the same way again."""
+UNSEEN = 0.2
+"""m/s of the fastest corner, at most, where no laser looks: what was never seen is met so."""
+UNSEEN_CAUSE = "no laser looks"
+"""How the text of a robot begins that is slowed down for that."""
+
+
+class SafetyLayer:
+    """Limits the velocities of one robot. It remembers what came before: make a new one when time has jumped back."""
+
+    def __init__(self) -> None:
+        self._base: Base | None = None
+        self._last = STANDING
+        """What the base was told to do last."""
+        self._held: tuple[bool, bool] | None = None
+        """Which way the motion went that was stopped last: forwards or not, left or not; None while it is free."""
+        self._mates = TeammateTracker()
+        self._reaction, self._extra = FIRST, 0.0
+        """In this step: seconds until the next command, metres that are to be free besides the gaps."""
+        self._measured: Motion | None = None
+        """What odometry says of a base that is faster than it was told to be."""
+
+    def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
+        """`wanted` as far as it is safe, and why it was cut ("" = it was not).
+
+        Only x and yaw are passed on, and y to an omni base: the others have no other way to move. The numbers are
+        plain ones, whatever was wanted. With a `reason` a wanted stop is due to data that the driver lacks: the base
+        then brakes evenly.
+        """
+        if view.base is not self._base:
+            self._base, self._outline, self._limits = view.base, outline_of(view.base.footprint), limits_of(view.base)
+            self._around = Surroundings()
+        trouble, asked = old_scan(view), self._limits.motion_of(wanted)
+        seconds, self._reaction = (max(view.dt, SHORTEST),) * 2 if view.dt else (FIRST_TICK, FIRST)
+        if not trouble:
+            self._around.take(view, self._limits.longest_way(self._reaction) + self._outline.radius + 0.5)
+            trouble = NO_NUMBER if asked is None else ""
+        if asked is None or trouble or (reason and asked == STANDING):
+            motion = self._limits.brake(self._last, seconds)
+        else:
+            asked = self._limits.approach(asked, self._last, seconds)
+            motion, trouble = self._cut(asked, view)
+            if motion != self._limits.approach(motion, self._last, seconds):
+                # What lies between the two was not looked at. The way of the last command was: with even braking.
+                motion = self._limits.brake(self._last, seconds)
+        self._last = motion
+        return self._limits.command_of(motion), trouble
+
+    def _cut(self, asked: Motion, view: View) -> tuple[Motion, str]:
+        """`asked` as far as nothing stands in its way, and why it is less ("" = it is not)."""
+        if asked == STANDING:
+            return asked, ""
+        self._extra = HYSTERESIS if self._held == _way_of(asked) else 0.0
+        self._measured = self._limits.measure(self._last, view)
+        self._mates.look(view)
+        slow, cause = self._slow_down_unseen(asked, view)
+        motion, why = self._avoid(slow)
+        cause = why or cause
+        if motion != slow:
+            # It may lead over other ground. A turn on the spot that is left then was not looked at.
+            seen, why = self._slow_down_unseen(motion, view)
+            cause = cause or why
+            motion = seen if seen.speed or not motion.speed else self._avoid(seen)[0]
+        self._held = _way_of(asked) if (asked.speed and not motion.speed) or motion == STANDING else None
+        return motion, cause
+
+    def _slow_down_unseen(self, asked: Motion, view: View) -> tuple[Motion, str]:
+        """`asked` as far as the ground that it leads over is seen."""
+        sight, real, side = self._around.sight, at_least(asked, self._measured), _side_of(asked)
+        if real == STANDING:
+            return asked, ""
+        braking = self._limits.stop_time(real)
+        seconds, forwards = self._reaction + 0.5 * braking, real.x > 0.0 and abs(real.y) <= 0.5 * real.x
+        is_blind = forwards if sight.beams is None else real.speed and sight.silent.size
+        if is_blind and sight.beams is not None:
+            is_blind = sight.is_blind(self._outline, real, seconds, self._mates.bearings(view))
+        if is_blind:
+            return Motion(0.0, asked.turn), f"blind {side}"
+        is_seen = sight.looks_along(real, seconds, forwards)
+        if is_seen and not (real.turn and not self._around.has_room):
+            # What is beyond its range no laser has seen.
+            share = share_of(sight.range / real.speed, braking, self._reaction, real.speed) if forwards else 1.0
+        else:
+            share = min(1.0, UNSEEN / self._outline.fastest(real))
+        if share >= 1.0:
+            return asked, ""
+        return asked.scale(share), f"{UNSEEN_CAUSE} {'behind' if is_seen and not forwards else side}"
+
+    def _avoid(self, motion: Motion) -> tuple[Motion, str]:
+        """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
+        share, what = self._share(motion) if motion != STANDING else (1.0, "")
+        if share >= 1.0:
+            return motion, ""
+        slow = motion.scale(share)
+        if motion.turn and motion.speed and self._limits.turns_apart:
+            turning = Motion(slow.x, motion.turn, slow.y)
+            free, _ = self._share(turning)
+            if free >= 1.0 or not share:
+                slow = turning.scale(free)
+            if slow == STANDING:
+                # The tail of a robot beside a wall has room to drive on, but not to turn.
+                straight = motion._replace(turn=0.0)
+                slow = straight.scale(self._share(straight)[0])
+        is_stopped = not slow.speed and (motion.speed or not slow.turn)
+        return slow, f"{what} {_side_of(motion)}" if is_stopped else ""
+
+    def _share(self, motion: Motion) -> tuple[float, str]:
+        """The share of its speed at which `motion` can stop before all, and what it would meet first."""
+        outline, reaction, extra = self._outline, self._reaction, self._extra
+        real = at_least(motion, self._measured)
+        braking, what = self._limits.stop_time(real), "obstacle"
+        least = admissible(self._around.points, outline, real, braking, reaction, GAP, extra=extra)
+        seconds = reaction + 0.5 * braking + (TEAMMATE_GAP + extra) / (real.speed + abs(real.turn) * outline.radius)
+        for mate in self._mates.near(*swept_disc(outline, real, seconds), reaction):
+            share = admissible(mate.points, outline, real, braking, reaction, mate.gap, mate.clearance, extra)
+            if share < least or (share == least < 1.0 and what == "obstacle"):
+                least, what = share, names.robot_name(mate.robot_id)
+        return least, what
+
+
+def _side_of(motion: Motion) -> str:
+    is_beside = abs(motion.y) > abs(motion.x) or not motion.x
+    return "beside" if is_beside else "ahead" if motion.x > 0.0 else "behind"
+
+
+def _way_of(motion: Motion) -> tuple[bool, bool]:
+    return motion.x > 0.0, not motion.x and (motion.y or motion.turn) > 0.0
+
+
+def old_scan(view: View) -> str:
+    """Why the scan cannot be driven by: there is none, or it is old; empty if it can."""
+    if view.scan is None:
+        return "no scan yet"
+    return "" if view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER) else "stale scan"
+
+
+def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    """The velocity that the behaviour wants, and why it is not what the behaviour is for ("" if it is).
+
+    On old data it is not asked, and the velocity is zero.
+    """
+    trouble = old_scan(view) or (_old_pose(view) if behavior.uses_tf else "")
+    if trouble:
+        return Twist(), trouble
+    wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
+    return wanted, behavior.reason
+
+
+def decide(behavior: Behavior, view: View, layer: SafetyLayer | None = None) -> tuple[Twist, str]:
+    """The safe velocity of a step of the behaviour, and why it is not what the behaviour is for ("" if it is).
+
+    `layer` remembers what came before; without one this is the first step.
+    """
+    wanted, reason = ask(behavior, view)
+    command, trouble = (layer or SafetyLayer()).limit(wanted, view, reason)
+    return command, trouble or reason
+
+
+def make_safe(wanted: Twist, view: View) -> tuple[Twist, str]:
+    """What a new `SafetyLayer` makes of `wanted`, and why it was cut ("" = it was not)."""
+    return SafetyLayer().limit(wanted, view)
+
+
+def missing(view: View, behavior: Behavior) -> list[str]:
+    """What the robot lacks before it is ready, as nouns for its status; empty = ready."""
+    lacking = []
+    if view.scan is None:
+        lacking.append(f"a first scan ({names.scan_key(view.robot_id, 0)})")
+    if view.odom is None:
+        lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
+    if view.map_from_base() is None:
+        lacking.append(f"its own pose in {names.MAP_FRAME} ({names.TF}, from zteam-tf)")
+    return lacking + behavior.missing(view)
+
+
+def _old_pose(view: View) -> str:
+    own = view.map_from_base()
+    if own is None:
+        return NO_POSE
+    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"

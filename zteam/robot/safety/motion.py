@@ -1,0 +1,293 @@
+"""How a base moves: what it sweeps along an arc, when it meets given points there, and its limits.
+
+The outline counts as convex: its hull is some half-planes, and a point's depth in the hull is the largest of its
+distances from them (below 0 inside). When a point is met is computed, not searched for in steps.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.base import Base
+from zteam.geometry import Point2, Pose2, convex_hull
+from zteam.kernels import binding as kernels
+from zteam.messages import Twist, Vector3
+from zteam.robot.behaviors.behavior import View
+
+Floats = NDArray[np.float64]
+
+SPIN_MARGIN = 0.01
+"""Metres that stay free around a base that turns on the spot: less than what `wander` squeezes through."""
+DRIVE_MARGIN = 0.025
+"""Metres that stay free beside a base that drives: what the odometry and the laser are wrong by."""
+SLOWEST = 0.02
+"""m/s of the fastest corner: what has to be slower than this stands, so that nothing crawls at the edge."""
+STRAIGHT = 1e-5
+"""Radians: an arc that turns less counts as straight. On a metre that is wrong by less than 0.01 mm."""
+_MOST = 48
+"""Points of a side, at most."""
+_EDGE = 0.1
+"""Metres between points of an outline, at most."""
+
+
+class Motion(NamedTuple):
+    """A velocity of the base that is kept: an arc, a straight line or a turn on the spot."""
+
+    x: float
+    """m/s, forwards."""
+    turn: float
+    """rad/s."""
+    y: float = 0.0
+    """m/s, to the left."""
+
+    @property
+    def speed(self) -> float:
+        """m/s of the base's origin."""
+        return math.hypot(self.x, self.y) if self.y else abs(self.x)
+
+    def scale(self, share: float) -> "Motion":
+        """The same arc, driven at a share of its speed."""
+        return Motion(self.x * share, self.turn * share, self.y * share)
+
+
+class Outline:
+    """The convex hull of a footprint, in `base_footprint`."""
+
+    def __init__(self, footprint: tuple[Point2, ...]) -> None:
+        corners = np.array(convex_hull(footprint))
+        self.corners = corners
+        """(n, 2), counter-clockwise."""
+        along = np.roll(corners, -1, axis=0) - corners
+        along /= np.hypot(along[:, 0], along[:, 1])[:, None]
+        normals = np.column_stack((along[:, 1], -along[:, 0]))
+        self.rows: Floats = np.column_stack((normals, (normals * corners).sum(axis=1)))
+        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less)."""
+        self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+        """Metres from the origin to the furthest corner."""
+        self._tips: list[list[float]] = corners.tolist()
+        self.border = _border(corners)
+        """(2, m): points on the outline, at most _EDGE apart."""
+
+    def distances(self, points: Floats) -> Floats:
+        """Of points (2, m): metres from the hull, below 0 inside; too little beside a corner."""
+        found: Floats = np.maximum.reduce(self.rows[:, :2] @ points - self.rows[:, 2:3])
+        return found
+
+    def fastest(self, motion: Motion) -> float:
+        """m/s of the fastest corner."""
+        x, turn, y = motion
+        return max([math.hypot(x - turn * up, y + turn * along) for along, up in self._tips])
+
+
+outline_of = lru_cache(maxsize=256)(Outline)
+"""The outline of a footprint: the same object for equal ones."""
+
+
+def _border(corners: Floats) -> Floats:
+    parts = []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = min(_MOST, math.ceil(float(np.hypot(*(end - start))) / _EDGE))
+        parts.append(start[:, None] + (end - start)[:, None] * (np.arange(count) / count))
+    return np.hstack(parts)
+
+
+def margin_of(outline: Outline, motion: Motion) -> float:
+    """Metres to keep free around the outline on this arc."""
+    speed = motion.speed
+    fastest = speed + abs(motion.turn) * outline.radius
+    return SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (speed / fastest if fastest else 0.0)
+
+
+def place_after(motion: Motion, seconds: float) -> Pose2:
+    """Where the base is then, in its frame of now."""
+    x, turn, y = motion
+    angle = turn * seconds
+    if abs(angle) < STRAIGHT:
+        return Pose2(x * seconds, y * seconds, angle)
+    ahead, aside = math.sin(angle) / turn, (1.0 - math.cos(angle)) / turn
+    return Pose2(x * ahead - y * aside, x * aside + y * ahead, angle)
+
+
+def swept_disc(outline: Outline, motion: Motion, seconds: float) -> tuple[float, float, float]:
+    """A disc that all lies in that `motion` sweeps within `seconds`, with the margin: x, y and radius in metres."""
+    x, y, _ = place_after(motion, 0.5 * seconds)
+    return x, y, 0.5 * motion.speed * seconds + outline.radius + margin_of(outline, motion)
+
+
+def meeting_time(outline: Outline, motion: Motion, seconds: float, points: Floats, clearance: float = 0.0) -> float:
+    """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
+
+    inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
+    always move away.
+    """
+    margin, (x, y, radius) = margin_of(outline, motion) + clearance, swept_disc(outline, motion, seconds)
+    return kernels.meet(np.ascontiguousarray(points), outline.rows, motion, seconds, margin, (x, y, radius + clearance))
+
+
+def admissible(
+    points: Floats, hull: Outline, arc: Motion, braking: float, reaction: float,
+    gap: float = 0.0, clearance: float = 0.0, extra: float = 0.0,
+) -> float:  # fmt: skip
+    """The share of its speed (0..1) at which a base may drive an arc to stop before all points (2, n) of its frame.
+
+    Braking on the arc from its full speed takes `braking` seconds, and begins `reaction` seconds from now. The base
+    stops `gap` metres before a point, as far as it drives and not turns, and `extra` metres before any; beside it the
+    margin and `clearance` (m) stay free.
+    """
+    fastest = arc.speed + abs(arc.turn) * hull.radius
+    kept = arc.speed / fastest**2 * gap + extra / fastest
+    seconds = reaction + 0.5 * braking + kept
+    free = meeting_time(hull, arc, seconds, points, clearance)
+    return share_of(free - kept, braking, reaction, fastest)
+
+
+def share_of(free: float, braking: float, reaction: float, fastest: float) -> float:
+    """As `admissible`, where `free` seconds of the arc are free at its full speed, of the fastest corner's m/s."""
+    if free <= 0.0:
+        return 0.0
+    if free >= reaction + 0.5 * braking:
+        return 1.0
+    share = (math.sqrt(reaction**2 + 2.0 * braking * free) - reaction) / braking
+    return share if share * fastest >= SLOWEST else 0.0
+
+
+NO_NUMBER = "the driver asks for a velocity that is no number"
+BRAKING = 1.0
+"""m/s²: how hard a base counts as braking that tells no limit: none stops at once. `wander` counts on the same."""
+TURN_BRAKING = 3.2
+"""rad/s², likewise: a stop from the fastest turn of an erratic in a second."""
+STOPPING, TURN_STOPPING = 2.5, 8.0
+"""m/s² and rad/s²: how hard such a base is made to stop when data is old or a leader is gone: an erratic stands within
+0.4 s, and so within 0.5 s of the loss."""
+LEAST = 1e-6
+"""m/s and rad/s: no base moves so slowly, and a way divided by less would be no number."""
+_WHEELBASE_SHARE = 0.5
+"""Of the outline's length: the wheelbase of a car that does not tell it. Shorter turns more sharply."""
+_FASTER = 0.02
+"""m/s and rad/s more than commanded that odometry may say for nothing."""
+
+STANDING = Motion(0.0, 0.0)
+
+
+class BaseLimits:
+    """The limits of one base. Motions are what the base does; a car's command is an angle of its wheels instead."""
+
+    def __init__(self, base: Base) -> None:
+        self._base = base
+        self._is_car, self._is_omni = base.drive == "car", base.drive == "omni"
+        self.turns_apart = not self._is_car
+        """Whether the base can turn as it likes while it drives more slowly."""
+        reach = [x for x, _ in base.footprint]
+        self._wheelbase = base.wheelbase or _WHEELBASE_SHARE * (max(reach) - min(reach))
+        self._most_y = base.max_vel_y if self._is_omni else 0.0
+        bounds = base.acc_lim_x, base.decel_lim_x, base.decel_lim_reverse, base.acc_lim_y, base.acc_lim_theta
+        self._has_accelerations = any(map(math.isfinite, bounds))
+        # Backwards a base gains speed no harder than it brakes forwards: that is the simulator's bound.
+        self._gain = base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)
+        back = base.decel_lim_reverse if math.isfinite(base.decel_lim_reverse) else -base.decel_lim_x
+        self._loss = -base.decel_lim_x, back
+        self._braking = tuple(loss if math.isfinite(loss) else BRAKING for loss in self._loss)
+        self._side_braking = base.acc_lim_y if math.isfinite(base.acc_lim_y) else BRAKING
+        self.least_braking = min(*self._braking, self._side_braking if self._is_omni else math.inf)
+        self._turn_braking = base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING
+
+    def motion_of(self, wanted: Twist) -> Motion | None:
+        """What the base makes of a command within its limits of speed; None if that is no number."""
+        x, turn, y = wanted.linear.x, wanted.angular.z, wanted.linear.y if self._is_omni else 0.0
+        if not (math.isfinite(x) and math.isfinite(turn) and math.isfinite(y)):
+            return None
+        motion = Motion(float(x), float(turn), float(y))
+        if self._is_car:
+            x = max(self._base.min_vel_x, min(self._base.max_vel_x, motion.x))
+            motion = Motion(x * math.cos(motion.turn), x * math.sin(motion.turn) / self._wheelbase)
+        return self.clamp(motion)
+
+    def command_of(self, motion: Motion) -> Twist:
+        """The command that makes the base do this."""
+        x, turn, y = motion
+        if self._is_car:
+            angle = math.atan2(math.copysign(turn, turn * x) * self._wheelbase, abs(x)) if x else 0.0
+            x, turn = math.copysign(math.hypot(x, turn * self._wheelbase), x) if x else 0.0, angle
+        return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
+
+    def clamp(self, wanted: Motion) -> Motion:
+        """`wanted` within the limits of speed; what is less than LEAST is 0."""
+        x, turn, y = [part if abs(part) >= LEAST else 0.0 for part in wanted]
+        base, most_y = self._base, self._most_y
+        x, turn = max(base.min_vel_x, min(base.max_vel_x, x)), max(-base.max_vel_theta, min(base.max_vel_theta, turn))
+        return Motion(x, turn, max(-most_y, min(most_y, y)))
+
+    def approach(self, wanted: Motion, last: Motion, seconds: float) -> Motion:
+        """What comes of `wanted` in `seconds` within the limits of acceleration, if the base has any."""
+        if not self._has_accelerations:
+            return wanted
+        x = _approach(wanted.x, last.x, self._gain[wanted.x < 0.0] * seconds, self._loss[last.x < 0.0] * seconds)
+        turning, sideways = self._base.acc_lim_theta * seconds, self._base.acc_lim_y * seconds
+        # The wheels of a car that slows down take its turn with them.
+        turn = _approach(wanted.turn, last.turn, turning, math.inf if self._is_car else turning)
+        if self._is_car and (x != wanted.x or wanted.turn * last.turn < 0.0):
+            # They go through straight on, and are never turned more sharply than was asked for.
+            sharpest = abs(wanted.turn * x / wanted.x) if wanted.x and wanted.turn * last.turn >= 0.0 else 0.0
+            turn = max(-sharpest, min(sharpest, turn))
+        return Motion(x, turn, _approach(wanted.y, last.y, sideways, sideways))
+
+    def brake(self, last: Motion, seconds: float) -> Motion:
+        """The motion after braking for `seconds`: along the same arc, as hard as all parts can."""
+        if self._has_accelerations:
+            longest = self.stop_time(last)
+        else:
+            straight, turning = last.speed / STOPPING, abs(last.turn) / TURN_STOPPING
+            longest = straight if self._is_car else max(straight, turning)
+        return last.scale(1.0 - seconds / longest) if longest > seconds else STANDING
+
+    def longest_way(self, reaction: float) -> float:
+        """Metres until the base stands that begins to brake `reaction` seconds from now, at most."""
+        fastest = max(self._base.max_vel_x, -self._base.min_vel_x, self._most_y)
+        return fastest * (reaction + 0.5 * fastest / self.least_braking)
+
+    def stop_time(self, motion: Motion) -> float:
+        """Seconds that braking along the arc takes."""
+        straight = max(abs(motion.x) / self._braking[motion.x < 0.0], abs(motion.y) / self._side_braking)
+        return straight if self._is_car else max(straight, abs(motion.turn) / self._turn_braking)
+
+    def measure(self, told: Motion, view: View) -> Motion | None:
+        """The velocity that odometry says, if the base is faster than it was told to be in some part; else None."""
+        if view.odom is None:
+            return None
+        linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
+        x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
+        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True))
+        return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
+
+
+limits_of = lru_cache(maxsize=256)(BaseLimits)
+"""The limits of a base: worked out once, for a robot looks at those of its teammates in each step."""
+
+
+class LimitsOnly:
+    """What is left without the safety layer: the limits of the base, and numbers that are numbers."""
+
+    def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
+        """`wanted` within the limits of speed, and why it was cut ("" = it was not)."""
+        limits = limits_of(view.base)
+        motion = limits.motion_of(wanted)
+        return (Twist(), NO_NUMBER) if motion is None else (limits.command_of(motion), "")
+
+
+def at_least(motion: Motion, measured: Motion | None) -> Motion:
+    """`motion`, with each part as large as it is `measured` where the base is faster than it was told to be."""
+    if measured is None:
+        return motion
+    return Motion(*[math.copysign(max(abs(a), abs(b)), a) if a else a for a, b in zip(motion, measured, strict=True)])
+
+
+def _approach(wanted: float, last: float, gain: float, loss: float) -> float:
+    """`wanted`, but at most `gain` faster and `loss` slower than `last`; turning round means losing speed first."""
+    if wanted * last < 0.0:
+        left = abs(last) - loss
+        return math.copysign(left, last) if left > 0.0 else math.copysign(min(abs(wanted), gain), wanted)
+    size = min(max(abs(wanted), abs(last) - loss), abs(last) + gain)
+    return math.copysign(size, last if wanted == 0.0 else wanted)
