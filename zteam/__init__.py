@@ -70,12 +70,12 @@ if TYPE_CHECKING:
     from zteam.geometry import Pose2
     from zteam.in_process.team_run import run_team
     from zteam.launch.report import RunReport
+    from zteam.navigation.basic_navigator import BasicNavigator
+    from zteam.navigation.client import TaskResult
     from zteam.resources import shipped_team, shipped_world
     from zteam.robot.behaviors import Behavior, View
     from zteam.robot.parameters import ParametersClient
-    from zteam.runtime.basic_navigator import BasicNavigator
     from zteam.runtime.node import Node, run
-    from zteam.services.navigation import TaskResult
     from zteam.simulator.client import SimulatorClient
     from zteam.team_file.entries import Team
     from zteam.team_file.reading import load_team
@@ -114,7 +114,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "BasicNavigator": "runtime.basic_navigator",
+    "BasicNavigator": "navigation.basic_navigator",
     "Behavior": "robot.behaviors.behavior",
     "Bus": "bus.bus",
     "BusOptions": "bus.options",
@@ -129,7 +129,7 @@ _HOMES = {
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
     "SimulatorClient": "simulator.client",
-    "TaskResult": "services.navigation",
+    "TaskResult": "navigation.client",
     "Team": "team_file.entries",
     "TransformClient": "transforms.client",
     "TransformListener": "transforms.listener",

@@ -63,7 +63,7 @@ AMCL_POSE = "amcl_pose"
 PARTICLE_CLOUD = "particle_cloud"
 PUBLISHED_FOOTPRINT = "published_footprint"
 NAVIGATION = "navigation"
-"""Below it are the status of a robot's navigation, and its queries (`zteam.services.navigation`)."""
+"""Below it are the status of a robot's navigation, and its queries (`zteam.navigation.client`)."""
 NAVIGATION_STATUS = f"{NAVIGATION}/status"
 BASE_INFO = "base_info"
 

@@ -11,8 +11,8 @@ from support.examples import examples
 from support.planning_cases import seeds
 from zteam.geometry import Pose2
 from zteam.kernels.binding import find_hit
-from zteam.planning.controller import BlockedError, RegulatedPurePursuit, Velocity, time_to_collision
-from zteam.planning.costmap import (
+from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, Velocity, time_to_collision
+from zteam.navigation.planning.costmap import (
     LETHAL_OBSTACLE,
     Costmap,
     CostmapOptions,
@@ -21,7 +21,7 @@ from zteam.planning.costmap import (
     make_footprint,
     place,
 )
-from zteam.planning.grid import make_map
+from zteam.navigation.planning.grid import make_map
 
 
 def touched(costmap: Costmap, pose: Pose2) -> set[tuple[int, int]]:

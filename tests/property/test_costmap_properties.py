@@ -12,7 +12,7 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
 from zteam.kernels.binding import inflate, trace_beams
-from zteam.planning.costmap import (
+from zteam.navigation.planning.costmap import (
     LETHAL_OBSTACLE,
     NO_INFORMATION,
     CostmapOptions,
@@ -20,7 +20,7 @@ from zteam.planning.costmap import (
     make_circle,
     make_costmap,
 )
-from zteam.planning.grid import Frame, make_map
+from zteam.navigation.planning.grid import Frame, make_map
 
 
 @examples(30)

@@ -12,10 +12,10 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds
 from zteam.geometry import Pose2
 from zteam.kernels.binding import climb, find_cluster, move_poses, resample, sum_poses
-from zteam.planning.amcl import BIN_SIZE, Amcl, AmclOptions, estimate_pose, kld_limits
-from zteam.planning.grid import make_map
-from zteam.planning.likelihood import make_likelihood_field, weigh_poses
-from zteam.planning.scans import Scan, Teammate
+from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, estimate_pose, kld_limits
+from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.likelihood import make_likelihood_field, weigh_poses
+from zteam.navigation.planning.scans import Scan, Teammate
 
 
 @given(seeds, st.integers(0, 20), st.one_of(st.floats(-7, 7), st.floats(-1e4, 1e4)))

@@ -13,8 +13,8 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import random_cells, seeds, shares
 from zteam.kernels.binding import measure_lines, shorten
-from zteam.planning.costmap import LETHAL_OBSTACLE
-from zteam.planning.planner import Field
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
+from zteam.navigation.planning.planner import Field
 
 
 def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], float]:

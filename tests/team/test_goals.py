@@ -240,7 +240,7 @@ def test_a_map_is_served_and_saved(team: TeamFixture, empty_folder: Path) -> Non
     done = team.command("map", "save", str(saved), "--timeout", str(LIMIT))
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("8 x 6 cells of 0.5 m: ")
-    from zteam.planning.map_files import read_map
+    from zteam.navigation.planning.map_files import read_map
 
     served, again = read_map(empty_folder / "hall.yaml"), read_map(empty_folder / "saved.yaml")
     assert again.frame == served.frame

@@ -11,8 +11,8 @@ from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
 from zteam.laser import read_ranges
 from zteam.messages import LaserScan
+from zteam.navigation.planning.scans import Scan, find_ends
 from zteam.nodes.web import frames
-from zteam.planning.scans import Scan, find_ends
 from zteam.transforms.rigid import scan_points
 
 HIT, FREE, CLOSE, SILENT = "hit", "free", "too close", "silent"

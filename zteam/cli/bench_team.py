@@ -22,12 +22,12 @@ from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
 from zteam.messages import Twist, Vector3
-from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
-from zteam.planning.grid import OCCUPIED
-from zteam.planning.planner import AStarPlanner, NoPathError
+from zteam.navigation.maps import map_grid
+from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
+from zteam.navigation.planning.grid import OCCUPIED
+from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.runtime.lockstep import RoundTiming
-from zteam.services.maps import map_grid
 from zteam.simulation_options import Options
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine

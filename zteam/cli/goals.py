@@ -19,11 +19,11 @@ from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_opt
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.errors import UsageError
-from zteam.nodes.goals import Dispatcher, Errand, Rounds, read_goals
+from zteam.navigation.client import goal_text
+from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.robot_ids import parse_robot_ids
 from zteam.runtime.node import Node
 from zteam.runtime.process_node import run_node
-from zteam.services.navigation import goal_text
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 

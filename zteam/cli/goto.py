@@ -23,9 +23,9 @@ from zteam.clock import STILL, AutoClock, Every, monotonic, to_seconds, wait_unt
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Duration, NavigationState
+from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
 from zteam.numbers import MAX_SECONDS, counted
 from zteam.robot.goal_queries import navigation_query
-from zteam.services.navigation import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
 from zteam.simulator.client import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"

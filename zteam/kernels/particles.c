@@ -1,5 +1,5 @@
 /* Localisation: how well scans fit a map, which particles are drawn, and which belong together.
-   A field holds what a beam that ends in a cell is worth (zteam.planning.likelihood); what is outside of it counts as
+   A field holds what a beam that ends in a cell is worth (zteam.navigation.planning.likelihood); what is outside of it counts as
    its border. Whole numbers add to the same sum in any order. */
 #include <string.h>
 #include "kernels.h"

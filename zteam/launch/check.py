@@ -106,7 +106,7 @@ def _file_problems(file: TeamFile) -> Iterator[Problem]:
     folder = file.path.parent
     for i, entry in file.robots.items():
         if table := navigation_of(entry):
-            from zteam.planning.parameters import navigation_of_robot
+            from zteam.navigation.planning.parameters import navigation_of_robot
 
             yield from _refused(("robots", i, "navigation"), partial(navigation_of_robot, table, entry.id, folder, ""))
         if entry.description is not None:
@@ -114,7 +114,7 @@ def _file_problems(file: TeamFile) -> Iterator[Problem]:
 
             yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
     if file.team.team.map is not None:
-        from zteam.planning.map_files import check_map_file
+        from zteam.navigation.planning.map_files import check_map_file
 
         yield from _refused(("team", "map"), partial(check_map_file, folder / file.team.team.map))
 

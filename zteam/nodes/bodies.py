@@ -53,8 +53,8 @@ def _simulator(options: SimOptions) -> Part:
 
 
 def _map_server(options: MapOptions) -> Part:
-    from zteam.nodes.map_server import run_map_server
-    from zteam.planning.map_files import read_map
+    from zteam.navigation.map_server import run_map_server
+    from zteam.navigation.planning.map_files import read_map
 
     grid = read_map(options.file)
     return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")
@@ -95,8 +95,8 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
 
 
 def _navigation(options: NavigationOptions) -> Part:
-    from zteam.nodes.navigation.node import NavigationNode
-    from zteam.planning.parameters import navigation_of_robot
+    from zteam.navigation.planning.parameters import navigation_of_robot
+    from zteam.navigation.process.node import NavigationNode
     from zteam.runtime.node import Node
 
     parameters, unknown = {}, dict[str, None]()

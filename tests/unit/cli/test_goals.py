@@ -11,7 +11,7 @@ from zteam.cli import goals
 from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
-from zteam.nodes.goals import Dispatcher, FileGoal, Rounds, read_goals
+from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.resources import teams_folder
 from zteam.runtime.node import Node
 from zteam.testing import run_node

@@ -14,8 +14,8 @@ from zteam.cli import goto, live_line
 from zteam.cli import main as zteam
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped, RobotStatus
-from zteam.services import navigation as navigation_service
-from zteam.services.navigation import goal_message
+from zteam.navigation import client as navigation_service
+from zteam.navigation.client import goal_message
 
 State = NavigationState
 

@@ -14,8 +14,8 @@ from zteam.errors import BusError
 from zteam.in_process.run import InProcessRun, open_outside, parts_of
 from zteam.launch.plan import plan_team
 from zteam.launch.team_launch import Pace, TeamLaunch
-from zteam.planning.grid import make_map
-from zteam.planning.map_files import write_map
+from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.map_files import write_map
 from zteam.resources import find_world
 from zteam.runtime.kinds import KINDS
 from zteam.runtime.shutdown import Stop

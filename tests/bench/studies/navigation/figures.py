@@ -14,9 +14,9 @@ from studies.navigation.team_rows import TEAM_ROWS
 from studies.navigation.ways import cost_of, length_of
 from zteam.clock import process_time
 from zteam.geometry import Pose2
-from zteam.planning.amcl import Amcl, AmclOptions
-from zteam.planning.costmap import CostmapOptions, make_circle, make_costmap
-from zteam.planning.planner import AStarPlanner
+from zteam.navigation.planning.amcl import Amcl, AmclOptions
+from zteam.navigation.planning.costmap import CostmapOptions, make_circle, make_costmap
+from zteam.navigation.planning.planner import AStarPlanner
 from zteam.sim import Options
 from zteam.world import World, load_world
 

@@ -10,11 +10,11 @@ from zteam.counter_random import uniform
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.planning.controller import Velocity
-from zteam.planning.costmap import Costmap, CostmapOptions, Footprint, make_costmap, make_footprint
-from zteam.planning.grid import GridMap, make_map
-from zteam.planning.planner import AStarPlanner, NoPathError, Plan
-from zteam.planning.scans import Scan
+from zteam.navigation.planning.controller import Velocity
+from zteam.navigation.planning.costmap import Costmap, CostmapOptions, Footprint, make_costmap, make_footprint
+from zteam.navigation.planning.grid import GridMap, make_map
+from zteam.navigation.planning.planner import AStarPlanner, NoPathError, Plan
+from zteam.navigation.planning.scans import Scan
 from zteam.simulator.core.observation import RobotObservation
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world.model import base_info

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.kernels.binding import Cells, Steps, measure_lines
-from zteam.planning.planner import Field
+from zteam.navigation.planning.planner import Field
 
 
 def plain_field(free: NDArray[np.bool_]) -> Field:

@@ -1,0 +1,300 @@
+"""One robot's navigation without a bus: what it says and does when something that it needs is missing or wrong."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support.goals import make_goal
+from support.installed_packages import install
+from zteam import names
+from zteam.base import DEFAULT_BASE
+from zteam.geometry import Pose2
+from zteam.messages import (
+    Header,
+    LaserScan,
+    NavigationState,
+    Odometry,
+    PoseWithCovarianceStamped,
+    RobotDriver,
+    RobotState,
+    RobotStatus,
+    Transform,
+    TransformStamped,
+    Vector3,
+    time_from_ns,
+)
+from zteam.navigation.planning.controller import Velocity
+from zteam.navigation.planning.grid import GridMap, make_map
+from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner
+from zteam.navigation.planning.plugins import Plugin
+from zteam.navigation.process.inputs import Inputs
+from zteam.navigation.process.navigator import STOP
+from zteam.navigation.process.robot import NO_MAP, RobotNavigation
+from zteam.tf import Buffer
+
+TICK = 100_000_000
+
+
+class Transforms:
+    """The team's transforms, as the test says."""
+
+    def __init__(self) -> None:
+        self.buffer = Buffer()
+        self.left: dict[int, Pose2] = {}
+
+
+class Outputs:
+    """Keeps what would be published."""
+
+    def __init__(self) -> None:
+        self.velocity = STOP
+        self.frames: list[Pose2] = []
+
+    def drive(self, _now: int, velocity: Velocity, *, active: bool) -> None:
+        self.velocity = velocity
+
+    def localise(self, _now: int, _ahead: int, localiser: Any) -> None:
+        if localiser.map_from_odom is not None:
+            self.frames.append(localiser.map_from_odom)
+
+    def show(self, *_: object) -> None:
+        """Nothing to look at."""
+
+    def tell(self, *_: object) -> None:
+        """The navigator tells the test itself."""
+
+    def log(self, *_: object) -> None:
+        """So it does here."""
+
+    def forget(self) -> None:
+        """Nothing is remembered."""
+
+
+def box(size: float = 6.0) -> GridMap:
+    """A square room of this size around the origin, cells of 0.1 m."""
+    count = round(size / 0.1)
+    cells = np.zeros((count, count), np.int8)
+    cells[0], cells[-1], cells[:, 0], cells[:, -1] = 100, 100, 100, 100
+    return make_map(cells, 0.1, Pose2(-size / 2, -size / 2, 0.0))
+
+
+class Robot:
+    """Robot 0 in the middle of a room, whose transforms, scan and ground truth come in each tick."""
+
+    def __init__(self, localizer: Localizer = "none", **options: Any) -> None:
+        self.transforms, self.outputs = Transforms(), Outputs()
+        self.inputs = Inputs(0, self.transforms, {0: DEFAULT_BASE})  # type: ignore[arg-type]
+        parameters = Parameters(localizer=localizer, **options)
+        planner = make_planner(parameters)
+        self.robot = RobotNavigation(self.inputs, parameters, self.outputs, planner, 1)  # type: ignore[arg-type]
+        self.now, self.sees, self.is_placed = 0, True, True
+        self._put("base_footprint", "base_laser_link", static=True)
+
+    @property
+    def state(self) -> NavigationState:
+        return self.robot.navigator.state
+
+    @property
+    def text(self) -> str:
+        return self.robot.navigator.text
+
+    def _put(self, parent: str, child: str, *, static: bool = False) -> None:
+        frame = parent if parent == "map" else f"robot_0/{parent}"
+        header = Header(time_from_ns(self.now), frame)
+        transform = TransformStamped(header, f"robot_0/{child}", Transform(Vector3(0.0)))
+        put = self.transforms.buffer.set_transform_static if static else self.transforms.buffer.set_transform
+        assert put(transform, "test") is None
+
+    def step(self, count: int = 1) -> Velocity:
+        """Ticks of 0.1 s."""
+        for _ in range(count):
+            self.now += TICK
+            self._put("odom", "base_footprint")
+            if self.is_placed:
+                self._put("map", "odom")
+            if self.sees:
+                # The walls of the room of 6 m.
+                angles = np.linspace(-1.0, 1.0, 11)
+                ranges = (2.95 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))).astype(np.float32)
+                self.inputs.scan = LaserScan(
+                    Header(time_from_ns(self.now), "base_laser_link"), -1.0, 1.0, 0.2, 0.0, 0.1, 0.0, 30.0, ranges
+                )
+                self.inputs.stamps[names.BASE_SCAN] = self.now
+            self.robot.step(self.now, 0.1, [0])
+        return self.outputs.velocity
+
+    def go(self, x: float, y: float = 0.0) -> None:
+        """Send a goal."""
+        self.inputs.goal = make_goal(x, y)
+
+
+def driving(localizer: Localizer = "none") -> Robot:
+    """A robot on its way to a goal two metres ahead."""
+    robot = Robot(localizer)
+    robot.robot.set_map(box())
+    robot.go(2.0)
+    assert robot.step() != STOP
+    assert robot.state is NavigationState.DRIVING
+    return robot
+
+
+def test_without_a_map_it_says_so_and_goes_on_when_one_comes() -> None:
+    """The goal is kept meanwhile."""
+    robot = Robot()
+    robot.go(2.0)
+    assert robot.step() == STOP
+    assert robot.text == NO_MAP
+    robot.robot.set_map(box())
+    assert robot.step().x > 0.0
+    assert (robot.state, robot.text) == (NavigationState.DRIVING, "")
+
+
+def test_a_scan_that_stays_away_stops_it() -> None:
+    """A second after the last one; it gives up after ten more, and the next goal works once scans are back."""
+    robot = driving()
+    robot.sees = False
+    assert robot.step(9).x > 0.0
+    assert robot.step(3) == STOP
+    assert robot.text == "no scan on robot_0/base_scan for 1 s"
+    robot.step(105)
+    assert (robot.state, robot.text) == (NavigationState.ABORTED, "no scan on robot_0/base_scan for 1 s, for 10 s")
+    robot.sees = True
+    robot.go(2.0)
+    assert robot.step().x > 0.0
+
+
+def test_a_localiser_that_is_gone_stops_it() -> None:
+    """With `none` the transforms grow old; the robot says which."""
+    robot = driving()
+    robot.is_placed = False
+    robot.step(15)
+    assert robot.outputs.velocity == STOP
+    assert "pose of robot_0/base_footprint in map is 1." in robot.text
+
+
+def test_fake_without_a_simulator_says_so() -> None:
+    """There is no ground truth on a real robot."""
+    robot = Robot("fake")
+    robot.robot.set_map(box())
+    robot.go(1.0)
+    assert robot.step() == STOP
+    assert robot.text == "no ground truth: 'fake' needs a simulator; use amcl"
+
+
+def test_fake_makes_the_transform_of_the_truth() -> None:
+    """What it publishes puts the robot where it is."""
+    robot = Robot("fake")
+    robot.robot.set_map(box())
+    truth = Odometry()
+    truth.pose.pose.position.x, truth.pose.pose.position.y = 1.0, -0.5
+    robot.inputs.truth, robot.inputs.stamps[names.GROUND_TRUTH] = truth, TICK
+    robot.step()
+    assert robot.outputs.frames == [Pose2(1.0, -0.5, 0.0)]
+
+
+def test_a_map_of_another_size_is_planned_on_anew() -> None:
+    """The goal holds; one that the new map does not have is given up with the reason."""
+    robot = driving()
+    robot.robot.set_map(box(8.0))
+    assert robot.step().x > 0.0
+    assert robot.state is NavigationState.DRIVING
+    robot.robot.set_map(box(2.0))
+    assert robot.step() == STOP
+    assert (robot.state, robot.text) == (NavigationState.ABORTED, "the goal (2.00, 0.00) is outside of the map")
+    robot.go(0.5)
+    robot.step()
+    assert robot.state is not NavigationState.ABORTED
+
+
+def test_parameters_that_do_not_fit_the_map_are_told() -> None:
+    """An inflation of more cells than there may be stops the robot, and not the process."""
+    robot = Robot(global_layers=Parameters().global_layers._replace(inflation_radius=50.0))
+    robot.robot.set_map(box())
+    robot.go(2.0)
+    assert robot.step() == STOP
+    assert robot.text == "inflation_radius 50 is 500 cells of 0.1 m: at most 180"
+
+
+def test_an_orientation_of_zeros_is_refused() -> None:
+    """It is no rotation; the robot, on its way to another goal, stops."""
+    robot = driving()
+    robot.go(1.0)
+    assert robot.inputs.goal is not None
+    robot.inputs.goal.pose.orientation.w = 0.0
+    assert robot.step() == STOP
+    assert (robot.state, robot.text) == (
+        NavigationState.ABORTED, "the goal is not finite, or its orientation is no rotation",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("status", "text"),
+    [
+        (RobotStatus(state=RobotState.READY), "waits for GO"),
+        (RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.TELEOP), "teleop drives"),
+    ],
+)
+def test_it_waits_without_an_end_for_a_robot_that_does_not_obey_yet(status: RobotStatus, text: str) -> None:
+    """Before GO, and while a person drives."""
+    robot = driving()
+    robot.inputs.status = status
+    assert robot.step(300) == STOP
+    assert (robot.state, robot.text) == (NavigationState.DRIVING, text)
+    robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
+    assert robot.step().x > 0.0
+    assert robot.text == ""
+
+
+def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: pytest.LogCaptureFixture) -> None:
+    """One in another frame does not count, and the log says why."""
+    robot = driving("amcl")
+    assert robot.outputs.frames[-1][:2] == pytest.approx((0.0, 0.0), abs=0.5)
+    message = PoseWithCovarianceStamped(Header(frame_id="map"))
+    message.pose.pose.position.x = 1.0
+    message.pose.covariance = np.diag([1e-4] * 6).ravel()
+    robot.inputs.initial_pose = message
+    robot.step()
+    assert robot.outputs.frames[-1][:2] == pytest.approx((1.0, 0.0), abs=0.2)
+    robot.inputs.initial_pose = PoseWithCovarianceStamped(Header(frame_id="odom"))
+    robot.step()
+    assert "the initial pose does not count: its frame is 'odom', not 'map'" in caplog.text
+
+
+def test_a_robot_that_may_be_anywhere_does_not_drive() -> None:
+    """Particles all over the map: it says how far its place is known."""
+    robot = driving("amcl")
+    assert robot.robot.localize_globally() == ""
+    assert robot.step() == STOP
+    assert robot.text.startswith("it is lost: its place is known to ±")
+    assert "no particles" in driving().robot.localize_globally()
+
+
+CREEP = """
+from zteam.planning import Velocity
+
+
+class Creep:
+    def __init__(self, parameters):
+        self.speed = parameters["speed"]
+
+    def set_path(self, path):
+        self.path = path
+
+    def command(self, costmap, pose, velocity, seconds):
+        return Velocity(self.speed)
+
+    def remaining(self):
+        return 1.0
+"""
+
+
+def test_the_controller_of_a_package_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point of the documented group, with the parameters that it is given."""
+    install(tmp_path, "acme", "[zteam.controllers]\ncreep = acme_creep:Creep\n", {"acme_creep": CREEP})
+    monkeypatch.syspath_prepend(tmp_path)
+    robot = Robot(controller_plugin=Plugin("creep", {"speed": 0.123}))
+    robot.robot.set_map(box())
+    robot.go(2.0)
+    assert robot.step(3).x == 0.123

@@ -1,0 +1,168 @@
+"""What becomes of a goal, as statuses tell it; and what takes a robot's goals."""
+
+import msgspec
+import pytest
+
+from support.fake_navigation import FakeNavigation
+from support.goals import make_goal
+from zteam.bus import MemoryHub
+from zteam.errors import BusError
+from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, Time
+from zteam.navigation import client as navigation
+from zteam.navigation.client import GO_TO, GONE, NAVIGATION, GoalWatch, NavigationClient, TaskResult, goal_text
+
+
+def at(goal: PoseStamped, seconds: int, frame: str = "map") -> PoseStamped:
+    """The goal with another stamp."""
+    return msgspec.structs.replace(goal, header=Header(Time(seconds), frame))
+
+
+GOAL = at(make_goal(3.0, 4.0, 0.5), 7)
+
+
+def status(state: int, goal: PoseStamped = GOAL, text: str = "") -> NavigationStatus:
+    """What navigation says."""
+    return NavigationStatus(state=state, goal=goal, text=text)
+
+
+@pytest.mark.parametrize(
+    ("state", "result"),
+    [
+        (NavigationState.IDLE, TaskResult.UNKNOWN),
+        (NavigationState.PLANNING, TaskResult.UNKNOWN),
+        (NavigationState.DRIVING, TaskResult.UNKNOWN),
+        (NavigationState.RECOVERING, TaskResult.UNKNOWN),
+        (NavigationState.SUCCEEDED, TaskResult.SUCCEEDED),
+        (NavigationState.ABORTED, TaskResult.FAILED),
+        (NavigationState.CANCELED, TaskResult.CANCELED),
+        (99, TaskResult.UNKNOWN),
+    ],
+)
+def test_states_and_results(state: int, result: TaskResult) -> None:
+    """Only an end ends a goal; a state of a newer version does not."""
+    watch = GoalWatch(GOAL)
+    watch.take(status(state, text="why"))
+    assert (watch.result, watch.ended, watch.text) == (result, result != TaskResult.UNKNOWN, "why")
+
+
+def test_what_is_said_of_an_older_goal_does_not_count() -> None:
+    """Before navigation has taken the goal it still speaks of the one before, which may be at the same place."""
+    watch = GoalWatch(GOAL)
+    watch.take(status(NavigationState.SUCCEEDED, at(GOAL, 6)))
+    watch.take(status(NavigationState.ABORTED, at(make_goal(1.0, 1.0), 7)))
+    assert watch.status is None
+    assert not watch.ended
+
+
+def test_two_other_goals_replace_it_as_one_does() -> None:
+    """Between two looks another sender may have sent two."""
+    watch = GoalWatch(GOAL)
+    for x in (1.0, 2.0):
+        watch.replace(make_goal(x, 1.0))
+    assert watch.is_replaced
+    assert watch.result == TaskResult.FAILED
+    ended = GoalWatch(GOAL)
+    ended.end(TaskResult.SUCCEEDED, "")
+    ended.replace(make_goal(1.0, 1.0))
+    assert not ended.is_replaced
+
+
+def test_a_frame_that_navigation_has_resolved_is_the_same_goal() -> None:
+    """A leading slash is stripped on the way."""
+    watch = GoalWatch(at(GOAL, 7, "/map"))
+    watch.take(status(NavigationState.SUCCEEDED))
+    assert watch.result == TaskResult.SUCCEEDED
+
+
+def test_another_goal_after_this_one_is_its_end() -> None:
+    """The reason has the other goal; after an end nothing counts."""
+    watch = GoalWatch(GOAL)
+    watch.take(status(NavigationState.DRIVING))
+    watch.take(status(NavigationState.DRIVING, at(make_goal(1.0, -2.0), 8)))
+    assert (watch.result, watch.text) == (TaskResult.FAILED, "another goal took its place: x 1, y -2, yaw 0")
+    watch.take(status(NavigationState.SUCCEEDED))
+    watch.end(TaskResult.CANCELED, "later")
+    assert watch.result == TaskResult.FAILED
+
+
+def test_a_navigation_that_begins_anew_has_forgotten_the_goal() -> None:
+    """It was started again, or the world was reset."""
+    watch = GoalWatch(GOAL)
+    watch.take(status(NavigationState.DRIVING))
+    watch.take(status(NavigationState.IDLE, PoseStamped()))
+    assert (watch.result, watch.text) == (TaskResult.FAILED, "navigation began anew and has forgotten the goal")
+
+
+def test_goals_as_text() -> None:
+    """Without noise digits and without a negative zero; another frame than the map's is named."""
+    assert goal_text(make_goal(0.1 + 0.2, -1e-9, 1.5708)) == "x 0.3, y 0, yaw 1.571"
+    assert goal_text(make_goal(1.0, 2.0, 0.0, "odom")) == "x 1, y 2, yaw 0 in odom"
+
+
+@pytest.fixture
+def hub() -> MemoryHub:
+    """A bus in memory."""
+    return MemoryHub()
+
+
+@pytest.fixture
+def client(hub: MemoryHub) -> NavigationClient:
+    """A client of robot 1."""
+    return NavigationClient(hub.bus(), 1, lambda: 1)
+
+
+def test_navigation_takes_goals_before_the_behaviour(hub: MemoryHub, client: NavigationClient) -> None:
+    """Whichever speaks first; without navigation the behaviour takes them."""
+    robot = FakeNavigation(hub, 1, go_to=True)
+    robot.say(NavigationState.IDLE)
+    assert (client.taker, client.lack) == (GO_TO, "")
+    FakeNavigation(hub, 1).say(NavigationState.IDLE)
+    assert client.taker == NAVIGATION
+    robot.say(NavigationState.IDLE)
+    assert client.taker == NAVIGATION
+
+
+def test_a_navigation_that_runs_need_not_be_started(hub: MemoryHub, client: NavigationClient) -> None:
+    """It holds its name, but says nothing: there is no simulator, or simulated time stands still."""
+    assert client.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
+    silent = FakeNavigation(hub, 1)
+    assert client.lack.startswith("the first status of nav_1: it runs, but no tick of a simulator")
+    FakeNavigation(hub, 1, go_to=True).say(NavigationState.IDLE)
+    assert client.taker == ""
+    silent.end()
+    assert client.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
+
+
+def test_a_process_that_stays_away_is_gone(
+    hub: MemoryHub, client: NavigationClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A token that comes back in time, as after a router's end, is no loss; the end of another process is none."""
+    now = [100.0]
+    monkeypatch.setattr(navigation, "monotonic", lambda: now[0])
+    robot, first = FakeNavigation(hub, 1, go_to=True), FakeNavigation(hub, 1)
+    first.say(NavigationState.IDLE)
+    watch = client.send(GOAL)
+    robot.end()
+    first.end()
+    now[0] += GONE / 2
+    second = FakeNavigation(hub, 1)
+    now[0] += GONE
+    client.look()
+    assert (client.taker, watch.ended) == (NAVIGATION, False)
+    second.end()
+    now[0] += GONE
+    client.look()
+    assert (client.taker, watch.result, watch.text) == ("", TaskResult.FAILED, "the process nav_1 is gone")
+
+
+def test_to_cancel_reaches_all_that_take_goals(hub: MemoryHub, client: NavigationClient) -> None:
+    """A robot with navigation whose behaviour takes goals too stops for good."""
+    with pytest.raises(BusError, match="robot_1 has no navigation"):
+        client.cancel()
+    both = FakeNavigation(hub, 1), FakeNavigation(hub, 1, go_to=True)
+    assert not client.cancel()
+    both[1].say(NavigationState.IDLE)
+    both[0].say(NavigationState.IDLE)
+    client.send(GOAL)
+    assert client.cancel()
+    assert [each.cancels for each in both] == [2, 2]

@@ -1,0 +1,168 @@
+"""The map server on a bus in memory, and maps as messages."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.limits import LIMIT
+from support.transports import wait_until_true
+from zteam.bus import MemoryHub
+from zteam.cli import main as zteam
+from zteam.cli import map as map_command
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.messages import OccupancyGrid
+from zteam.navigation.map_server import run_map_server
+from zteam.navigation.maps import map_grid, map_message
+from zteam.navigation.planning.grid import GridMap, make_map
+from zteam.navigation.planning.map_files import read_map, to_three_values, write_map
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.shutdown import Stop
+
+VALUES = np.array([[0, 100, -1, 30], [65, 25, 26, 64]], np.int8)
+
+
+@pytest.fixture
+def grid() -> GridMap:
+    """A map that is turned and lies away from the origin, with values of all kinds."""
+    return make_map(VALUES, 0.05, Pose2(-3.5, 2.25, 0.25))
+
+
+@pytest.fixture
+def served(hub: MemoryHub, grid: GridMap) -> None:
+    """A map server has been running for a while."""
+    hub.bus().publisher("map", OccupancyGrid, latched=True).put(map_message(grid))
+
+
+Save = Callable[..., int]
+
+
+@pytest.fixture
+def save(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Save:
+    """Runs `zteam map save WORDS` on the bus of the test."""
+    monkeypatch.setattr(map_command, "open_bus", lambda _options: hub.bus())
+    return lambda *words: zteam.main(["map", "save", *map(str, words)])
+
+
+def assert_same(one: GridMap, other: GridMap) -> None:
+    """Both lie at the same place and have the same cells."""
+    assert one.frame.resolution == other.frame.resolution
+    assert one.frame.origin == pytest.approx(other.frame.origin, abs=1e-9)
+    np.testing.assert_array_equal(one.cells, other.cells)
+
+
+def test_a_map_survives_the_bus(grid: GridMap) -> None:
+    """Cells, place, turn and resolution come back, although the resolution travels with 32 bits."""
+    from zteam.messages import decode, encode
+
+    message = decode(OccupancyGrid, encode(map_message(grid)))
+    assert (message.header.frame_id, message.info.width, message.info.height) == ("map", 4, 2)
+    assert_same(map_grid(message), grid)
+
+
+def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
+    """A map whose numbers do not fit is no map."""
+    message = map_message(grid)
+    message.info.width = 5
+    with pytest.raises(UsageError, match="the map has 8 cells, not 5 x 2"):
+        map_grid(message)
+    with pytest.raises(UsageError, match="the map has 0 cells, not 0 x 0"):
+        map_grid(OccupancyGrid())
+    message = map_message(grid)
+    message.info.resolution = 0.0
+    with pytest.raises(UsageError, match="resolution above 0"):
+        map_grid(message)
+
+
+def test_it_serves_late_subscribers_until_it_is_stopped(hub: MemoryHub, grid: GridMap) -> None:
+    """The process holds the name `map`, and a late subscriber gets the map too."""
+    stop, found = Stop(), list[OccupancyGrid]()
+    node = ProcessNode("map", hub.bus(), stop, "wall")
+    thread = threading.Thread(target=run_map_server, args=(node, grid, "office.yaml"))
+    thread.start()
+    bus = hub.bus()
+    try:
+        wait_until_true(lambda: node.present)
+        bus.subscribe("map", OccupancyGrid, lambda _, message: found.append(message), latched=True)
+        wait_until_true(lambda: bool(found))
+        assert_same(map_grid(found[0]), grid)
+    finally:
+        stop.request("the test is over")
+        thread.join(LIMIT)
+        node.close()
+    assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("mode", ["scale", "raw"])
+def test_saved_values_come_back(served: None, save: Save, tmp_path: Path, grid: GridMap, mode: str) -> None:
+    """What `save` writes in the modes that keep each value is read as the map that was on the bus."""
+    assert save(tmp_path / "saved", "--mode", mode) == 0
+    assert_same(read_map(tmp_path / "saved.yaml"), grid)
+
+
+@pytest.mark.parametrize("fmt", ["pgm", "png"])
+def test_saved_maps_are_files_of_map_server(
+    served: None, save: Save, tmp_path: Path, grid: GridMap, fmt: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A YAML file and a picture; free, occupied and unknown as the default thresholds say."""
+    assert save(tmp_path / "saved.yaml", "--fmt", fmt) == 0
+    told = f"4 x 2 cells of 0.05 m: {tmp_path}/saved.yaml, {tmp_path}/saved.{fmt}\n"
+    assert capsys.readouterr().out == told
+    expected = [[0, 100, -1, -1], [100, 0, -1, -1]]
+    assert_same(read_map(tmp_path / "saved.yaml"), make_map(np.array(expected, np.int8), 0.05, grid.frame.origin))
+
+
+def test_thresholds_decide_what_is_free_and_occupied(served: None, save: Save, tmp_path: Path) -> None:
+    """Up to --free a cell is free, from --occupied on it is occupied."""
+    assert save(tmp_path / "saved", "--free", "0.3", "--occupied", "0.64") == 0
+    np.testing.assert_array_equal(read_map(tmp_path / "saved.yaml").cells, [[0, 100, -1, 0], [100, 0, 0, 100]])
+
+
+def test_what_is_served_is_what_was_saved(served: None, save: Save, hub: MemoryHub, tmp_path: Path) -> None:
+    """From the bus to a file, to the bus and to a file again: both files hold the same bytes."""
+    assert save(tmp_path / "one") == 0
+    again = MemoryHub().bus()
+    again.publisher("map", OccupancyGrid, latched=True).put(map_message(read_map(tmp_path / "one.yaml")))
+    found: list[OccupancyGrid] = []
+    again.subscribe("map", OccupancyGrid, lambda _, message: found.append(message), latched=True)
+    write_map(to_three_values(map_grid(found[0]), 0.25, 0.65), tmp_path / "two.yaml")
+    assert (tmp_path / "one.pgm").read_bytes() == (tmp_path / "two.pgm").read_bytes()
+    text = (tmp_path / "two.yaml").read_text()
+    assert (tmp_path / "one.yaml").read_text() == text.replace("two.pgm", "one.pgm")
+
+
+def test_other_grids_can_be_saved(hub: MemoryHub, save: Save, tmp_path: Path, grid: GridMap) -> None:
+    """A costmap is a grid as well."""
+    publisher = hub.bus().publisher("robot_1/global_costmap/costmap", OccupancyGrid, latched=True)
+    publisher.put(map_message(grid))
+    assert save(tmp_path / "saved", "--topic", "robot_1/global_costmap/costmap", "--mode", "raw") == 0
+    np.testing.assert_array_equal(read_map(tmp_path / "saved.yaml").cells, VALUES)
+
+
+def test_no_map_is_an_error_with_a_way_out(save: Save, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """After --timeout it says what could serve one."""
+    assert save(tmp_path / "saved", "--timeout", "0.05") == 1
+    told = "no map came on map within 0.05 s: start zteam-sim WORLD or zteam-map MAP.yaml\n"
+    assert capsys.readouterr().err.endswith(told)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--free", "0.7"], "--free 0.7, --occupied 0.65: the first is to be below the second"),
+        (["--free", "25"], "--free: '25': give a share from 0 to 1"),
+        (["--mode", "scale", "--fmt", "pgm"], "--mode scale marks unknown cells by transparency"),
+    ],
+)
+def test_bad_command_lines(
+    save: Save, tmp_path: Path, words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and one line that says what to give."""
+    with pytest.raises(SystemExit) as ended:
+        save(tmp_path / "saved", *words)
+    assert ended.value.code == 2
+    assert text in capsys.readouterr().err

@@ -1,0 +1,258 @@
+"""`zteam.BasicNavigator`: Nav2's simple commander for one robot, for scripts and for nodes of one's own."""
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import msgspec
+import numpy as np
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.clock import Every, monotonic, wait_until
+from zteam.errors import BusError, UsageError
+from zteam.geometry import Pose2
+from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, time_from_ns
+from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.navigation.maps import is_finite
+from zteam.runtime.node import Node
+from zteam.simulator.team_clock import team_clock
+
+log = logging.getLogger("zteam")
+
+Place = PoseStamped | Pose2
+"""A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""
+
+_LOOK = 0.1
+"""Host seconds that `is_task_complete` waits for the end, as Nav2's does."""
+_POSE_LIMIT = 5.0
+"""Host seconds for navigation to hear an initial pose."""
+_COVARIANCE = np.zeros(36)
+_COVARIANCE[[0, 7, 35]] = 0.25, 0.25, math.radians(15.0) ** 2
+_COVARIANCE.flags.writeable = False
+"""Of an initial pose: rviz's, half a metre and 15 degrees."""
+
+
+class NavigationFeedback(msgspec.Struct, frozen=True):
+    """How far the robot is; the names are those of Nav2's actions."""
+
+    distance_remaining: float
+    """Metres of the path that lie before it; NaN where they are not known."""
+    estimated_time_remaining: Duration
+    navigation_time: Duration
+    """Since the goal was sent, in the team's time."""
+    number_of_recoveries: int
+    current_waypoint: int
+    """The index of the goal in `follow_waypoints`; 0 for one goal."""
+    text: str
+    """Why the robot does not get on; empty where there is nothing to say."""
+
+
+class BasicNavigator:
+    """Sends one robot to goals, with the names of Nav2's BasicNavigator; each method has a name in snake case too.
+
+    `link` is a Bus, or the zteam.Node whose `step` and callbacks use it; without it a session is opened, which `close`
+    or the end of a `with` ends. In a script the world goes on while the script waits. In a node nothing waits: make it
+    before `node.run(step)`, and ask `is_task_complete` in each step. Then goals are sent in the node's tick, and a run
+    in lock-step repeats.
+    """
+
+    def __init__(self, robot: int | str, link: Bus | Node | None = None) -> None:
+        """`robot` is its id or name. Raises UsageError for a name that is no robot's, BusError without a router."""
+        robot_id = _robot_id(robot)
+        self._own_bus = connect(BusOptions.from_environment()) if link is None else None
+        link = link or self._own_bus
+        assert link is not None
+        self._node = link if isinstance(link, Node) else None
+        bus = link.bus if isinstance(link, Node) else link
+        self._clock = link.clock if isinstance(link, Node) else team_clock(bus)
+        self._changed = threading.Condition(threading.RLock())
+        """Notified when there is news."""
+        self._goals: Sequence[PoseStamped] = ()
+        """Those of the task: each is sent when the one before is reached."""
+        self._index = 0
+        """Of the newest goal."""
+        self._watch: GoalWatch | None = None
+        """Of the newest goal."""
+        self._sent = 0
+        """When it was sent, in ns of the team's time."""
+        self._is_sending = False
+        self._client = NavigationClient(bus, robot_id, self._clock.now, link=link, on_change=self._advance)
+        self._nag = Every(10.0)
+        self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
+
+    def __enter__(self) -> "BasicNavigator":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the session, if it is the navigator's own. The robot drives on: `cancel_task` stops it."""
+        if self._own_bus is not None:
+            self._own_bus.close()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether something takes goals: the robot's navigation, or the behaviour go_to that it runs."""
+        return bool(self._client.taker)
+
+    @property
+    def reason(self) -> str:
+        """Why the task ended as it did, or why the robot does not get on; empty where there is nothing to say."""
+        return "" if self._watch is None else self._client.waits_for or self._watch.text
+
+    def wait_until_nav2_active(self, timeout: float | None = None) -> None:
+        """Wait until the robot's navigation is there. Raises BusError after `timeout` host seconds.
+
+        Raises UsageError in a node, where it would hold the world: see `is_active`.
+        """
+        if self._node is not None:
+            raise UsageError("wait_until_nav2_active would hold the world: in a node look at is_active in each step")
+        self._wait(lambda: self.is_active, timeout, "navigation is not there")
+
+    def _wait(self, ready: Callable[[], bool], timeout: float | None, trouble: str) -> None:
+        end = math.inf if timeout is None else monotonic() + timeout
+        while not ready():
+            if monotonic() >= end:
+                raise BusError(f"{trouble} within {timeout:g} s: waiting for {self._client.lack or 'it'}")
+            with self._changed:
+                wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
+            self._complain(self._client.lack)
+
+    def set_initial_pose(self, initial_pose: Place) -> None:
+        """Tell the localiser where the robot is. Navigation must be there to hear it (`wait_until_nav2_active`).
+
+        In a script it waits for 5 s at most; then, and in a node at once, it raises BusError if nothing hears it.
+        """
+        place = _message(initial_pose)
+        limit = _POSE_LIMIT if self._node is None else 0.0
+        self._wait(lambda: self._initial_pose.has_subscribers, limit, "nothing hears the initial pose")
+        header = Header(time_from_ns(self._clock.now()), place.header.frame_id)
+        self._initial_pose.put(PoseWithCovarianceStamped(header, PoseWithCovariance(place.pose, _COVARIANCE)))
+
+    def go_to_pose(self, pose: Place) -> bool:
+        """Send a goal. It takes the place of the task before, and waits for navigation if that is not there yet.
+
+        Returns True, as Nav2's does for a goal that is accepted; one that navigation refuses ends with FAILED.
+        """
+        return self.follow_waypoints([pose])
+
+    def follow_waypoints(self, poses: Sequence[Place]) -> bool:
+        """Send goals, each when the one before is reached. The task fails with the first that is not reached."""
+        goals = [_message(pose) for pose in poses]
+        if not goals:
+            raise UsageError("follow_waypoints: give at least one pose")
+        with self._changed:
+            self._goals, self._index, self._is_sending = goals, 0, True
+        self._send(goals[0])
+        return True
+
+    def _send(self, goal: PoseStamped) -> None:
+        # Without the lock: in memory, handlers of others run within, and navigation may answer at once.
+        sent, watch = self._clock.now(), self._client.send(goal)
+        with self._changed:
+            self._watch, self._sent, self._is_sending = watch, sent, False
+        self._advance()
+
+    def _advance(self) -> None:
+        """Something may have changed: send the next goal if it is due."""
+        goal = None
+        with self._changed:
+            if self._has_next and not self._is_sending:
+                self._index += 1
+                self._is_sending, goal = True, self._goals[self._index]
+            self._changed.notify_all()
+        if goal is not None:
+            self._send(goal)
+
+    @property
+    def _has_next(self) -> bool:
+        reached = self._watch is not None and self._watch.result == TaskResult.SUCCEEDED
+        return reached and self._index + 1 < len(self._goals)
+
+    def _is_over(self) -> bool:
+        """Whether the task has ended, or there is none."""
+        with self._changed:
+            return not self._is_sending and not self._has_next and (self._watch is None or self._watch.ended)
+
+    def is_task_complete(self) -> bool:
+        """Whether the task has ended, or there is none. In a script it waits for up to 0.1 s, in a node not at all."""
+        self._client.look()
+        if self._node is None:
+            with self._changed:
+                wait_until(self._changed, self._is_over, _LOOK)
+        if not self._is_over():
+            self._complain(self._client.waits_for)
+        return self._is_over()
+
+    def _complain(self, lack: str) -> None:
+        if lack and self._nag.due():
+            log.warning("%s: waiting for %s", self._client.name, lack)
+
+    def get_feedback(self) -> NavigationFeedback | None:
+        """How far the robot is; None while navigation has said nothing of the goal."""
+        with self._changed:
+            status = None if self._watch is None else self._watch.status
+            if status is None:
+                return None
+            since = time_from_ns(max(0, self._clock.now() - self._sent))
+            return NavigationFeedback(
+                status.distance_remaining,
+                status.estimated_time_remaining,
+                Duration(since.sec, since.nanosec),
+                status.recoveries,
+                self._index,
+                status.text,
+            )
+
+    def get_result(self) -> TaskResult:
+        """How the task ended; UNKNOWN while it lasts, and without one."""
+        with self._changed:
+            return self._watch.result if self._watch is not None and self._is_over() else TaskResult.UNKNOWN
+
+    def cancel_task(self) -> None:
+        """Give the task up: the robot stops, and the result is CANCELED. Raises BusError if that cannot be asked for.
+
+        In a node the question is asked on a thread of its own, because an answer comes only after the step.
+        """
+        with self._changed:
+            self._goals = self._goals[: self._index + 1]
+        if self._is_over():
+            return
+        if self._node is None:
+            self._client.cancel()
+        else:
+            self._client.cancel_later()
+
+    # Nav2's own names, so that its programs run.
+    waitUntilNav2Active = wait_until_nav2_active  # noqa: N815
+    setInitialPose = set_initial_pose  # noqa: N815
+    goToPose = go_to_pose  # noqa: N815
+    followWaypoints = follow_waypoints  # noqa: N815
+    isTaskComplete = is_task_complete  # noqa: N815
+    getFeedback = get_feedback  # noqa: N815
+    getResult = get_result  # noqa: N815
+    cancelTask = cancel_task  # noqa: N815
+
+
+def _robot_id(robot: int | str) -> int:
+    if isinstance(robot, str):
+        found = names.robot_id_of(robot)
+        return names.parse_robot_id(robot) if found is None else found
+    return names.parse_robot_id(str(robot))
+
+
+def _message(place: Place) -> PoseStamped:
+    """The goal as a message. Raises UsageError for what is no pose."""
+    if isinstance(place, Pose2):
+        place = goal_message(place)
+    if not isinstance(place, PoseStamped):
+        raise UsageError(f"a pose is a PoseStamped or a Pose2, not a {type(place).__name__}")
+    if not is_finite(place.pose):
+        raise UsageError("a pose has a value that is no finite number")
+    if not place.header.frame_id:
+        raise UsageError(f"a pose names no frame: header.frame_id = {names.MAP_FRAME!r}")
+    return place

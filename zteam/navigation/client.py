@@ -1,0 +1,338 @@
+"""A robot's navigation as other processes have it: requests, goals and what becomes of each, and a client.
+
+Goals are taken by the robot's navigation, or by the behaviour go_to that the robot runs; both say the same of them.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Protocol, TypeVar
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, Change
+from zteam.bus.transport import Closeable
+from zteam.clock import monotonic, to_ns
+from zteam.errors import BusError
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
+from zteam.navigation.maps import pose_message
+from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+
+log = logging.getLogger("zteam")
+
+M = TypeVar("M", bound=Message)
+
+GLOBAL_LOCALIZATION = "global_localization"
+CANCEL_LIMIT = 2.0
+"""Host seconds for the answer to a request to cancel."""
+NAVIGATION, GO_TO = "navigation", "go_to"
+"""What takes goals."""
+GONE = 3.0
+"""Host seconds for which what took a goal may be away: a router that ends takes all presence tokens along."""
+SETTLED = to_ns(1.0)
+"""After this time (ns) a status is about a new goal for certain."""
+
+
+class GlobalLocalizationRequest(Change):
+    """Forget where the robot is: spread the particles over all of the map that is free."""
+
+
+class GlobalLocalizationReply(msgspec.Struct):
+    """What became of the request."""
+
+    refused: str = ""
+    """Why nothing was done, such as for a localiser without particles; empty if it was."""
+
+
+class TaskResult(IntEnum):
+    """How a task ended; UNKNOWN while it lasts. The values are Nav2's."""
+
+    UNKNOWN = 0
+    SUCCEEDED = 1
+    CANCELED = 2
+    FAILED = 3
+
+
+_ENDS: dict[int, TaskResult] = {
+    NavigationState.SUCCEEDED: TaskResult.SUCCEEDED,
+    NavigationState.ABORTED: TaskResult.FAILED,
+    NavigationState.CANCELED: TaskResult.CANCELED,
+}
+ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
+"""States of a goal that lasts."""
+
+
+def goal_message(pose: Pose2) -> PoseStamped:
+    """A planar pose (m, rad) in `map` as a message."""
+    return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
+
+
+def goal_text(goal: PoseStamped) -> str:
+    """A goal for users: `x 3.2, y 4, yaw 1.57`, with its frame if that is not the map's."""
+    place, turn = goal.pose.position, goal.pose.orientation
+    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+    frame = goal.header.frame_id
+    where = "" if frame in ("", names.MAP_FRAME) else f" in {frame}"
+    x, y, yaw = (round(number, 3) + 0.0 for number in (place.x, place.y, yaw))
+    return f"x {x:g}, y {y:g}, yaw {yaw:g}{where}"
+
+
+class GoalWatch:
+    """One goal from its sending to its end."""
+
+    def __init__(self, goal: PoseStamped) -> None:
+        self.goal = goal
+        self.status: NavigationStatus | None = None
+        """The newest that is about this goal."""
+        self.result = TaskResult.UNKNOWN
+        self.text = ""
+        """Why it ended as it did, or why the robot does not get on; empty where there is nothing to say."""
+        self.is_replaced = False
+        """Whether it ended because another goal took its place."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether there is a result."""
+        return self.result != TaskResult.UNKNOWN
+
+    def take(self, status: NavigationStatus) -> None:
+        """The robot said something, about this goal or another one. After the end nothing counts."""
+        if self.ended:
+            return
+        if _is_same(status.goal, self.goal):
+            self.status, self.text = status, status.text
+            if status.state in _ENDS:
+                self.end(_ENDS[status.state], status.text)
+        elif self.status is not None:
+            # It had taken this goal: what it has now came later.
+            if status.state == NavigationState.IDLE:
+                self.end(TaskResult.FAILED, "navigation began anew and has forgotten the goal")
+            else:
+                self.replace(status.goal)
+
+    def replace(self, goal: PoseStamped) -> None:
+        """Another goal has taken its place."""
+        self.is_replaced |= not self.ended
+        self.end(TaskResult.FAILED, f"another goal took its place: {goal_text(goal)}")
+
+    def end(self, result: TaskResult, text: str) -> None:
+        """Give it a result, unless it has one."""
+        if not self.ended:
+            self.result, self.text = result, text
+
+
+class OtherGoal:
+    """The goal of another sender while it lasts. Times are the team's, in ns."""
+
+    def __init__(self) -> None:
+        self.goal: PoseStamped | None = None
+        """None while there is none."""
+        self._came = 0
+        """When it was heard."""
+
+    @property
+    def lack(self) -> str:
+        """What is waited for while it lasts; else empty."""
+        return "" if self.goal is None else f"the end of another goal: {goal_text(self.goal)}"
+
+    def hear(self, goal: PoseStamped, own: GoalWatch | None, now: int) -> bool:
+        """It was sent, and ends one's own goal; whether it should be sent again, to be the newest for certain."""
+        self.goal, self._came = goal, now
+        if own is None:
+            return False
+        # Both were sent at about the same time, and navigation may have heard one's own last.
+        again = not own.ended and own.status is None
+        own.replace(goal)
+        return again
+
+    def take(self, status: NavigationStatus, own: GoalWatch | None, now: int) -> None:
+        """The robot said something, about this goal, one's own or a third one."""
+        if status.state in ON_THE_WAY and not (own is not None and _is_same(status.goal, own.goal)):
+            self.goal, self._came = status.goal, now
+        elif self.goal is not None and (_is_same(status.goal, self.goal) or not 0 <= now - self._came < SETTLED):
+            # Before it has settled, navigation may still speak of the goal before.
+            self.goal = None
+
+
+def _is_same(one: PoseStamped, other: PoseStamped) -> bool:
+    # Navigation may have resolved the frame.
+    return one.header.stamp == other.header.stamp and one.pose == other.pose
+
+
+class Link(Protocol):
+    """How messages come: a Bus, or a node, which handles them in its time."""
+
+    def subscribe(self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], /) -> Closeable:
+        """Call `callback(key, message)` for each message."""
+
+
+class NavigationClient:
+    """Sends goals to one robot, one after the other; a new one takes the place of the one before. Watches and cancels.
+
+    Only `cancel` waits. A goal is kept until there is something that takes it. `look` is to be called now and then.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        robot_id: int,
+        now: Callable[[], int],
+        *,
+        link: Link | None = None,
+        on_change: Callable[[], None] = lambda: None,
+        yields: bool = False,
+    ) -> None:
+        """`now()` is the team's time (ns). `on_change()` is called from the bus's threads when there is news.
+        With `yields`, nothing is sent while a goal of another sender lasts.
+        """
+        self._bus, self.robot_id, self._now, self._on_change = bus, robot_id, now, on_change
+        self.name = names.robot_name(robot_id)
+        self.watch: GoalWatch | None = None
+        """The newest goal."""
+        self.is_pending = False
+        """Whether the newest goal is still to be sent."""
+        self.taker = ""
+        """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
+        self._behavior = ""
+        """What the robot's own process runs; empty while it has told nothing."""
+        self._held: set[str] = set()
+        """The presence tokens of the robot's navigation and of its own process."""
+        self._gone_since: float | None = None
+        """When the process that takes the goals went away, in host seconds."""
+        self._lock = threading.RLock()
+        self._stamp = 0  # of the newest goal: no two have the same
+        self._other, self._yields = OtherGoal(), yields
+        link = link or bus
+        key = names.robot_key(robot_id, names.GOAL_POSE)
+        self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
+        if yields:
+            link.subscribe(key, PoseStamped, self._on_other_goal)
+        link.subscribe(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus, self._on_status)
+        link.subscribe(names.robot_key(robot_id, names.STATUS), RobotStatus, self._on_robot)
+        self._navigation = names.navigation_name(robot_id)
+        tokens = names.tokens_key(self._navigation), names.tokens_key(self.name)
+        bus.watch_tokens(tokens, self._on_token)
+
+    @property
+    def lack(self) -> str:
+        """What is missing for goals to be taken, and the way out; empty if something takes them."""
+        if self.taker:
+            return ""
+        if self._holds(self._navigation):
+            silent = "it runs, but no tick of a simulator and no data of a base comes"
+            return f"the first status of {self._navigation}: {silent}"
+        runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
+        return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
+
+    def _holds(self, process: str) -> bool:
+        return any(key.startswith(f"{process}/") for key in self._held)
+
+    @property
+    def _taking_process(self) -> str:
+        """The process that takes the goals, by name."""
+        return self.name if self.taker == GO_TO else self._navigation
+
+    @property
+    def waits_for(self) -> str:
+        """What the goal waits for to be sent, and the way out; empty if it is sent."""
+        if not self.is_pending:
+            return ""
+        key = names.robot_key(self.robot_id, names.GOAL_POSE)
+        return self.lack or self._other.lack or f"something that subscribes to {key}"
+
+    def send(self, goal: PoseStamped) -> GoalWatch:
+        """Send a goal, stamped when it leaves; its watch tells what becomes of it."""
+        with self._lock:
+            if self.watch is not None:
+                self.watch.end(TaskResult.FAILED, "a new goal took its place")
+            watch = self.watch = GoalWatch(goal)
+            self.is_pending = True
+        self._flush()
+        return watch
+
+    def _flush(self) -> None:
+        """Send the newest goal, if that is due."""
+        with self._lock:
+            waits = self.lack or self._other.lack
+            if waits or not (self.is_pending and self.watch and self._publisher.has_subscribers):
+                return
+            self._stamp = max(self._now(), self._stamp + 1)
+            goal = self.watch.goal
+            header = Header(time_from_ns(self._stamp), goal.header.frame_id)
+            goal = self.watch.goal = PoseStamped(header, goal.pose)
+            self.is_pending = False
+        # Without the lock: in memory, handlers of others run within.
+        self._publisher.put(goal)
+
+    def look(self) -> None:
+        """Send what could not be sent before, and find out whether what took the goal is gone."""
+        self._flush()
+        with self._lock:
+            if self._gone_since is None or monotonic() - self._gone_since < GONE:
+                return
+            gone, self.taker, self._gone_since = self._taking_process, "", None
+            if self.watch is not None and not self.is_pending:
+                self.watch.end(TaskResult.FAILED, f"the process {gone} is gone")
+
+    def cancel(self) -> bool:
+        """Give the goal up; returns whether there was one. It waits, so no handler and no `step` may call it.
+
+        Raises BusError if nothing can cancel it.
+        """
+        with self._lock:
+            watch = self.watch
+            if watch is not None and self.is_pending:
+                self.is_pending = False
+                watch.end(TaskResult.CANCELED, "before it was sent")
+                return True
+        key = navigation_query(self.robot_id, CANCEL)
+        answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
+        if not answers:
+            raise BusError(f"{self.name} has no navigation: zteam-nav --id {self.robot_id}")
+        return any(answer.canceled for _, answer in answers)
+
+    def cancel_later(self, level: int = logging.WARNING) -> threading.Thread:
+        """`cancel` on a thread of its own, for those that may not wait; what goes wrong is logged at this level."""
+
+        def cancel() -> None:
+            try:
+                self.cancel()
+            except BusError as error:
+                log.log(level, "%s: the goal cannot be canceled: %s", self.name, error)
+
+        thread = threading.Thread(target=cancel, name=f"cancel {self.name}", daemon=True)
+        thread.start()
+        return thread
+
+    def _on_other_goal(self, _key: str, goal: PoseStamped) -> None:
+        with self._lock:
+            again = self._other.hear(goal, None if self.is_pending else self.watch, self._now())
+        if again:
+            self._publisher.put(goal)
+
+    def _on_status(self, _key: str, status: NavigationStatus) -> None:
+        # A behaviour says whose robot's it is; navigation wins over it, whichever speaks first.
+        is_behavior = status.header.frame_id == self.name
+        with self._lock:
+            if is_behavior and (self.taker == NAVIGATION or self._holds(self._navigation)):
+                return
+            self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
+            if self.watch is not None and not self.is_pending:
+                self.watch.take(status)
+            if self._yields:
+                self._other.take(status, None if self.is_pending else self.watch, self._now())
+        self._flush()
+        self._on_change()
+
+    def _on_robot(self, _key: str, status: RobotStatus) -> None:
+        self._behavior = status.behavior
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        with self._lock:
+            (self._held.add if alive else self._held.discard)(key)
+            here = not self.taker or self._holds(self._taking_process)
+            self._gone_since = None if here else self._gone_since or monotonic()
+        self._on_change()

@@ -1,0 +1,248 @@
+"""Goals from a file: robots reach them in turn, and all robots at the same time. The process of `zteam goals`."""
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from itertools import chain, repeat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from zteam import names
+from zteam.clock import monotonic, to_seconds
+from zteam.errors import ConfigError, UsageError, did_you_mean
+from zteam.geometry import Pose2, turn_problem
+from zteam.messages import Odometry
+from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.resources import read_file
+from zteam.runtime.node import Node
+
+if TYPE_CHECKING:
+    import yaml
+
+log = logging.getLogger("zteam")
+
+FAR = 1e6
+"""Metres: no goal lies further from the origin of the map."""
+MAX_BYTES = 2 * 2**20
+_EXAMPLE = "{robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"
+_KEYS = ("robot", "x", "y", "yaw")
+_CANCEL_LIMIT = 1.0
+"""Host seconds for all robots to give up their goals when the process ends."""
+
+
+class FileGoal(NamedTuple):
+    """One goal of a file, which is a YAML list of `{robot, x, y, yaw}`."""
+
+    robot: int | None
+    """None: any robot of those that share the goals."""
+    pose: Pose2
+    """In map."""
+    line: int
+
+
+def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
+    """The goals of a file, in their order. Raises ConfigError with a line for each mistake.
+
+    With `spread` a goal needs no robot.
+    """
+    import yaml
+
+    data = read_file(path, "file of goals", MAX_BYTES, ConfigError)
+    try:
+        # The pure loader: that of C counts no lines where it meets a mistake of its own.
+        root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        place = f"{path}:{error.problem_mark.line + 1}" if error.problem_mark else f"{path}"
+        raise ConfigError(f"{place}: not YAML: {error.problem or error.context}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split()):.200}") from None
+    if not isinstance(root, yaml.SequenceNode) or not root.value:
+        line = 1 if root is None else _line(root)
+        raise ConfigError(f"{path}:{line}: a list of goals is expected, such as - {_EXAMPLE}")
+    mistakes: list[tuple[int, str]] = []
+    goals = [_read_goal(node, spread, mistakes) for node in root.value]
+    if mistakes:
+        raise ConfigError("\n".join(f"{path}:{line}: {text}" for line, text in sorted(mistakes)))
+    return [goal for goal in goals if goal is not None]
+
+
+def _line(node: "yaml.Node") -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _read_goal(node: "yaml.Node", spread: bool, mistakes: list[tuple[int, str]]) -> FileGoal | None:
+    """One goal, and what is wrong with it by line; None if it is unusable."""
+    import yaml
+
+    if not isinstance(node, yaml.MappingNode):
+        mistakes.append((_line(node), f"a goal is expected, such as {_EXAMPLE}"))
+        return None
+    found: dict[str, Any] = {}
+    for key, value in node.value:
+        name = str(key.value)
+        if name not in _KEYS:
+            known = ", ".join(_KEYS)
+            mistakes.append((_line(key), f"unknown key {name!r}{did_you_mean(name, _KEYS)}; known: {known}"))
+        elif name in found:
+            mistakes.append((_line(key), f"{name} is given twice"))
+        else:
+            found[name] = None
+            try:
+                found[name] = _value(name, value)
+            except UsageError as error:
+                mistakes.append((_line(value), f"{name}: {error}"))
+    for name in _KEYS[1:3] if spread else _KEYS[:3]:
+        if name not in found:
+            hint = ", or name the robots that share the goals: --spread 0-3" if name == "robot" else ""
+            mistakes.append((_line(node), f"the key {name} is missing{hint}"))
+    if mistakes:
+        return None
+    return FileGoal(found.get("robot"), Pose2(found["x"], found["y"], found.get("yaw", 0.0)), _line(node))
+
+
+def _value(name: str, node: "yaml.Node") -> Any:
+    """A key's value. Raises UsageError."""
+    text = node.value if isinstance(node.value, str) else ""
+    if name == "robot":
+        robot_id = names.robot_id_of(text)
+        return names.parse_robot_id(text) if robot_id is None else robot_id
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not abs(number) <= FAR:
+        unit = "radians" if name == "yaw" else "metres in the map"
+        raise UsageError(f"{text or 'this'!s:.40} is no number of {unit}")
+    if name == "yaw" and (problem := turn_problem(number)):
+        raise UsageError(problem)
+    return number
+
+
+class Rounds:
+    """The goals of a file: each robot's own in their order, and those that several robots share."""
+
+    def __init__(self, goals: Sequence[FileGoal], spread: Sequence[int] = (), rounds: int | None = 1) -> None:
+        """`spread` are the robots that share the goals without a robot; `rounds` None = for ever."""
+        self.robots = sorted({*spread, *(goal.robot for goal in goals if goal.robot is not None)})
+        """The robots that may get a goal."""
+        shared = [goal for goal in goals if goal.robot is None]
+        own = {i: [goal for goal in goals if goal.robot == i] for i in self.robots}
+        self.counts = {i: len(own[i]) + (len(shared) if i in spread else 0) for i in self.robots}
+        """The number of goals that each robot may get in one round."""
+        turns = _rounds_of(shared, rounds)
+        # A robot that has no goal of its own left takes those that it shares.
+        self._next = {i: chain(_rounds_of(own[i], rounds), turns if i in spread else ()) for i in self.robots}
+
+    def take(self, robot_id: int) -> FileGoal | None:
+        """The next goal of this robot: its own first, then those that it shares; None if there is none."""
+        return next(self._next[robot_id], None)
+
+
+def _rounds_of(goals: Sequence[FileGoal], rounds: int | None) -> Iterator[FileGoal]:
+    """Goals in their order, again and again for so many rounds."""
+    return chain.from_iterable(repeat(goals, rounds) if rounds is not None else repeat(goals) if goals else ())
+
+
+class Ended(NamedTuple):
+    """A goal that has ended."""
+
+    robot: int
+    goal: FileGoal
+    watch: GoalWatch
+    seconds: float
+    """From its sending to its end, in the team's time."""
+
+
+class Errand:
+    """What one robot is about."""
+
+    def __init__(self, client: NavigationClient) -> None:
+        self.client = client
+        self.goal: FileGoal | None = None
+        self.watch: GoalWatch | None = None
+        self.sent = 0
+        """When, in ns."""
+        self.reached = 0
+        """Goals."""
+        self.failed = 0
+        """Goals that were aborted or canceled."""
+        self.failures = 0
+        """Of them, those since the last goal that was reached."""
+
+
+class Dispatcher:
+    """Gives robots goals until there are no more, and tells of each that has ended.
+
+    A goal of another sender goes before: its end is waited for, and then the goal that it replaced is sent again.
+    All of it is done in `step`, so that a run in lock-step repeats.
+    """
+
+    def __init__(self, node: Node, rounds: Rounds) -> None:
+        self._node, self._rounds = node, rounds
+        self._ended: list[Ended] = []
+        self.errands = {i: Errand(self._client(i)) for i in rounds.robots}
+        """By robot."""
+        self.is_done = False
+        """Whether there are no more goals."""
+        # Without a simulator a base's data decides that time is the host's; what the robots say does not.
+        self._odometry = node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None)
+        node.on_stop(self._cancel_all)
+
+    def _client(self, robot_id: int) -> NavigationClient:
+        return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
+
+    @property
+    def all_reached(self) -> bool:
+        """Whether every goal that has ended was reached."""
+        return not any(errand.failed for errand in self.errands.values())
+
+    def take_ended(self) -> list[Ended]:
+        """The goals that have ended since the last call."""
+        with self._node.changed:
+            ended, self._ended = self._ended, []
+            return ended
+
+    def step(self, now: int) -> None:
+        """Take what has ended, and send what comes next."""
+        self._odometry.close()
+        for errand in self.errands.values():
+            errand.client.look()
+            if errand.watch is not None and errand.watch.is_replaced:
+                errand.watch = errand.client.send(errand.watch.goal)
+            elif errand.watch is not None and errand.watch.ended:
+                self._end(errand, now)
+            if errand.watch is None:
+                self._send_next(errand, now)
+        if all(errand.watch is None for errand in self.errands.values()):
+            self.is_done = True
+            self._node.stop.request("all goals have ended")
+
+    def _end(self, errand: Errand, now: int) -> None:
+        assert errand.goal is not None and errand.watch is not None
+        watch, errand.watch = errand.watch, None
+        if watch.result == TaskResult.SUCCEEDED:
+            errand.reached, errand.failures = errand.reached + 1, 0
+        else:
+            errand.failed, errand.failures = errand.failed + 1, errand.failures + 1
+        self._ended.append(Ended(errand.client.robot_id, errand.goal, watch, to_seconds(now - errand.sent)))
+
+    def _send_next(self, errand: Errand, now: int) -> None:
+        robot_id = errand.client.robot_id
+        if errand.failures >= self._rounds.counts[robot_id] > 0:
+            if errand.goal is not None:
+                log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
+            errand.goal = None
+            return
+        errand.goal = self._rounds.take(robot_id)
+        if errand.goal is not None:
+            errand.sent = now
+            errand.watch = errand.client.send(goal_message(errand.goal.pose))
+
+    def _cancel_all(self) -> None:
+        """The process ends before its goals have: the robots stop."""
+        # In a team that ends, navigation may be gone before.
+        under_way = [errand.client for errand in self.errands.values() if errand.watch is not None]
+        threads = [client.cancel_later(logging.DEBUG) for client in under_way]
+        end = monotonic() + _CANCEL_LIMIT
+        for thread in threads:
+            thread.join(max(0.0, end - monotonic()))

@@ -1,0 +1,279 @@
+"""Costmaps in layers: the static map, what lasers have seen, teammates where they are now, and inflation.
+
+Names, values and defaults are those of nav2_costmap_2d; layers are joined by its `updateWithMax`. Distances to
+obstacles are exact, from centre to centre of cells (Nav2 spreads from cell to cell: that is off by a cell in places).
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from zteam.geometry import Pose2, in_polygon
+from zteam.kernels.binding import Bytes, Cells, Floats, Window, inflate, trace_beams
+from zteam.navigation.planning.grid import Frame, GridMap, cells_of_disc, cells_of_polygon
+from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
+
+Costs = Bytes
+"""(rows, columns)."""
+
+FREE_SPACE = 0
+MAX_NON_OBSTACLE = 252
+INSCRIBED_INFLATED_OBSTACLE = 253
+"""A robot whose centre is here touches an obstacle, however it is turned."""
+LETHAL_OBSTACLE = 254
+NO_INFORMATION = 255
+
+MAX_CELLS = 180
+"""Largest inflation radius in cells, as `zteam.kernels.binding.square_distances` has it."""
+_BEHIND = 0.25
+"""Cells from the end of a beam to the point whose cell is marked."""
+_CORNERS_OF_CIRCLE = 16
+
+
+class Footprint(NamedTuple):
+    """A robot's outline in its base frame, as a polygon in metres."""
+
+    corners: Floats
+    """(n, 2), in order; a circle has 16 that lie outside of it."""
+    inscribed_radius: float
+    """Distance of the origin to the nearest point of the outline; 0 if the origin is outside."""
+    circumscribed_radius: float
+    """Distance to the farthest one."""
+    half_width: float
+    """How far it reaches to its wider side."""
+
+
+def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float = 0.0) -> Footprint:
+    """A footprint of three corners or more (metres), each `padding` farther out along both axes, as Nav2 pads it.
+
+    Raises ValueError.
+    """
+    points = np.array(corners, np.float64)
+    if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")
+    points = points + np.where(points > 0.0, padding, np.where(points < 0.0, -padding, 0.0))
+    inside, nearest = _distance_of_origin(points)
+    return Footprint(
+        points,
+        nearest if inside else 0.0,
+        float(np.hypot(points[:, 0], points[:, 1]).max()),
+        float(np.abs(points[:, 1]).max()),
+    )
+
+
+def make_circle(radius: float, padding: float = 0.0) -> Footprint:
+    """The footprint of a round robot. Raises ValueError for a radius that is not above 0."""
+    if not 0.0 < radius < math.inf:
+        raise ValueError(f"a robot's radius is above 0 m, not {radius}")
+    turns = (np.arange(_CORNERS_OF_CIRCLE) + 0.5) * (2.0 * math.pi / _CORNERS_OF_CIRCLE)
+    outer = (radius + padding) / math.cos(math.pi / _CORNERS_OF_CIRCLE)
+    points = outer * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    return Footprint(points, radius + padding, outer, radius + padding)
+
+
+def _distance_of_origin(points: Floats) -> tuple[bool, float]:
+    """Whether the origin lies inside a polygon, and its distance to the outline."""
+    along = np.roll(points, -1, axis=0) - points
+    square = np.maximum((along * along).sum(axis=1), 1e-300)
+    share = np.clip(-(points * along).sum(axis=1) / square, 0.0, 1.0)
+    nearest = np.hypot(*(points + share[:, None] * along).T).min()
+    return bool(in_polygon(points, 0.0, 0.0)), float(nearest)
+
+
+def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:
+    """The corners (n, 2) of a robot at this pose."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    px, py = footprint.corners[:, 0], footprint.corners[:, 1]
+    return np.stack((x + cos * px - sin * py, y + sin * px + cos * py), axis=1)
+
+
+class CostmapOptions(NamedTuple):
+    """Parameters, with the names that Nav2 gives them in its layers."""
+
+    inflation_radius: float = 0.7
+    """Metres from an obstacle up to which cells cost something."""
+    cost_scaling_factor: float = 10.0
+    """1/m: how fast the cost falls beyond the inscribed radius."""
+    inflate_unknown: bool = False
+    lethal_cost_threshold: int = 100
+    """A map's cell is an obstacle from this value on."""
+    track_unknown_space: bool = True
+    """Whether unknown cells of a map stay unknown; else they are free."""
+    obstacle_max_range: float = 2.5
+    """Metres up to which what a laser meets is marked."""
+    raytrace_max_range: float = 3.0
+    """Metres up to which its beams clear cells."""
+    teammate_margin: float = 0.1
+    """Metres beside a teammate that still count as the teammate, when a laser meets it."""
+
+
+def inflated_cost(distance: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
+    """The cost of a cell whose centre is `distance` metres from that of the nearest lethal cell.
+
+    InflationLayer::computeCost of Nav2: 252 · exp(−k (d − inscribed radius)), cut to a whole number.
+    """
+    if distance == 0.0:
+        return LETHAL_OBSTACLE
+    if distance <= inscribed_radius:
+        return INSCRIBED_INFLATED_OBSTACLE
+    return int(MAX_NON_OBSTACLE * math.exp(-cost_scaling_factor * (distance - inscribed_radius)))
+
+
+class Costmap:
+    """The cost of each cell for one robot. Change layers, then `update`."""
+
+    def __init__(self, frame: Frame, footprint: Footprint, options: CostmapOptions | None = None) -> None:
+        """Raises ValueError for an inflation radius of more than MAX_CELLS cells."""
+        self.frame = frame
+        self.footprint = footprint
+        self.options = options or CostmapOptions()
+        shape = frame.rows, frame.columns
+        self.costs: Costs = np.full(shape, FREE_SPACE, np.uint8)
+        """The costs of all layers, inflated, (rows, columns). Read it; `update` writes it."""
+        self.base: Costs = np.full(shape, FREE_SPACE, np.uint8)
+        """All layers before inflation."""
+        self._static: Costs = np.full(shape, FREE_SPACE, np.uint8)
+        self._seen: Costs = np.full(shape, NO_INFORMATION, np.uint8)
+        self._teammates: tuple[Teammate, ...] = ()
+        self._changed: Window | None = (0, frame.rows, 0, frame.columns)
+        radius = self.options.inflation_radius
+        # As Costmap2D::cellDistance of Nav2.
+        self._reach = max(0, math.ceil(radius / frame.resolution))
+        if self._reach > MAX_CELLS:
+            raise ValueError(
+                f"inflation_radius {radius:g} is {self._reach} cells of {frame.resolution:g} m: at most {MAX_CELLS}"
+            )
+        # By squared distance in cells, up to that of one cell beyond the radius.
+        self._table = np.full((self._reach + 1) ** 2 + 1, FREE_SPACE, np.uint8)
+        for square in range(self._reach**2 + 1):
+            self._table[square] = self._cost_at_distance(math.sqrt(square) * frame.resolution)
+
+    def set_map(self, grid: GridMap) -> None:
+        """Take the static layer from a map of the same frame. Raises ValueError for another one."""
+        if grid.frame != self.frame:
+            raise ValueError(f"a costmap of {self.frame} cannot take a map of {grid.frame}")
+        # StaticLayer::interpretValue of Nav2 with `trinary_costmap`.
+        self._static = np.full(grid.cells.shape, FREE_SPACE, np.uint8)
+        self._static[grid.cells >= self.options.lethal_cost_threshold] = LETHAL_OBSTACLE
+        if self.options.track_unknown_space:
+            self._static[grid.cells < 0] = NO_INFORMATION
+        self._whole()
+
+    def move(self, frame: Frame, rows: int, columns: int) -> None:
+        """Lie elsewhere, with as many cells: what was cell (`rows`, `columns`) is (0, 0) now.
+
+        What lasers have seen keeps its place. There must be no static layer.
+        """
+        seen = np.full_like(self._seen, NO_INFORMATION)
+        height, width = seen.shape
+        if abs(rows) < height and abs(columns) < width:
+            to = slice(max(0, -rows), height - max(0, rows)), slice(max(0, -columns), width - max(0, columns))
+            old = slice(max(0, rows), height - max(0, -rows)), slice(max(0, columns), width - max(0, -columns))
+            seen[to] = self._seen[old]
+        self._seen, self.frame = seen, frame
+        self._whole()
+
+    def observe(self, scan: Scan, base: Pose2, teammates: Iterable[Teammate] = ()) -> None:
+        """Clear and mark cells as a scan of a robot at `base` says; what it has met on a teammate is not marked."""
+        far = max(self.options.raytrace_max_range, self.options.obstacle_max_range)
+        points, met = find_ends(scan, base, far)
+        if not len(points):
+            return
+        laser = base.compose(scan.sensor)
+        start = np.array([[laser.x, laser.y]])
+        origin = np.floor(self.frame.points_to_cells(start)).astype(np.int64)[0]
+        way = points - start
+        length = np.hypot(way[:, 0], way[:, 1])
+        marked = met & (length <= self.options.obstacle_max_range)
+        marked &= ~on_teammates(points, teammates, self.options.teammate_margin)
+        short = np.minimum(1.0, self.options.raytrace_max_range / np.maximum(length, 1e-9))
+        ends = np.floor(self.frame.points_to_cells(start + way * short[:, None])).astype(np.int64)
+        # A beam ends on the surface, between two cells: what it has met is in the one behind.
+        behind = points + way * (_BEHIND * self.frame.resolution / np.maximum(length, 1e-9))[:, None]
+        marks = np.floor(self.frame.points_to_cells(behind[marked])).astype(np.int64)
+        trace_beams(self._seen, int(origin[0]), int(origin[1]), ends, marks)
+        corners = np.concatenate((ends, marks, origin[None]))
+        self._touch(corners)
+
+    def clear_footprint(self, base: Pose2) -> None:
+        """Take what lasers have seen away from under a robot at `base`."""
+        self._note(cells_of_polygon(self.frame, place(self.footprint, *base)), FREE_SPACE)
+
+    def clear_around(self, base: Pose2, distance: float) -> None:
+        """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""
+        self._note(cells_of_disc(self.frame, base.x, base.y, distance), NO_INFORMATION)
+
+    def set_teammates(self, teammates: Iterable[Teammate]) -> None:
+        """Teammates stand here now, and nowhere else; they are obstacles."""
+        new = tuple(teammates)
+        if new != self._teammates:
+            for mate in {*self._teammates, *new} - ({*self._teammates} & {*new}):
+                self._touch(cells_of_disc(self.frame, mate.x, mate.y, mate.radius)[:, ::-1])
+            self._teammates = new
+
+    def update(self) -> Window | None:
+        """Bring `costs` up to date; return the rows and columns that may have changed, if any."""
+        if self._changed is None:
+            return None
+        window = self._clip(self._changed, 0)
+        self._changed = None
+        part = slice(window[0], window[1]), slice(window[2], window[3])
+        self.base[part] = _join(self._static[part], self._seen[part])
+        for mate in self._teammates:
+            cells = cells_of_disc(self.frame, mate.x, mate.y, mate.radius)
+            self.base[cells[:, 0], cells[:, 1]] = LETHAL_OBSTACLE
+        window = self._clip(window, self._reach)
+        # The cost from which on a cell without information becomes known.
+        unknown_from = FREE_SPACE + 1 if self.options.inflate_unknown else INSCRIBED_INFLATED_OBSTACLE
+        inflate(self.base, self._table, self._reach, window, unknown_from, self.costs)
+        return window
+
+    def cost_of_distance(self, distance: float) -> int:
+        """The cost of a cell at this distance (m) from an obstacle, or at the inflation radius if that is less."""
+        return self._cost_at_distance(min(max(distance, 1e-9), self.options.inflation_radius))
+
+    def _cost_at_distance(self, distance: float) -> int:
+        return inflated_cost(distance, self.footprint.inscribed_radius, self.options.cost_scaling_factor)
+
+    def cost_at(self, x: float, y: float) -> int:
+        """The cost at a point (metres, in the frame of the map); outside it is LETHAL_OBSTACLE."""
+        cell = self.frame.cell_at(x, y)
+        return int(self.costs[cell]) if self.frame.holds(*cell) else LETHAL_OBSTACLE
+
+    def _note(self, cells: Cells, cost: int) -> None:
+        self._seen[cells[:, 0], cells[:, 1]] = cost
+        self._touch(cells[:, ::-1])
+
+    def _whole(self) -> None:
+        self._changed = 0, self.frame.rows, 0, self.frame.columns
+
+    def _touch(self, cells: Cells) -> None:
+        """Note that the layers have changed within the box of these cells (column, row)."""
+        if not len(cells):
+            return
+        (left, low), (right, high) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
+        old = self._changed or (low, high + 1, left, right + 1)
+        self._changed = min(low, old[0]), max(high + 1, old[1]), min(left, old[2]), max(right + 1, old[3])
+
+    def _clip(self, window: Window, more: int) -> Window:
+        """The part of a window, `more` cells wider on each side, that lies in the grid."""
+        rows, columns = self.frame.rows, self.frame.columns
+        low, high = max(0, min(rows, window[0] - more)), max(0, min(rows, window[1] + more))
+        left, right = max(0, min(columns, window[2] - more)), max(0, min(columns, window[3] + more))
+        return low, max(low, high), left, max(left, right)
+
+
+def _join(below: Costs, above: Costs) -> Costs:
+    """Costmap2D's updateWithMax: the higher cost counts, and whatever is known."""
+    known = np.where(below == NO_INFORMATION, above, np.maximum(below, above))
+    return np.where(above == NO_INFORMATION, below, known)
+
+
+def make_costmap(grid: GridMap, footprint: Footprint, options: CostmapOptions | None = None) -> Costmap:
+    """The costmap of a map, up to date."""
+    costmap = Costmap(grid.frame, footprint, options)
+    costmap.set_map(grid)
+    costmap.update()
+    return costmap

@@ -1,0 +1,350 @@
+"""The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from msgspec import Meta
+
+from zteam import names
+from zteam.base import Base
+from zteam.errors import UsageError
+from zteam.navigation.planning import plugins
+from zteam.navigation.planning.amcl import AmclOptions, check_options
+from zteam.navigation.planning.controller import (
+    Controller,
+    GoalOptions,
+    Positive,
+    ProgressOptions,
+    PursuitOptions,
+    RegulatedPurePursuit,
+)
+from zteam.navigation.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
+from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
+from zteam.navigation.planning.plugins import ASTAR, PURSUIT, Plugin, convert_options, plugin_name
+from zteam.navigation.planning.recovery import RecoveryOptions
+
+Localizer = Literal["amcl", "fake", "none"]
+Tables = dict[str, dict[str, Any]]
+"""Parameters by the name of Nav2's node; the names of nested tables are joined with dots, as in `FollowPath.plugin`."""
+
+OWN = "navigation"
+"""The node with parameters of zteam's own."""
+_PARAMETERS = "ros__parameters"
+
+
+class InitialPose(NamedTuple):
+    """Where a robot is at first, in amcl's own parameters."""
+
+    set_initial_pose: bool = False
+    """Without it, a robot begins where the transforms say that it is."""
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+
+class FakeOptions(NamedTuple):
+    """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
+
+    delta_x: float = 0.0
+    """Metres that are added to each pose; so is the next."""
+    delta_y: float = 0.0
+    delta_yaw: float = 0.0
+    """Radians."""
+    noise_xy: float = 0.0
+    """Standard deviation of each pose's error in x and in y, metres."""
+    noise_yaw: float = 0.0
+    """Radians."""
+
+
+class ControllerOptions(NamedTuple):
+    """Parameters of controller_server itself."""
+
+    controller_frequency: Positive = 20.0
+    failure_tolerance: float = 0.3
+    """Seconds that the controller may find no command before a recovery begins."""
+
+
+class PlannerServerOptions(NamedTuple):
+    """Parameters of planner_server itself."""
+
+    expected_planner_frequency: Positive = 1.0
+    """Plans a second while the robot drives."""
+
+
+class WindowOptions(NamedTuple):
+    """Parameters of a costmap's node besides its layers."""
+
+    update_frequency: Positive = 5.0
+    publish_frequency: Positive = 1.0
+    """At most 2 Hz."""
+    width: Annotated[int, Meta(gt=0)] = 3
+    """Metres; so is the next. The local costmap's alone."""
+    height: Annotated[int, Meta(gt=0)] = 3
+    resolution: Positive = 0.05
+    robot_radius: float = math.nan
+    """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
+    footprint: str = ""
+    """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"."""
+    footprint_padding: float = 0.03
+    """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
+    direction."""
+
+
+class Parameters(NamedTuple):
+    """All of them."""
+
+    localizer: Localizer = "amcl"
+    amcl: AmclOptions = AmclOptions()
+    initial_pose: InitialPose = InitialPose()
+    fake: FakeOptions = FakeOptions()
+    controller: ControllerOptions = ControllerOptions()
+    controller_plugin: Plugin = Plugin(PURSUIT)
+    pursuit: PursuitOptions = PursuitOptions()
+    goal: GoalOptions = GoalOptions()
+    progress: ProgressOptions = ProgressOptions()
+    planner_server: PlannerServerOptions = PlannerServerOptions()
+    planner_plugin: Plugin = Plugin(ASTAR)
+    planner: AStarOptions = AStarOptions()
+    recovery: RecoveryOptions = RecoveryOptions()
+    global_window: WindowOptions = WindowOptions(update_frequency=1.0)
+    global_layers: CostmapOptions = CostmapOptions()
+    local_window: WindowOptions = WindowOptions()
+    local_layers: CostmapOptions = CostmapOptions()
+
+
+class _Section(NamedTuple):
+    """Where Nav2 has the parameters of some options."""
+
+    field: str
+    """Of Parameters."""
+    node: str
+    plugins: str = ""
+    """Parameter that lists the names of plugins, the first of which is meant; empty: the node's own parameters."""
+    usual: str = ""
+    """The plugin's name where none is listed."""
+    anywhere: bool = False
+    """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
+
+
+_SECTIONS = (
+    _Section("amcl", "amcl"),
+    _Section("initial_pose", "amcl"),
+    _Section("fake", "fake_localization"),
+    _Section("controller", "controller_server"),
+    _Section("pursuit", "controller_server", "controller_plugins", "FollowPath"),
+    _Section("goal", "controller_server", "goal_checker_plugins", "general_goal_checker"),
+    _Section("progress", "controller_server", "progress_checker_plugins", "progress_checker"),
+    _Section("planner_server", "planner_server"),
+    _Section("planner", "planner_server", "planner_plugins", "GridBased"),
+    _Section("recovery", "behavior_server"),
+    _Section("global_window", "global_costmap"),
+    _Section("global_layers", "global_costmap", anywhere=True),
+    _Section("local_window", "local_costmap"),
+    _Section("local_layers", "local_costmap", anywhere=True),
+)
+_PLUGINS = {"pursuit": "controller", "planner": "planner"}
+"""Sections of plug-ins that packages may offer too, and their kinds."""
+NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
+"""Names of the nodes whose parameters are taken."""
+_RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
+_LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
+
+
+class Reading(NamedTuple):
+    """Parameters, and what was not understood."""
+
+    parameters: Parameters
+    unknown: tuple[str, ...]
+    """Names that have no effect, `node.name` each, sorted."""
+
+
+def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> Reading:
+    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
+
+    Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
+    `ros__parameters`. Raises UsageError; `source` is what the table is called there.
+    """
+    file = table.get("params")
+    given: Tables = {}
+    if file is not None:
+        if not isinstance(file, str):
+            raise UsageError(f"{source}: params: a file is expected, not {file!r}")
+        given = _tables_of_file(_read_parameter_file(folder / file), robot_id)
+        # A mistake in the file is told with the file's name.
+        _read_parameters(given, file)
+    own: Tables = {OWN: {}}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            own[key] = _flatten(value)
+        elif key != "params":
+            own[OWN][key] = value
+    return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
+
+
+def _read_parameters(tables: Tables, source: str) -> Reading:
+    """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
+    found: dict[str, Any] = {}
+    taken = {(OWN, "localizer")}
+    problems: list[str] = []
+    for section in _SECTIONS:
+        table = tables.get(section.node, {})
+        if section.field in _PLUGINS:
+            try:
+                plugin, known = _read_plugin(section, table)
+            except UsageError as error:
+                problems.append(str(error))
+                continue
+            found[f"{_PLUGINS[section.field]}_plugin"] = plugin
+            taken |= {(section.node, name) for name in known}
+            if plugin.name not in (ASTAR, PURSUIT):
+                continue
+        default = Parameters._field_defaults[section.field]
+        given = _own_names(section, table, type(default))
+        taken |= {(section.node, name) for name in given.values()}
+        values, wrong = convert_options(type(default), {key: table[name] for key, name in given.items()})
+        problems += [f"{section.node}.{given[str(key)]}: {text}" for (key, *_), text in wrong]
+        found[section.field] = default._replace(**values)
+    localizer = tables.get(OWN, {}).get("localizer", "amcl")
+    if localizer not in get_args(Localizer):
+        problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
+    parameters = Parameters(**found, localizer=localizer)
+    if problems := problems or list(_contradictions(parameters)):
+        raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
+    every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
+    return Reading(parameters, tuple(sorted(f"{node}.{name}" for node, name in every - taken)))
+
+
+def _contradictions(parameters: Parameters) -> Iterator[str]:
+    """What is wrong with values of the right types."""
+    try:
+        check_options(parameters.amcl)
+    except ValueError as error:
+        yield str(error)
+    for node, window in ("global_costmap", parameters.global_window), ("local_costmap", parameters.local_window):
+        try:
+            read_outline(window)
+        except ValueError as error:
+            yield f"{node}: footprint {window.footprint!r}: {error}"
+
+
+def read_outline(window: WindowOptions) -> Footprint | None:
+    """The outline that the parameters of a costmap give, if they do. Raises ValueError."""
+    if window.footprint:
+        try:
+            corners = json.loads(window.footprint)
+        except ValueError:
+            raise ValueError("give corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
+        return make_footprint(corners, window.footprint_padding)
+    return None if math.isnan(window.robot_radius) else make_circle(window.robot_radius)
+
+
+def make_controller(parameters: Parameters, base: Base) -> Controller:
+    """The controller that the parameters name; zteam's own keeps within the limits of a base. Raises UsageError."""
+    name, given = parameters.controller_plugin
+    if name != PURSUIT:
+        return plugins.make_controller(name, given)
+    options = parameters.pursuit
+    return RegulatedPurePursuit(
+        options._replace(
+            desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
+            rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
+            max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
+            xy_goal_tolerance=parameters.goal.xy_goal_tolerance,
+        )
+    )
+
+
+def make_planner(parameters: Parameters) -> Planner:
+    """The planner that the parameters name. Raises UsageError, and ValueError for its parameters."""
+    name, given = parameters.planner_plugin
+    return AStarPlanner(parameters.planner) if name == ASTAR else plugins.make_planner(name, given)
+
+
+def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:
+    """Fields of the options that the table sets, and the names it has for them."""
+    prefix = _prefix(section, table)
+    found = {}
+    for name in table:
+        if section.anywhere:
+            own = name.rpartition(".")[2]
+        elif kind is InitialPose:
+            own = name if name == "set_initial_pose" else _RENAMED.get(name, "")
+        else:
+            own = name.removeprefix(prefix) if name.startswith(prefix) else ""
+        if own in kind._fields:
+            found[own] = name
+    return found
+
+
+def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
+    """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
+    prefix, kind = _prefix(section, table), _PLUGINS[section.field]
+    own = {name: value for name, value in table.items() if name.startswith(prefix)}
+    usual: Plugin = Parameters._field_defaults[f"{kind}_plugin"]
+    place = f"{prefix}plugin"
+    name = plugin_name(kind, str(own.get(place, usual.name)), f"{section.node}.{place}: ")
+    given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
+    return Plugin(name, given), [place] if name == usual.name else own
+
+
+def _prefix(section: _Section, table: Mapping[str, Any]) -> str:
+    """What the names of the section's parameters begin with."""
+    if not section.plugins:
+        return ""
+    listed = table.get(section.plugins)
+    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else section.usual
+    return f"{named}."
+
+
+def _read_parameter_file(path: Path) -> Mapping[str, Any]:
+    """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
+    import yaml
+
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"cannot read the parameters {path}: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise UsageError(f"{path} is no YAML file: {' '.join(str(error).split())}") from None
+    if table is None:
+        return {}
+    if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):
+        raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")
+    return table
+
+
+def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
+    """What a parameter file says to the nodes of robot `robot_id`.
+
+    A node's name may have namespaces before it (`robot_1/amcl`, or nested), and wildcards: `*` for one part, `**` for
+    any. What names a node by itself counts before what names it by a wildcard.
+    """
+    tables: Tables = {}
+    for pattern, parameters in sorted(_find_nodes(contents, ()), key=lambda item: "*" not in item[0]):
+        for node in NODES:
+            # The costmaps are nodes in namespaces of their own.
+            full = f"{node}/{node}" if node.endswith("_costmap") else node
+            if pattern and PurePosixPath(names.robot_name(robot_id), full).match(pattern):
+                tables.setdefault(node, {}).update(_flatten(parameters))
+    return tables
+
+
+def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """The name, or pattern, of each node with parameters, and the parameters."""
+    for key, value in table.items():
+        if key == _PARAMETERS and isinstance(value, Mapping) and path:
+            yield "/".join(part.strip("/") for part in path), value
+        elif isinstance(value, Mapping):
+            yield from _find_nodes(value, (*path, str(key)))
+
+
+def _flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, with the names joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        flat.update(_flatten(value, f"{name}.") if isinstance(value, Mapping) else {name: value})
+    return flat

@@ -1,0 +1,304 @@
+"""Global planners: a costmap and two poses in, a path out. A* over weighted cells, then straight lines.
+
+A way from cell to cell becomes one of straight lines that cost no more: first the cheapest way along lines between its
+cells (dynamic programming, over lines of bounded length), then its points move to the side where that makes it cheaper
+(dynamic programming over a few places for each point).
+"""
+
+import math
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.errors import ZteamError
+from zteam.geometry import Pose2
+from zteam.kernels import binding
+from zteam.kernels.binding import UNREACHED, Bytes, Cells, Floats, Steps
+from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
+from zteam.navigation.planning.grid import Frame
+
+COSTMAP_STEPS = (70, 99)
+"""A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
+
+STRIDE, REACH = 4, 320
+"""Lines join every fourth cell of a way from cell to cell, to those up to 320 cells before."""
+_SPACING = 20
+"""Cells between the points that move to the side."""
+_WIDTHS = (4, 2, 1)
+"""Cells that they move at a time."""
+_SIDES = np.arange(-3, 4)
+"""Times that width, to either side."""
+
+
+class NoPathError(ZteamError):
+    """There is no path; the text says why."""
+
+
+class Plan(NamedTuple):
+    """A path, and how good it is."""
+
+    path: Floats
+    """(n, 3): x, y in metres and yaw in radians, in the frame of the map. The first row is the start."""
+    length: float
+    """Metres."""
+    short_of_goal: float
+    """Metres from the end of the path to the goal that was asked for: 0 if the path reaches it."""
+
+
+class Planner(Protocol):
+    """What a planner must do; `zteam.navigation.planning.plugins` knows them by name."""
+
+    def plan(self, costmap: Costmap, start: Pose2, goal: Pose2) -> Plan:
+        """A path from `start` to `goal` (poses in the frame of the map). Raises NoPathError."""
+
+
+class Field:
+    """Weights of a grid's cells, and the memory of searches on it. Keep it: making it costs as much as a search."""
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self.shape = rows, columns
+        self.steps = Steps(*COSTMAP_STEPS, 1)
+        self.weights = np.zeros((rows + 2, columns + 2), np.uint8)
+        """Of the cells, with a border of 0; 0 cannot be entered."""
+        self._costs = np.full((rows + 2, columns + 2), UNREACHED, np.uint32)
+
+    def set_costs(
+        self, costs: Costs, neutral: int, factor: float, allow_unknown: bool, barred: int = INSCRIBED_INFLATED_OBSTACLE
+    ) -> None:
+        """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
+
+        Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are cut to whole
+        numbers from 1 to 255: raises ValueError for others.
+        """
+        heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
+        if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
+            raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
+        binding.weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
+        self.steps = Steps(*COSTMAP_STEPS, neutral)
+
+    def is_free(self, row: int, column: int) -> bool:
+        """Whether a cell can be entered; one outside cannot."""
+        rows, columns = self.shape
+        return 0 <= row < rows and 0 <= column < columns and bool(self.weights[row + 1, column + 1])
+
+    def nearest_free(self, cell: tuple[int, int], tolerance: float) -> tuple[int, int] | None:
+        """The cell (row, column) nearest to this one that can be entered, up to `tolerance` cells from it."""
+        found = self._nearest(self.weights, 0, cell, tolerance)
+        return None if found is None else (found // (self.shape[1] + 2) - 1, found % (self.shape[1] + 2) - 1)
+
+    def find_way(self, start: tuple[int, int], goal: tuple[int, int], tolerance: float = 0.0) -> Cells | None:
+        """The cheapest way between two cells (row, column): (n, 2) as (column, row), each beside the one before.
+
+        If there is none, the way to the cell nearest to the goal that can be reached, up to `tolerance` cells from it.
+        None if there is no way at all. Raises ValueError for a start that cannot be entered.
+        """
+        if not self.is_free(*start):
+            raise ValueError(f"the start, row {start[0]}, column {start[1]}, cannot be entered")
+        stride = self.shape[1] + 2
+        begin = (start[0] + 1) * stride + start[1] + 1
+        end = self._nearest(self.weights, 0, goal, tolerance)
+        if end is None:
+            return None
+        found, (low, high, left, right) = binding.search(self.weights, begin, end, self.steps, self._costs)
+        if not found:
+            # All that can be reached has been.
+            end = self._nearest(self._costs, UNREACHED, goal, tolerance)
+        cells = None if end is None else binding.trace(self.weights, begin, end, self.steps, self._costs)
+        self._costs[low : high + 1, left : right + 1] = UNREACHED
+        if cells is None:
+            return None
+        y, x = np.divmod(cells[::-1], stride)
+        return np.stack((x - 1, y - 1), axis=1)
+
+    def _nearest(self, cells: NDArray[Any], nothing: int, goal: tuple[int, int], tolerance: float) -> int | None:
+        """The index of the cell other than `nothing` that is nearest to the goal, up to `tolerance` cells from it."""
+        reach = int(tolerance)
+        low, left = max(0, goal[0] + 1 - reach), max(0, goal[1] + 1 - reach)
+        part = cells[low : max(0, goal[0] + 2 + reach), left : max(0, goal[1] + 2 + reach)]
+        found = np.argwhere(part != nothing) + np.array((low, left))
+        away = ((found - np.array(goal) - 1) ** 2).sum(axis=1)
+        if not len(found) or away.min() > tolerance * tolerance:
+            return None
+        row, column = found[away.argmin()].tolist()
+        return int(row * cells.shape[1] + column)
+
+    def shorten(self, way: Cells) -> Cells:
+        """The corners of a way of straight lines (n, 2) that costs no more than a way from cell to cell."""
+        if len(way) < 3:
+            return way
+        return make_any_angle(self.weights, way + 1, self.steps.least) - 1
+
+
+class AStarOptions(NamedTuple):
+    """Parameters; names that Nav2's planners have are theirs."""
+
+    tolerance: float = 0.5
+    """Metres from the goal at which a path may end, if the goal itself cannot be reached (NavfnPlanner)."""
+    allow_unknown: bool = True
+    """Whether a path may lead through cells without information (NavfnPlanner)."""
+    neutral_cost: int = 50
+    """Weight of a cell without costs (NavFn's COST_NEUTRAL)."""
+    cost_factor: float = 0.8
+    """What a cell's cost adds to its weight (NavFn's COST_FACTOR)."""
+    any_angle: bool = True
+    """Whether the path is made of straight lines in any direction, or of steps from cell to cell."""
+    clearance: float | None = None
+    """Metres from the middle of the robot to obstacles on a path; None: half of its width, and half a cell. It is at
+    least the inscribed radius, and at most the costmap's inflation radius."""
+    escape: float = 0.5
+    """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
+
+
+class AStarPlanner:
+    """A* over the cells of a costmap, then straight lines that cost no more."""
+
+    def __init__(self, options: AStarOptions | None = None) -> None:
+        """Raises ValueError for weights that do not fit."""
+        self.options = options or AStarOptions()
+        self._field: Field | None = None
+
+    def plan(self, costmap: Costmap, start: Pose2, goal: Pose2) -> Plan:
+        """A path from `start` to `goal`, or to the nearest point up to `tolerance` from it. Raises NoPathError."""
+        frame, options = costmap.frame, self.options
+        for what, pose in (("start", start), ("goal", goal)):
+            if not all(map(math.isfinite, pose)):
+                raise NoPathError(f"the {what} is not finite: {tuple(pose)}")
+            if not frame.holds(*frame.cell_at(pose.x, pose.y)):
+                raise NoPathError(f"the {what} ({pose.x:.2f}, {pose.y:.2f}) is outside of the map")
+        field = self.prepare(costmap)
+        first = self._leave(field, frame, start)
+        last = frame.cell_at(goal.x, goal.y)
+        way = field.find_way(first, last, options.tolerance / frame.resolution)
+        if way is None:
+            raise NoPathError(_reason(costmap, field, last, options.tolerance))
+        reached = (int(way[-1, 1]), int(way[-1, 0])) == last
+        corners = field.shorten(way) if options.any_angle else way
+        points = frame.points_from_cells(corners.astype(np.float64) + 0.5)
+        # The middle of the first cell is left out where the start lies in that cell.
+        on = points[1:] if first == frame.cell_at(start.x, start.y) else points
+        points = np.concatenate(([[start.x, start.y]], on))
+        if reached:
+            points = np.concatenate((points[:-1] if len(points) > 1 else points, [[goal.x, goal.y]]))
+        missing = 0.0 if reached else math.dist(points[-1], (goal.x, goal.y))
+        path = make_path(points, goal.yaw, frame.resolution)
+        return Plan(path, float(np.hypot(*np.diff(points, axis=0).T).sum()), missing)
+
+    def prepare(self, costmap: Costmap) -> Field:
+        """The weights of a costmap's cells, for a search."""
+        shape = costmap.costs.shape
+        if self._field is None or self._field.shape != shape:
+            self._field = Field(*shape)
+        options, clearance = self.options, self.options.clearance
+        if clearance is None:
+            clearance = costmap.footprint.half_width + 0.5 * costmap.frame.resolution
+        # From here on cells are too near to an obstacle for a robot that drives along its path.
+        barred = min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
+        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
+        return self._field
+
+    def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
+        """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""
+        found = field.nearest_free(frame.cell_at(start.x, start.y), self.options.escape / frame.resolution)
+        if found is None:
+            raise NoPathError(
+                f"the start ({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within "
+                f"{self.options.escape:g} m is free: drive the robot away from it, or clear the costmap"
+            )
+        return found
+
+
+def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:
+    x, y = costmap.frame.centre_of(*goal)
+    where = f"({x:.2f}, {y:.2f})"
+    if not field.is_free(*goal):
+        return f"the goal {where} is in an obstacle or too close to one, and so is all within {tolerance:g} m of it"
+    return f"no way leads to the goal {where}, nor to within {tolerance:g} m of it"
+
+
+def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
+    """Poses (n, 3) along the lines between points (n, 2), at most `spacing` metres apart; the last one has `yaw`.
+
+    All others face the next one.
+    """
+    points = np.asarray(points, np.float64)
+    points = points[np.concatenate(([True], (np.abs(np.diff(points, axis=0)) > 1e-9).any(axis=1)))]
+    delta = np.diff(points, axis=0)
+    lengths = np.hypot(delta[:, 0], delta[:, 1])
+    counts = np.maximum(1, np.ceil(lengths / spacing)).astype(np.int64)
+    line = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.repeat(counts, counts)
+    path = np.empty((len(line) + 1, 3))
+    path[:-1, :2] = points[line] + share[:, None] * delta[line]
+    path[:-1, 2] = np.arctan2(delta[line, 1], delta[line, 0])
+    path[-1] = points[-1, 0], points[-1, 1], yaw
+    return path
+
+
+def make_any_angle(weights: Bytes, way: Cells, least: int) -> Cells:
+    """The corners of a way of straight lines that costs no more than `way` (cells, each beside the one before)."""
+    corners, cost = _join(weights, way, STRIDE, REACH, least)
+    points = corners
+    for width in _WIDTHS:
+        points = _shift(weights, _space_out(points), width)
+    moved, moved_cost = _join(weights, points, 1, REACH // _SPACING, least)
+    return moved if moved_cost < cost else corners
+
+
+def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
+    """The corners of the cheapest way along lines between points of `way`, and its cost."""
+    best, before = binding.shorten(weights, way, stride, reach, float(least))
+    found = [len(way) - 1]
+    while before[found[-1]] >= 0:
+        found.append(int(before[found[-1]]))
+    return _drop_straight(way[found[::-1]]), float(best[-1])
+
+
+def _drop_straight(corners: Cells) -> Cells:
+    """Without the points at which the way does not turn."""
+    moved = (corners[1:] != corners[:-1]).any(axis=1)
+    corners = corners[np.concatenate(([True], moved))]
+    if len(corners) < 3:
+        return corners
+    to, on = corners[1:-1] - corners[:-2], corners[2:] - corners[1:-1]
+    turns = (to[:, 0] * on[:, 1] != to[:, 1] * on[:, 0]) | ((to * on).sum(axis=1) < 0)
+    return corners[np.concatenate(([True], turns, [True]))]
+
+
+def _space_out(corners: Cells) -> Cells:
+    """The corners, with points on the lines between them, at most _SPACING cells apart."""
+    parts = []
+    for begin, end in pairwise(corners):
+        count = max(1, math.ceil(math.dist(begin, end) / _SPACING))
+        parts.append(np.rint(begin + (end - begin) * (np.arange(count) / count)[:, None]).astype(np.int64))
+    return np.concatenate([*parts, corners[-1:]])
+
+
+def _shift(weights: Bytes, points: Cells, width: int) -> Cells:
+    """The cheapest way through one place for each point: itself, or some widths to its side."""
+    if len(points) < 3:
+        return points
+    along = (points[2:] - points[:-2]).astype(np.float64)
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    aside = np.stack((-along[:, 1], along[:, 0]), axis=1)
+    sides = len(_SIDES)
+    places = np.repeat(points[:, None], sides, axis=1)
+    places[1:-1] += np.rint(aside[:, None] * (width * _SIDES)[None, :, None]).astype(np.int64)
+    np.clip(places, 0, [weights.shape[1] - 1, weights.shape[0] - 1], out=places)
+    count = len(points) - 1
+    begins = np.repeat(places[:-1], sides, axis=1).reshape(-1, 2)
+    ends = np.tile(places[1:], (1, sides, 1)).reshape(-1, 2)
+    lines = binding.measure_lines(weights, begins, ends).reshape(count, sides, sides)
+    best, before = lines[0].min(axis=0), np.zeros((count + 1, sides), np.int64)
+    for i in range(1, count):
+        sums = best[:, None] + lines[i]
+        before[i + 1] = sums.argmin(axis=0)
+        best = sums.min(axis=0)
+    at = int(best.argmin())
+    chosen = [at]
+    for i in range(count, 1, -1):
+        at = int(before[i][at])
+        chosen.append(at)
+    chosen.append(sides // 2)
+    return places[np.arange(count + 1), chosen[::-1]]

@@ -1,0 +1,109 @@
+"""Options from mappings; planners and controllers by name: zteam's own, those of packages, and Nav2's names for them.
+
+A package offers one in the entry-point group `zteam.planners` or `zteam.controllers`: what it names is called with the
+plug-in's parameters, a mapping, and returns a Planner or a Controller. So a controller that samples, such as MPPI, or a
+planner that knows the ways of teammates needs no change here.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import msgspec
+
+from zteam.entry_points import load_offered, offered
+from zteam.errors import UsageError
+from zteam.navigation.planning.controller import Controller, PursuitOptions, RegulatedPurePursuit
+from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
+from zteam.problems import Problem, problems_of
+
+T = TypeVar("T", bound=tuple[Any, ...])
+
+
+def convert_options(kind: type[T], values: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Values of fields of a class such as AmclOptions, as the fields have them; and what is wrong with them."""
+    hints = get_type_hints(kind, include_extras=True)
+    defaults: dict[str, Any] = kind._field_defaults  # type: ignore[attr-defined]
+    checked = msgspec.defstruct(kind.__name__, [(name, hints[name], defaults[name]) for name in defaults])
+    problems = problems_of(values, checked) or [
+        Problem((name,), f"a finite number is expected, not {value}")
+        for name, value in values.items()
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
+    if problems:
+        return {}, problems
+    converted = msgspec.convert(values, checked)
+    return {name: getattr(converted, name) for name in values}, []
+
+
+def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[str]]:
+    """Options of a class such as AmclOptions from `parameters`, and the names that it does not know.
+
+    Raises UsageError for values that cannot be.
+    """
+    known = {name: value for name, value in parameters.items() if name in kind._fields}  # type: ignore[attr-defined]
+    values, problems = convert_options(kind, known)
+    if problems:
+        raise UsageError("\n".join(map(str, problems)))
+    return kind(**values), sorted(parameters.keys() - known.keys())
+
+
+class Plugin(NamedTuple):
+    """A planner or a controller of a robot."""
+
+    name: str
+    """zteam's own, or that of an installed package's."""
+    parameters: Mapping[str, Any] = MappingProxyType({})
+    """What is set of it, by the plug-in's own names."""
+
+
+ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
+_OWN: Mapping[str, Mapping[str, Callable[[Mapping[str, Any]], Any]]] = {
+    "planner": {ASTAR: lambda given: AStarPlanner(read_options(AStarOptions, given)[0])},
+    "controller": {PURSUIT: lambda given: RegulatedPurePursuit(read_options(PursuitOptions, given)[0])},
+}
+_GROUPS = {"planner": "zteam.planners", "controller": "zteam.controllers"}
+"""Of entry points."""
+NAV2_NAMES = {
+    "nav2_navfn_planner::NavfnPlanner": ASTAR,
+    "nav2_smac_planner::SmacPlanner2D": ASTAR,
+    "nav2_theta_star_planner::ThetaStarPlanner": ASTAR,
+    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": PURSUIT,
+}
+"""Plug-ins of Nav2, and what does their work here; Nav2 writes them with `/` too."""
+
+
+def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
+    """The planner of this name. Raises UsageError."""
+    planner: Planner = _find("planner", name)(parameters)
+    return planner
+
+
+def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
+    """The controller of this name. Raises UsageError."""
+    controller: Controller = _find("controller", name)(parameters)
+    return controller
+
+
+def plugin_name(kind: str, name: str, where: str = "") -> str:
+    """zteam's own name of a planner or a controller, or that of an installed package's, which is not imported.
+
+    `kind` is "planner" or "controller". Raises UsageError for a name that is neither; the text begins with `where`.
+    """
+    own, group = _OWN[kind], _GROUPS[kind]
+    own_name = NAV2_NAMES.get(name.replace("/", "::"), name)
+    if own_name in own:
+        return own_name
+    there = offered(group)
+    if name not in there:
+        known = ", ".join(sorted({*own, *there}))
+        raise UsageError(
+            f"{where}there is no {kind} {name!r}: there are {known}, and packages may offer more ({group})"
+        )
+    return name
+
+
+def _find(kind: str, name: str) -> Callable[[Mapping[str, Any]], Any]:
+    found = plugin_name(kind, name)
+    return _OWN[kind].get(found) or load_offered(_GROUPS[kind], found)

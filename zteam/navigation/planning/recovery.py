@@ -1,0 +1,130 @@
+"""What a robot does that does not get on: one behaviour after the other, and at last it gives up with the reason.
+
+No clock and no bus: time, pose and costmap go in, velocities come out.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+from zteam.geometry import Pose2, normalize_angle
+from zteam.navigation.planning.controller import Velocity, time_to_collision
+from zteam.navigation.planning.costmap import Costmap
+
+Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]
+BEHAVIORS: tuple[Behavior, ...] = ("wait", "clear_costmap", "back_up", "spin")
+
+
+_CURVATURES = 0.0, 2.0, -2.0, 4.0, -4.0
+"""1/m: the ways in which a robot tries to back up."""
+
+
+class RecoveryOptions(NamedTuple):
+    """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
+
+    behaviors: tuple[Behavior, ...] = BEHAVIORS
+    """In this order, again and again."""
+    number_of_retries: int = 8
+    """Behaviours after which it gives up: two rounds of all four."""
+    progress_radius: float = 1.0
+    """Metres from the place of the last behaviour, from which on all may be tried again."""
+    wait_duration: float = 2.0
+    """Seconds."""
+    clear_distance: float = 2.0
+    """Metres around the robot."""
+    backup_dist: float = 0.3
+    backup_speed: float = 0.15
+    spin_dist: float = 1.57
+    """Radians."""
+    rotational_vel: float = 1.0
+    simulate_ahead_time: float = 1.0
+    """Seconds ahead in which a motion must not touch an obstacle."""
+    time_allowance: float = 10.0
+    """Seconds after which a motion ends, however far it came."""
+    stopped_allowance: float = 1.0
+    """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
+
+
+class Recovery:
+    """The behaviours for one goal. `begin` starts the next one, `step` carries it out until it is over."""
+
+    def __init__(self, options: RecoveryOptions | None = None) -> None:
+        """Raises ValueError for behaviours that do not exist."""
+        self.options = options or RecoveryOptions()
+        for name in self.options.behaviors:
+            if name not in BEHAVIORS:
+                raise ValueError(f"there is no recovery behaviour {name!r}: there are {', '.join(BEHAVIORS)}")
+        self.count = 0
+        """Behaviours begun since the goal, or since the last progress."""
+        self.current: Behavior | None = None
+        """The behaviour that has begun and is not over."""
+        self._began = 0.0
+        self._from = Pose2(0.0, 0.0, 0.0)
+        self._turned = 0.0
+        self._last_yaw = 0.0
+        self._way = 0
+        """Which motion of a behaviour it tries."""
+        self._free_at = 0.0
+
+    def reset(self) -> None:
+        """A new goal, or progress: all behaviours may be tried again."""
+        self.count, self.current = 0, None
+
+    def begin(self, now: float, pose: Pose2, reason: str) -> str | None:
+        """Begin the next behaviour at `now` (s), or return why it gives up: `reason`, and what was tried."""
+        options = self.options
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) > options.progress_radius:
+            self.count = 0
+        if self.count >= options.number_of_retries or not options.behaviors:
+            tried = f"after {self.count} recoveries ({', '.join(options.behaviors)})" if self.count else ""
+            return f"{reason}: gave up {tried}".rstrip()
+        self.current = options.behaviors[self.count % len(options.behaviors)]
+        self.count += 1
+        self._began, self._from, self._turned, self._last_yaw = now, pose, 0.0, pose.yaw
+        self._way, self._free_at = 0, now
+        return None
+
+    def step(self, now: float, pose: Pose2, costmap: Costmap, *, is_stopped: bool = False) -> Velocity | None:
+        """What to do at `now` (s) with a robot at `pose`; None: the behaviour is over, plan and drive again.
+
+        It clears `costmap` itself. `is_stopped`: something else, such as its safety layer, does not let the robot move.
+        """
+        self._free_at = self._free_at if is_stopped else now
+        velocity = None
+        if self.current == "wait":
+            velocity = Velocity() if now - self._began < self.options.wait_duration else None
+        elif self.current == "clear_costmap":
+            costmap.clear_around(pose, self.options.clear_distance)
+            costmap.update()
+        elif self.current == "back_up":
+            velocity = self._back_up(now, pose, costmap)
+        elif self.current == "spin":
+            velocity = self._spin(now, pose, costmap)
+        if velocity is None or now - self._began > self.options.time_allowance:
+            self.current = None
+            return None
+        return velocity
+
+    def _back_up(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= self.options.backup_dist:
+            return None
+        speed = -self.options.backup_speed
+        # A robot that came in on an arc may come out on one only.
+        return self._move([Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES], now, pose, costmap)
+
+    def _spin(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+        self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
+        self._last_yaw = pose.yaw
+        if self._turned >= self.options.spin_dist:
+            return None
+        rate = self.options.rotational_vel
+        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap)
+
+    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
+        """The first of these motions that nothing is in the way of, once tried not again."""
+        for velocity in ways[self._way :]:
+            is_blocked = time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf
+            if not is_blocked and now - self._free_at <= self.options.stopped_allowance:
+                return velocity
+            self._way, self._free_at = self._way + 1, now
+        return None

@@ -1,0 +1,98 @@
+"""The costmaps of one robot: a global one of the whole map to plan in, and a local one around the robot to drive in."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from zteam.base import Base
+from zteam.geometry import Pose2
+from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
+from zteam.navigation.planning.grid import Frame, GridMap
+from zteam.navigation.planning.parameters import Parameters, WindowOptions, read_outline
+from zteam.navigation.planning.scans import Scan, Teammate
+
+_FAR = 8.0
+"""Metres: a teammate farther away will be elsewhere when the robot gets there, and each costs a part of a map anew."""
+
+
+class PlacedScan(NamedTuple):
+    """What a robot sees at one time, and from where."""
+
+    pose: Pose2
+    """Of the base, in `map`."""
+    map_from_odom: Pose2
+    scan: Scan | None
+    teammates: Sequence[Teammate]
+
+
+def footprint_of(window: WindowOptions, base: Base) -> Footprint:
+    """The outline that a costmap's parameters give, or else that of the base. Raises ValueError."""
+    return read_outline(window) or make_footprint(base.footprint, window.footprint_padding)
+
+
+class Costmaps:
+    """Both costmaps of one robot. Times are in seconds."""
+
+    def __init__(self, parameters: Parameters, base: Base, grid: GridMap) -> None:
+        """Raises ValueError for parameters that do not fit this map or this base."""
+        self._parameters, self._grid = parameters, grid
+        self.whole = Costmap(grid.frame, footprint_of(parameters.global_window, base), parameters.global_layers)
+        """The global costmap."""
+        self.whole.set_map(grid)
+        window = parameters.local_window
+        rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
+        frame = Frame(rows, columns, window.resolution)
+        self.local = Costmap(frame, footprint_of(window, base), parameters.local_layers)
+        self._cell: tuple[int, int] | None = None
+        """Row and column of the local costmap's origin in a grid of `odom`."""
+        self._due_whole = self._due_local = -math.inf
+
+    def of_map(self) -> Costmap:
+        """What the map alone says, whatever lasers have seen: made anew, because it is large and seldom asked for."""
+        return make_costmap(self._grid, self.whole.footprint, self._parameters.global_layers)
+
+    def look(self, now: float, placed: PlacedScan) -> None:
+        """Take in what the robot sees, where that is due."""
+        if now >= self._due_local - 1e-6:
+            self._due_local = now + 1.0 / self._parameters.local_window.update_frequency
+            self.look_near(placed)
+        if now >= self._due_whole - 1e-6:
+            self.look_far(now, placed)
+
+    def look_far(self, now: float, placed: PlacedScan) -> None:
+        """Bring the global costmap up to date."""
+        self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
+        _take(self.whole, placed, _FAR)
+
+    def look_near(self, placed: PlacedScan) -> None:
+        """Bring the local costmap up to date: it moves with the robot."""
+        self._centre(placed)
+        frame = self.local.frame
+        _take(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
+
+    def clear_around(self, pose: Pose2, distance: float) -> None:
+        """Forget what lasers have seen up to `distance` (m) from the robot, in both."""
+        for costmap in (self.whole, self.local):
+            costmap.clear_around(pose, distance)
+            costmap.update()
+
+    def _centre(self, placed: PlacedScan) -> None:
+        frame = self.local.frame
+        here = placed.map_from_odom.inverse().compose(placed.pose)
+        column = math.floor(here.x / frame.resolution) - frame.columns // 2
+        row = math.floor(here.y / frame.resolution) - frame.rows // 2
+        rows, columns = (0, 0) if self._cell is None else (row - self._cell[0], column - self._cell[1])
+        self._cell = row, column
+        # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
+        corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
+        self.local.move(frame._replace(origin=placed.map_from_odom.compose(corner)), rows, columns)
+
+
+def _take(costmap: Costmap, placed: PlacedScan, far: float) -> None:
+    """Bring a costmap up to date, with the teammates up to `far` metres away."""
+    x, y, _ = placed.pose
+    costmap.set_teammates(mate for mate in placed.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
+    if placed.scan is not None:
+        costmap.observe(placed.scan, placed.pose, placed.teammates)
+    costmap.clear_footprint(placed.pose)
+    costmap.update()

@@ -1,0 +1,160 @@
+"""What has come for one robot, and what the team's transforms say of it."""
+
+import logging
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from zteam import messages, names
+from zteam.base import DEFAULT_BASE, Base
+from zteam.bus import NoRequest
+from zteam.errors import BusError
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.navigation.planning.scans import Scan, Teammate
+from zteam.runtime.node import Node
+from zteam.transforms import FrameInfo, TransformException
+from zteam.transforms.client import Lookup, LookupReply, LookupRequest
+from zteam.transforms.listener import TransformListener
+
+log = logging.getLogger("zteam")
+
+_ANSWER_LIMIT = 1.0
+"""Host seconds for the aggregator to tell what it knows."""
+OLD = 1_000_000_000
+"""Nanoseconds after which a scan or a pose says nothing of where the robot is now (Nav2's transform_tolerance of 1 s
+for its localiser)."""
+
+
+class TeamTransforms(TransformListener):
+    """The team's transforms, and where robots were before this process came.
+
+    A localiser publishes `map -> robot_N/odom` as moving data. If it has ended, nothing sends it again, and the start
+    pose that it replaced is not published any more; only the aggregator knows it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self._bus = node.bus
+        self.left: dict[int, Pose2] = {}
+        """The `map -> robot_N/odom` that localisers of before have left, by robot."""
+        node.on_time_reset(self.left.clear)
+
+    def ask(self) -> None:
+        """Ask the aggregator, if there is one, where localisers of before have put robots. Before the first step."""
+        try:
+            answers = self._bus.query(
+                names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], NoRequest(), timeout=_ANSWER_LIMIT
+            )
+            frames = answers[0][1] if answers else {}
+            moving = [child for child, frame in frames.items() if frame.parent == names.MAP_FRAME and not frame.static]
+            if moving:
+                request = LookupRequest([Lookup(names.MAP_FRAME, child) for child in moving])
+                key = names.service_key(names.AGGREGATOR, "lookup")
+                replies = self._bus.ask(key, list[LookupReply], request, timeout=_ANSWER_LIMIT)
+                self._keep(dict(zip(moving, replies, strict=True)))
+        except BusError as error:
+            log.debug("%s", error)
+
+    def _keep(self, replies: dict[str, LookupReply]) -> None:
+        for child, reply in replies.items():
+            robot_id = names.robot_id_of(child.partition("/")[0])
+            if robot_id is not None and child == names.robot_frame(robot_id, names.ODOM) and not reply.error:
+                x, y, _ = reply.translation
+                self.left[robot_id] = Pose2(x, y, yaw_from_quaternion(*reply.rotation))
+                self._connected.add(robot_id)
+
+
+class StampedPose(NamedTuple):
+    """A pose, and since when it has been known."""
+
+    pose: Pose2
+    stamp: int
+    """ns."""
+
+
+class Inputs:
+    """The newest data of one robot. Stamps are in ns."""
+
+    def __init__(self, robot_id: int, transforms: TeamTransforms, bases: Mapping[int, Base]) -> None:
+        """`bases` are those of the team's robots, as far as they have come."""
+        self.robot_id = robot_id
+        self._transforms = transforms
+        self._bases = bases
+        self.needs_truth = False
+        """Whether its localiser takes the simulator's word."""
+        self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        self.odom_frame = names.robot_frame(robot_id, names.ODOM)
+        self.forget()
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self.scan: messages.LaserScan | None = None
+        self.odom: messages.Odometry | None = None
+        self.truth: messages.Odometry | None = None
+        self.status: messages.RobotStatus | None = None
+        self.goal: messages.PoseStamped | None = None
+        """A goal that has come since the last step."""
+        self.unreadable_goal = ""
+        """What is wrong with one that the bus dropped; empty without one."""
+        self.initial_pose: messages.PoseWithCovarianceStamped | None = None
+        """In the same way."""
+        self.stamps: dict[str, int] = {}
+        """Of the newest message, by topic."""
+
+    @property
+    def base(self) -> Base:
+        """The robot's base."""
+        return self._bases.get(self.robot_id, DEFAULT_BASE)
+
+    def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:
+        """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
+        try:
+            return StampedPose(*self._transforms.buffer.lookup_pose2(target, source, time))
+        except TransformException:
+            return None
+
+    def odom_pose(self, stamp: int) -> Pose2 | None:
+        """The base in `odom` at `stamp`, or the newest one."""
+        found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
+        return None if found is None else found.pose
+
+    def known_pose(self) -> Pose2 | None:
+        """The base in `map` as the transforms say, or as a localiser of before has left it."""
+        found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
+        left = self._transforms.left.get(self.robot_id)
+        if found is not None:
+            return found.pose
+        return None if left is None or odom is None else left.compose(odom)
+
+    def planning_scan(self) -> Scan | None:
+        """The newest scan as planning takes it; None without one, or where nothing says where its laser is."""
+        scan = self.scan
+        if scan is None:
+            return None
+        frame = names.resolve_frame(names.robot_name(self.robot_id), scan.header.frame_id)
+        mounted = self.find(self.base_frame, frame)
+        if mounted is None:
+            return None
+        return Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, mounted.pose)
+
+    def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
+        """The other ones of these robots whose place in `map` is known and not old."""
+        found = []
+        for robot_id in sorted(robots):
+            place = self.find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+            if robot_id != self.robot_id and place is not None and now - place.stamp <= OLD:
+                radius = self._bases.get(robot_id, DEFAULT_BASE).radius
+                found.append(Teammate(place.pose.x, place.pose.y, radius))
+        return found
+
+    def is_held(self) -> str:
+        """Why the robot does not obey navigation at present; empty if it does, as far as is known."""
+        status = self.status
+        if status is None:
+            return ""
+        if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
+            return "waits for GO"
+        return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""
+
+    def is_stopped(self) -> bool:
+        """Whether something else than its own commands stops the robot, such as its safety layer."""
+        return self.status is not None and bool(self.status.reason)

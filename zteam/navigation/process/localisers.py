@@ -1,0 +1,171 @@
+"""Where a robot is: by particles (`amcl`), by the simulator's word (`fake`), or by other processes (`none`)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from zteam import names
+from zteam.counter_random import gaussians, stream
+from zteam.geometry import Pose2
+from zteam.messages import PoseWithCovarianceStamped
+from zteam.navigation.maps import planar
+from zteam.navigation.planning.amcl import Amcl
+from zteam.navigation.planning.grid import Floats, GridMap
+from zteam.navigation.planning.parameters import FakeOptions, Parameters
+from zteam.navigation.planning.scans import Scan, Teammate, seen_from
+from zteam.navigation.process.inputs import OLD, Inputs
+
+_LOST = 1.0
+"""Metres: with a larger standard deviation a robot does not know where it is."""
+_USUAL = 0.5, 0.5, math.pi / 12.0
+"""amcl's initial_cov as standard deviations: metres, metres, radians."""
+_TOLD = 0.2, 0.2, 0.1
+"""Of a pose that the transforms tell: a robot is put to its start by hand."""
+
+
+class Localiser:
+    """`none`: the transforms say where the robot is, whichever process publishes them. The base of the others."""
+
+    def __init__(self) -> None:
+        self.pose: Pose2 | None = None
+        """Of the base in `map`."""
+        self.map_from_odom: Pose2 | None = None
+        """None: another process says it, if any does."""
+        self.covariance: Floats = np.zeros((3, 3))
+        """(3, 3) of `pose`: x, y, yaw."""
+        self.updated = False
+        """Whether the newest step took in a scan."""
+        self.problem = "its place is not known yet"
+        """Why the pose is not known; empty if it is."""
+
+    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
+        """Take in what has come until `now` (ns). `teammates` are in `map`."""
+        place = inputs.find(names.MAP_FRAME, inputs.base_frame)
+        self.pose, self.problem = None, ""
+        if place is None:
+            self.problem = f"no transforms from map to {inputs.base_frame}: nothing localises the robot"
+        elif now - place.stamp > OLD:
+            age = (now - place.stamp) / 1e9
+            self.problem = f"the pose of {inputs.base_frame} in map is {age:.1f} s old"
+        else:
+            self.pose = place.pose
+
+    def set_pose(self, _pose: Pose2, _deviations: tuple[float, float, float]) -> str:
+        """The robot is about here; why that does not count, if it does not."""
+        return "this localiser takes no initial pose"
+
+    def localize_globally(self) -> str:
+        """The robot may be anywhere; why that does not count, if it does not."""
+        return "this localiser has no particles to spread: start zteam-nav with --localizer amcl"
+
+    def particles(self) -> Floats:
+        """(n, 3): guesses of the pose."""
+        return np.array([self.pose]) if self.pose is not None else np.empty((0, 3))
+
+
+class FakeLocaliser(Localiser):
+    """`fake`: the simulator's ground truth, with errors of one's choice."""
+
+    def __init__(self, options: FakeOptions, seed: int) -> None:
+        super().__init__()
+        self._options = options
+        self._seed = seed
+        self.covariance = np.diag(np.square([options.noise_xy, options.noise_xy, options.noise_yaw]))
+
+    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
+        self.updated = False
+        truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
+        pose = None if truth is None else planar(truth.pose.pose)
+        odom = inputs.odom_pose(stamp)
+        if pose is None or odom is None:
+            self.problem = "no ground truth: 'fake' needs a simulator; use amcl"
+            return
+        if now - stamp > OLD:
+            self.problem = f"the ground truth is {(now - stamp) / 1e9:.1f} s old"
+            return
+        options = self._options
+        draws = gaussians(np.array([stream(self._seed, stamp)], np.uint64), 4).ravel()
+        self.pose = Pose2(
+            pose.x + options.delta_x + options.noise_xy * float(draws[0]),
+            pose.y + options.delta_y + options.noise_xy * float(draws[1]),
+            pose.yaw + options.delta_yaw + options.noise_yaw * float(draws[2]),
+        )
+        self.map_from_odom = self.pose.compose(odom.inverse())
+        self.updated, self.problem = True, ""
+
+
+class AmclLocaliser(Localiser):
+    """`amcl`: adaptive Monte Carlo localisation."""
+
+    def __init__(self, grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None = None) -> None:
+        """`pose`: where the robot is known to be, as by an earlier map. Raises ValueError for parameters."""
+        super().__init__()
+        self._amcl = Amcl(grid, parameters.amcl, seed=seed)
+        self._initial = parameters.initial_pose
+        self._placed = False
+        if pose is not None:
+            self.set_pose(pose, _USUAL)
+
+    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
+        self.updated = False
+        if not self._placed and not self._find_initial_pose(inputs):
+            self.problem = (
+                f"its place is not known: publish it on {names.robot_key(inputs.robot_id, names.INITIAL_POSE)}"
+            )
+            return
+        stamp = inputs.stamps.get(names.BASE_SCAN, 0)
+        odom = inputs.odom_pose(stamp)
+        if scan is None or odom is None:
+            self.problem = "no odometry" if scan is not None else "no scan to localise by"
+            return
+        if now - stamp <= OLD:
+            here = self._amcl.pose if self.map_from_odom is None else self.map_from_odom.compose(odom)
+            near = seen_from(here, teammates)
+            self.updated = self._amcl.update(odom, scan, near)
+        self.map_from_odom = self._amcl.map_from_odom
+        newest = inputs.odom_pose(0)
+        self.pose = self.map_from_odom.compose(newest if newest is not None else odom)
+        self.covariance = self._amcl.covariance
+        wide = math.sqrt(max(0.0, self.covariance[0, 0], self.covariance[1, 1]))
+        self.problem = f"it is lost: its place is known to ± {wide:.1f} m only" if wide > _LOST else ""
+
+    def _find_initial_pose(self, inputs: Inputs) -> bool:
+        initial = self._initial
+        if initial.set_initial_pose:
+            self.set_pose(Pose2(initial.x, initial.y, initial.yaw), _USUAL)
+        elif (pose := inputs.known_pose()) is not None:
+            self.set_pose(pose, _TOLD)
+        return self._placed
+
+    def set_pose(self, pose: Pose2, deviations: tuple[float, float, float]) -> str:
+        self._amcl.set_pose(pose, deviations)
+        self._placed, self.map_from_odom = True, None
+        return ""
+
+    def localize_globally(self) -> str:
+        try:
+            self._amcl.localize_globally()
+        except ValueError as error:
+            return str(error)
+        self._placed, self.map_from_odom = True, None
+        return ""
+
+    def particles(self) -> Floats:
+        return self._amcl.particles
+
+
+def deviations_of(message: PoseWithCovarianceStamped) -> tuple[float, float, float]:
+    """Standard deviations of x, y and yaw; amcl's own where the message has none."""
+    variances = [float(message.pose.covariance[i]) for i in (0, 7, 35)]
+    if not all(map(math.isfinite, variances)) or min(variances) < 0.0 or not any(variances):
+        return _USUAL
+    x, y, yaw = map(math.sqrt, variances)
+    return x, y, yaw
+
+
+def make_localiser(grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None) -> Localiser:
+    """The localiser that the parameters name. Raises ValueError for its parameters."""
+    if parameters.localizer == "fake":
+        return FakeLocaliser(parameters.fake, seed)
+    return Localiser() if parameters.localizer == "none" else AmclLocaliser(grid, parameters, seed, pose)

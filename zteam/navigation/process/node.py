@@ -1,0 +1,196 @@
+"""The navigation process: one robot or several, each with its localiser, costmaps, planner and controller.
+
+In lock-step it takes part as one participant, under the name of its first robot, and holds the names of all of them.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from zteam import messages, names
+from zteam.base import Base, BaseOverride, base_of, override_base
+from zteam.bus import NoRequest
+from zteam.bus.presence import Claim, own_info
+from zteam.bus.transport import Handle, RawSample
+from zteam.errors import DecodeError, UsageError
+from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
+from zteam.navigation.maps import map_grid
+from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.parameters import Parameters, make_planner
+from zteam.navigation.planning.planner import Planner
+from zteam.navigation.process.inputs import Inputs, TeamTransforms
+from zteam.navigation.process.outputs import Outputs
+from zteam.navigation.process.robot import RobotNavigation
+from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.runtime.node import Node
+
+log = logging.getLogger("zteam")
+
+
+class NavigationNode:
+    """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
+
+    def __init__(
+        self, node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
+    ) -> None:
+        """By robot: its parameters, and what holds instead of its `base_info`."""
+        self._node = node
+        self._bases: dict[int, Base] = {}
+        self._planners: dict[str, Planner] = {}
+        self._grid: GridMap | None = None
+        self._stepped = 0
+        self._overrides = overrides
+        self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
+        self._tick_length = self._period
+        self._transforms = TeamTransforms(node)
+        self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
+        _warn_of_other_decay(parameters)
+        node.subscribe(names.MAP, messages.OccupancyGrid, self._on_map, latched=True)
+        node.subscribe(names.all_robots_key(names.BASE_INFO), messages.BaseInfo, self._on_base_info, latched=True)
+        node.need(self._lacks)
+        node.on_time_reset(self._forget)
+        self._claims = [Claim(node.bus, names.navigation_name(i)) for i in parameters]
+        self._claims = [claim for claim in self._claims if claim.name != node.name]
+
+    def _make_robot(self, robot_id: int, parameters: Parameters, seed: int) -> RobotNavigation:
+        node = self._node
+        key = str(parameters.planner_plugin)
+        if key not in self._planners:
+            # Shared: the memory of a search is as large as the map.
+            self._planners[key] = make_planner(parameters)
+        inputs = Inputs(robot_id, self._transforms, self._bases)
+        outputs = Outputs(node, robot_id, parameters)
+        robot = RobotNavigation(inputs, parameters, outputs, self._planners[key], seed * 10_000 + robot_id)
+        self._listen(inputs, names.BASE_SCAN, messages.LaserScan, "scan")
+        self._listen(inputs, names.ODOM, messages.Odometry, "odom")
+        if parameters.localizer == "fake":
+            inputs.needs_truth = True
+            self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
+        self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
+        _listen_for_unreadable_goals(node, inputs)
+        self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
+        self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
+        info = own_info(node.name, node.bus.instance, node.claim.start)
+        self._serve(robot_id, "info", NoRequest, lambda _: info)
+        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.navigator.cancel()))
+        self._serve(
+            robot_id,
+            GLOBAL_LOCALIZATION,
+            GlobalLocalizationRequest,
+            lambda _: GlobalLocalizationReply(robot.localize_globally()),
+        )
+        return robot
+
+    def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
+        def take(_key: str, message: Any) -> None:
+            setattr(inputs, field, message)
+            inputs.stamps[topic] = messages.ns_from_time(message.header.stamp)
+
+        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
+
+    def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[Any], Any]) -> None:
+        def handle(asked: Any) -> Any:
+            with self._node.changed:
+                return answer(asked)
+
+        self._node.bus.serve(navigation_query(robot_id, service), request, handle)
+
+    def _on_map(self, _key: str, message: messages.OccupancyGrid) -> None:
+        try:
+            grid = map_grid(message)
+        except UsageError as error:
+            log.warning("the map that has come does not count: %s", error)
+            return
+        if self._grid is not None and grid.frame == self._grid.frame and np.array_equal(grid.cells, self._grid.cells):
+            return
+        if self._grid is not None:
+            log.info("another map has come: all goals are planned anew on it")
+        self._grid = grid
+        for robot in self._robots.values():
+            robot.set_map(grid)
+
+    def _on_base_info(self, key: str, message: messages.BaseInfo) -> None:
+        robot_id = names.robot_id_of(key.partition("/")[0])
+        if robot_id is None:
+            return
+        before = self._bases.get(robot_id)
+        base = override_base(base_of(message), self._overrides.get(robot_id, BaseOverride()))
+        self._bases[robot_id] = base
+        changed = before is None or msgspec.structs.astuple(before) != msgspec.structs.astuple(base)
+        if changed and robot_id in self._robots:
+            self._robots[robot_id].set_base()
+
+    def _lacks(self, tick: messages.Tick) -> list[str]:
+        """Lock-step: what a step waits for besides the transforms."""
+        if self._grid is None:
+            return [names.MAP]
+        stamp, there = messages.ns_from_time(tick.stamp), set(tick.robots.tolist())
+        missing = [names.robot_key(i, names.BASE_INFO) for i in sorted(there - self._bases.keys())]
+        for robot_id in sorted(there & self._robots.keys()):
+            inputs = self._robots[robot_id].inputs
+            topics = [names.BASE_SCAN, names.ODOM]
+            if inputs.needs_truth:
+                topics.append(names.GROUND_TRUTH)
+            missing += [names.robot_key(robot_id, topic) for topic in topics if inputs.stamps.get(topic, -1) < stamp]
+        return missing
+
+    def _forget(self) -> None:
+        self._stepped = 0
+        for robot in self._robots.values():
+            robot.forget()
+
+    def step(self, now: int) -> None:
+        """One step of all robots at `now` (ns)."""
+        if 0 < self._stepped < now:
+            self._tick_length = min(1.0, (now - self._stepped) / 1e9)
+        self._stepped = now
+        team = sorted(self._bases)
+        for robot in self._robots.values():
+            robot.step(now, self._tick_length, team)
+
+    def run(self) -> None:
+        """Navigate until the process is asked to stop."""
+        for claim in self._claims:
+            claim.win(
+                lambda info: self._node.stop.request(f"process {info.pid} on {info.host} navigates the robot too")
+            )
+            self._node.claim.under_name.append(Handle(claim.release))
+        self._node.on_stop(self._halt)
+        self._transforms.ask()
+        self._node.run(self.step, period=self._period)
+
+    def _halt(self) -> None:
+        with self._node.changed:
+            for robot in self._robots.values():
+                robot.outputs.stop()
+
+
+def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:
+    for each in parameters.values():
+        given, costmap = each.pursuit.inflation_cost_scaling_factor, each.local_layers
+        if given and given != costmap.cost_scaling_factor:
+            log.warning(
+                "inflation_cost_scaling_factor is %g, but cost_scaling_factor of the local costmap is %g: "
+                "robots misjudge how near obstacles are; leave the first one out",
+                given,
+                costmap.cost_scaling_factor,
+            )
+            return
+
+
+def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
+    """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
+
+    def check(sample: RawSample) -> None:
+        if not isinstance(sample.content, bytes):
+            return
+        try:
+            messages.decode(messages.PoseStamped, sample.content)
+        except DecodeError as error:
+            with node.changed:
+                inputs.unreadable_goal = str(error)
+
+    node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)

@@ -1,0 +1,188 @@
+"""What one robot's navigation publishes."""
+
+import logging
+import math
+
+import numpy as np
+
+from zteam import messages, names
+from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.navigation.maps import pose_message
+from zteam.navigation.planning.controller import Velocity
+from zteam.navigation.planning.costmap import (
+    INSCRIBED_INFLATED_OBSTACLE,
+    LETHAL_OBSTACLE,
+    NO_INFORMATION,
+    Costmap,
+    place,
+)
+from zteam.navigation.planning.grid import Floats
+from zteam.navigation.planning.parameters import Parameters
+from zteam.navigation.process.costmaps import Costmaps
+from zteam.navigation.process.localisers import Localiser
+from zteam.navigation.process.navigator import STOP, Navigator
+from zteam.runtime.node import Node
+
+log = logging.getLogger("zteam")
+
+_VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
+"""Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""
+_VALUES[0], _VALUES[INSCRIBED_INFLATED_OBSTACLE], _VALUES[LETHAL_OBSTACLE], _VALUES[NO_INFORMATION] = 0, 99, 100, -1
+
+_MOST_COSTMAPS = 2.0
+"""Hz."""
+_LOCAL_PLAN = 3.0
+"""Metres of the path before the robot that are its local plan."""
+_LEAST_SPEED = 0.05
+"""m/s: an estimate of the time that remains is not made from less."""
+
+
+class _ShownCostmap:
+    """A latched key that is only written while it has subscribers: its messages are large."""
+
+    def __init__(self, node: Node, key: str, frequency: float) -> None:
+        # A latched publisher does not know whether it has any.
+        self._asked = node.publisher(key, messages.OccupancyGrid)
+        self._publisher = node.publisher(key, messages.OccupancyGrid, latched=True)
+        self._interval = 1.0 / min(_MOST_COSTMAPS, frequency)
+        self.due = -math.inf
+        """When the next one may be sent, in seconds."""
+
+    def show(self, now: int, costmap: Costmap) -> None:
+        """Send a costmap, if that is due, as Nav2 shows it: 99 inscribed, 100 lethal, -1 unknown."""
+        if not self._asked.has_subscribers:
+            self.due = -math.inf
+        elif now / 1e9 >= self.due - 1e-6:
+            self.due = now / 1e9 + self._interval
+            stamp, frame = messages.time_from_ns(now), costmap.frame
+            info = messages.MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
+            self._publisher.hand_over(messages.OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
+
+
+class Outputs:
+    """The publishers of one robot. Times are in ns unless they say seconds."""
+
+    def __init__(self, node: Node, robot_id: int, parameters: Parameters) -> None:
+        def key(topic: str) -> str:
+            return names.robot_key(robot_id, topic)
+
+        self._odom = names.robot_frame(robot_id, names.ODOM)
+        self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        self._command = node.publisher(key(names.CMD_VEL_NAV), messages.TwistStamped)
+        self._tf = node.publisher(key(names.TF), messages.TFMessage)
+        self._status = node.publisher(key(names.NAVIGATION_STATUS), messages.NavigationStatus)
+        self._plan = node.publisher(key(names.PLAN), messages.Path, latched=True)
+        self._local_plan = node.publisher(key(names.LOCAL_PLAN), messages.Path)
+        self._pose = node.publisher(key(names.AMCL_POSE), messages.PoseWithCovarianceStamped, latched=True)
+        self._cloud = node.publisher(key(names.PARTICLE_CLOUD), messages.PoseArray)
+        self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), messages.PolygonStamped)
+        self._global = _ShownCostmap(node, key(names.GLOBAL_COSTMAP), parameters.global_window.publish_frequency)
+        self._local = _ShownCostmap(node, key(names.LOCAL_COSTMAP), parameters.local_window.publish_frequency)
+        self._drives = False
+        self._planned: object = None
+        self._placed = False
+        """Whether the pose was sent; the next one comes with the next scan that the localiser takes in."""
+        self._clouded = False
+        self._told: tuple[object, ...] = ()
+        self._told_at = -(10**18)
+        self._mean_speed = 0.0
+        self._name, self._logged = names.robot_name(robot_id), ""
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self._told, self._told_at, self._planned, self._placed = (), -(10**18), None, False
+        self._global.due = self._local.due = -math.inf
+
+    def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
+        """Send the command of a robot on its way; when it is there, one zero velocity more, then none."""
+        if active or self._drives:
+            twist = messages.Twist(messages.Vector3(velocity.x, velocity.y), messages.Vector3(0.0, 0.0, velocity.turn))
+            header = messages.Header(messages.time_from_ns(now), self._base)
+            self._command.hand_over(messages.TwistStamped(header, twist))
+        self._drives = active
+        if not active:
+            self._mean_speed = 0.0
+        elif velocity != STOP:
+            # About that of the last three seconds.
+            self._mean_speed += 0.03 * (abs(velocity.x) - self._mean_speed) if self._mean_speed else abs(velocity.x)
+
+    def stop(self) -> None:
+        """The process ends: a last zero velocity."""
+        if self._drives:
+            self._command.put(messages.TwistStamped(messages.Header(messages.Time(), self._base)))
+
+    def localise(self, now: int, ahead: int, localiser: Localiser) -> None:
+        """Send where the robot is; `ahead` is how long from `now` on the transform is to hold."""
+        if localiser.map_from_odom is None:
+            return
+        x, y, yaw = localiser.map_from_odom
+        transform = messages.Transform(messages.Vector3(x, y), messages.Quaternion(*quaternion_from_yaw(yaw)))
+        self._tf.hand_over(messages.TFMessage([messages.TransformStamped(_header(now + ahead), self._odom, transform)]))
+        if localiser.pose is None:
+            return
+        if localiser.updated or not self._placed:
+            self._placed = True
+            covariance = np.zeros((6, 6))
+            covariance[np.ix_((0, 1, 5), (0, 1, 5))] = localiser.covariance
+            estimate = messages.PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
+            self._pose.hand_over(messages.PoseWithCovarianceStamped(_header(now), estimate))
+        if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
+            poses = [pose_message(Pose2(*row)) for row in localiser.particles().tolist()]
+            self._cloud.hand_over(messages.PoseArray(_header(now), poses))
+        self._clouded = self._cloud.has_subscribers
+
+    def show(self, now: int, navigator: Navigator, pose: Pose2 | None, costmaps: Costmaps) -> None:
+        """Send the plan, and what else is for looking at."""
+        if navigator.path is not self._planned:
+            self._planned = navigator.path
+            self._plan.hand_over(_path_message(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
+        if pose is None:
+            return
+        if navigator.path is not None and self._local_plan.has_subscribers:
+            along = round(_LOCAL_PLAN / costmaps.whole.frame.resolution)
+            left = max(1, round(navigator.distance_remaining / costmaps.whole.frame.resolution))
+            self._local_plan.hand_over(_path_message(now, navigator.path[-left:][:along]))
+        if self._footprint.has_subscribers:
+            corners = [messages.Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
+            self._footprint.hand_over(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
+        self._global.show(now, costmaps.whole)
+        self._local.show(now, costmaps.local)
+
+    def log(self, navigator: Navigator) -> None:
+        """Log how it goes, in few lines."""
+        news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
+        if news != self._logged and navigator.state is not messages.NavigationState.IDLE:
+            self._logged = news
+            level = logging.WARNING if navigator.state is messages.NavigationState.ABORTED else logging.INFO
+            log.log(level, "%s: %s", self._name, news)
+
+    def tell(self, now: int, navigator: Navigator) -> None:
+        """Send the status if it has changed, and once a second."""
+        news = navigator.state, navigator.message, navigator.text, navigator.recoveries
+        if news == self._told and now - self._told_at < 1_000_000_000:
+            return
+        self._told, self._told_at = news, now
+        remaining = navigator.distance_remaining
+        seconds = remaining / max(self._mean_speed, _LEAST_SPEED) if remaining else 0.0
+        whole = int(seconds)
+        self._status.hand_over(
+            messages.NavigationStatus(
+                _header(now),
+                int(navigator.state),
+                navigator.message,
+                remaining,
+                messages.Duration(whole, int((seconds - whole) * 1e9)),
+                navigator.recoveries,
+                navigator.text,
+            )
+        )
+
+
+def _header(now: int) -> messages.Header:
+    return messages.Header(messages.time_from_ns(now), names.MAP_FRAME)
+
+
+def _path_message(now: int, path: Floats) -> messages.Path:
+    """Poses (n, 3) as a path."""
+    header = _header(now)
+    return messages.Path(header, [messages.PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])

@@ -1,0 +1,184 @@
+"""The navigation of one robot: its inputs, localiser, costmaps and navigator, step by step."""
+
+import logging
+from collections.abc import Collection
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import PoseStamped, PoseWithCovarianceStamped
+from zteam.navigation.maps import is_finite, planar
+from zteam.navigation.planning.controller import Velocity
+from zteam.navigation.planning.grid import GridMap
+from zteam.navigation.planning.parameters import Parameters, make_controller
+from zteam.navigation.planning.planner import Planner
+from zteam.navigation.process.costmaps import Costmaps, PlacedScan
+from zteam.navigation.process.inputs import OLD, Inputs
+from zteam.navigation.process.localisers import Localiser, deviations_of, make_localiser
+from zteam.navigation.process.navigator import STOP, Navigator, NavigatorInput
+from zteam.navigation.process.outputs import Outputs
+
+log = logging.getLogger("zteam")
+
+NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
+
+
+class RobotNavigation:
+    """One robot. Everything runs under the node's lock."""
+
+    def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
+        self.inputs = inputs
+        self._parameters = parameters
+        self.outputs = outputs
+        self._seed = seed
+        self._grid: GridMap | None = None
+        self.navigator = Navigator(parameters, planner, make_controller(parameters, inputs.base))
+        self._costmaps: Costmaps | None = None
+        self._localiser: Localiser | None = None
+        self._command = STOP
+        self._unfit = ""
+        """Why the parameters do not fit this map or this base."""
+
+    def set_map(self, grid: GridMap) -> None:
+        """Another map: everything is made anew on it, and the robot is where it was."""
+        pose = self._localiser.pose if self._localiser is not None else None
+        self._grid = grid
+        self._make(pose)
+        self.navigator.plan_anew()
+
+    def _make(self, pose: Pose2 | None) -> None:
+        assert self._grid is not None
+        self._costmaps, self._unfit = None, ""
+        try:
+            self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+        except ValueError as error:
+            self._unfit = str(error)
+
+    def set_base(self) -> None:
+        """The robot's base is another one than before: its outline or its limits."""
+        self._costmaps, self._unfit = None, ""
+        self.navigator.use_controller(make_controller(self._parameters, self.inputs.base))
+
+    def forget(self) -> None:
+        """Time jumped back: nothing of before counts, the goal neither."""
+        self.inputs.forget()
+        self.outputs.forget()
+        self._command = STOP
+        self.navigator.reset()
+        if self._grid is not None:
+            self._make(None)
+
+    def localize_globally(self) -> str:
+        """Spread the particles; why that does not count, if it does not."""
+        return NO_MAP if self._localiser is None else self._localiser.localize_globally()
+
+    def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
+        """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
+        self._take_initial_pose()
+        self._take_goal()
+        pose = self._localise(now, seconds, robots)
+        velocity = self._move(now, seconds, pose)
+        self._command = velocity
+        self.outputs.drive(now, velocity, active=self.navigator.active)
+        if self._costmaps is not None:
+            self.outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
+        self.outputs.tell(now, self.navigator)
+        self.outputs.log(self.navigator)
+
+    def _take_initial_pose(self) -> None:
+        message, self.inputs.initial_pose = self.inputs.initial_pose, None
+        if message is None:
+            return
+        pose = _read_initial_pose(message)
+        if isinstance(pose, Pose2):
+            pose = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
+        if pose:
+            log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), pose)
+
+    def _take_goal(self) -> None:
+        message, self.inputs.goal = self.inputs.goal, None
+        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
+        if unreadable:
+            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
+        if message is None:
+            return
+        goal = _read_goal(message, self.inputs)
+        if isinstance(goal, str):
+            # A status with numbers that are not finite would be dropped.
+            told = message if is_finite(message.pose) else PoseStamped(message.header)
+            self.navigator.refuse(told, goal)
+        else:
+            self.navigator.accept(message, goal)
+
+    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> PlacedScan | None:
+        """What the robot sees, and from where; None if it does not know where it is."""
+        localiser = self._localiser
+        if localiser is None:
+            return None
+        scan = self.inputs.planning_scan()
+        teammates = self.inputs.teammates(now, robots)
+        localiser.step(now, self.inputs, scan, teammates)
+        # What is published in this tick counts in the next one, and must hold there.
+        self.outputs.localise(now, round(seconds * 1e9), localiser)
+        pose = localiser.pose
+        if pose is None:
+            return None
+        map_from_odom = localiser.map_from_odom
+        if map_from_odom is None:
+            odom = self.inputs.odom_pose(0)
+            map_from_odom = pose if odom is None else pose.compose(odom.inverse())
+        fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
+        return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
+
+    def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
+        """The command of this step."""
+        navigator, time = self.navigator, now / 1e9
+        problem = self._unfit or _problem(self.inputs, self._localiser, placed)
+        if placed is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+            try:
+                self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
+            except ValueError as error:
+                self._unfit = problem = str(error)
+        if placed is not None and self._costmaps is not None:
+            self._costmaps.look(time, placed)
+        if not navigator.active:
+            return STOP
+        if problem:
+            return navigator.wait(time, problem)
+        if held := self.inputs.is_held():
+            return navigator.wait(time, held, for_ever=True)
+        assert placed is not None and self._costmaps is not None
+        is_stopped = self.inputs.is_stopped()
+        pending = STOP if is_stopped else self._command
+        return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
+
+
+def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | None) -> str:
+    """What keeps a robot from driving; empty if nothing does."""
+    if localiser is None:
+        return NO_MAP
+    if localiser.problem:
+        return localiser.problem
+    if placed is None or placed.scan is None:
+        key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
+        return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
+    return ""
+
+
+def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
+    """The goal in `map`, or why it is none. Without a frame it is in `map`."""
+    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+    pose, place = planar(message.pose), Pose2(0.0, 0.0, 0.0)
+    if frame != names.MAP_FRAME:
+        found = inputs.find(names.MAP_FRAME, frame)
+        if found is None:
+            return f"the goal is in the frame {frame!r}, which no transform leads to"
+        place = found.pose
+    return "the goal is not finite, or its orientation is no rotation" if pose is None else place.compose(pose)
+
+
+def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
+    """The pose of the base in `map`, or why it is none."""
+    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+    if frame != names.MAP_FRAME:
+        return f"its frame is {frame!r}, not {names.MAP_FRAME!r}"
+    return planar(message.pose.pose) or "it is not finite, or its orientation is no rotation"
