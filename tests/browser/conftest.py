@@ -62,7 +62,7 @@ def screen(open_screen: OpenScreen) -> Screen:
 @pytest.fixture
 def modules(screen: Screen) -> Iterator[Screen]:
     """An empty page of an origin that serves the page's modules, without a server."""
-    page = files("zteam.nodes.web") / "page"
+    page = files("zteam.view") / "page"
 
     def answer(route: Any) -> None:
         name = route.request.url.removeprefix(ORIGIN).removeprefix("/page/")

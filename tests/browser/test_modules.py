@@ -11,8 +11,8 @@ import pytest
 
 from support.browser import Screen
 from zteam.geometry import Pose2
-from zteam.nodes.web import frames
 from zteam.robot.teleop import DIRECTIONS, MAX_SPEED, MIN_SPEED, SPEED_FACTORS
+from zteam.view import frames
 
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}
 

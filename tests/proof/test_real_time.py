@@ -10,8 +10,8 @@ from support.limits import LIMIT
 from support.web_view import open_page
 from zteam.launch.process import zteam_command
 from zteam.launch.warm_parent import can_fork
-from zteam.nodes.web.frames import POSES, SCAN, TEAM
 from zteam.testing.team import TeamFixture
+from zteam.view.frames import POSES, SCAN, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
 

@@ -12,10 +12,10 @@ from support.examples import examples
 from zteam.errors import DecodeError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
-from zteam.nodes.web import frames
-from zteam.nodes.web.commands import spread
-from zteam.nodes.web.plots import number_at, parse_path
-from zteam.nodes.web.requests import decode_request
+from zteam.view import frames
+from zteam.view.commands import spread
+from zteam.view.plots import number_at, parse_path
+from zteam.view.requests import decode_request
 
 coordinates = st.floats(-300.0, 300.0)
 poses = st.builds(Pose2, coordinates, coordinates, st.floats(-math.pi, math.pi))

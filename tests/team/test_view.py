@@ -9,8 +9,8 @@ import pytest
 from support.web_view import TOKEN, Page, open_page
 from zteam import names
 from zteam.messages import PoseStamped, Twist
-from zteam.nodes.web.frames import DOC, GRID, POSES, SCAN, TEAM
 from zteam.testing.team import TeamFixture
+from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
 pytestmark = pytest.mark.team
 

@@ -13,7 +13,7 @@ COVERED = (".ci", "CONTRIBUTING.md", "README.md", "deploy", "docker-compose.yml"
 """Files and folders; of a folder, all text files in it."""
 ALLOWED: dict[tuple[str, str], str] = {
     (
-        "zteam/nodes/web/page/vendor/uplot/LICENSE",
+        "zteam/view/page/vendor/uplot/LICENSE",
         "copies of the Software, and to permit persons to whom the Software is",
     ): "a licence stays as it is",
 }

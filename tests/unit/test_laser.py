@@ -12,8 +12,8 @@ from zteam.geometry import Pose2
 from zteam.laser import read_ranges
 from zteam.messages import LaserScan
 from zteam.navigation.planning.scans import Scan, find_ends
-from zteam.nodes.web import frames
 from zteam.transforms.rigid import scan_points
+from zteam.view import frames
 
 HIT, FREE, CLOSE, SILENT = "hit", "free", "too close", "silent"
 MEANINGS = [

@@ -111,7 +111,7 @@ def _navigation(options: NavigationOptions) -> Part:
 
 
 def _view(options: ViewOptions) -> Part:
-    from zteam.nodes.web.node import run_view
+    from zteam.view.node import run_view
 
     return Part(
         lambda node: run_view(node, options, partial(print, flush=True)),

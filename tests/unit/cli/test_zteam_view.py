@@ -9,8 +9,8 @@ import pytest
 from support.limits import LIMIT
 from zteam.cli import up, zteam_view
 from zteam.errors import UsageError
-from zteam.nodes.web.node import has_browser, page_url, read_layout
-from zteam.nodes.web.server import listen
+from zteam.view.node import has_browser, page_url, read_layout
+from zteam.view.server import listen
 
 
 def test_a_taken_port_leads_to_another_one() -> None:

@@ -44,4 +44,4 @@ def test_several_views_have_different_names() -> None:
 
 def test_a_team_without_a_view_imports_no_web_server() -> None:
     """The warm parent of such a team would only be larger."""
-    assert not [module for module in PRELOADS if module.startswith("zteam.nodes.web")]
+    assert not [module for module in PRELOADS if module.startswith("zteam.view")]

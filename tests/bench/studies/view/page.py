@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 from studies.view.frames import decode_frame
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
-from zteam.nodes.web.frames import SCAN
+from zteam.view.frames import SCAN
 
 
 class FrameFigures(msgspec.Struct):

@@ -26,10 +26,10 @@ from zteam.messages import (
     Quaternion,
     time_from_ns,
 )
-from zteam.nodes.web import frames, requests
-from zteam.nodes.web.team_view import TeamView, pose2_of
 from zteam.robot.behaviors.assignment import assign
 from zteam.simulator.client import SimulatorClient
+from zteam.view import frames, requests
+from zteam.view.team_view import TeamView, pose2_of
 
 SPACING = 0.9
 """Metres between two goals: the widest of the lectures' robots turns on the spot in this."""

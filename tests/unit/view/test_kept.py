@@ -1,10 +1,10 @@
 """What is kept of the messages that come: the newest of each key, and all of some topics for a while."""
 
 from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
-from zteam.nodes.web.documents import LogTail
-from zteam.nodes.web.plots import MOST, samples_since
-from zteam.nodes.web.received import KEPT, KEPT_BYTES, Received
 from zteam.services.logs import LogLine
+from zteam.view.documents import LogTail
+from zteam.view.plots import MOST, samples_since
+from zteam.view.received import KEPT, KEPT_BYTES, Received
 
 
 def command(speed: float) -> bytes:

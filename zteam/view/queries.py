@@ -15,13 +15,13 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.messages.topics import type_of_key
-from zteam.nodes.web.received import Received
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, Lookup, TransformClient
+from zteam.view.received import Received
 
 
 class TopicRow(msgspec.Struct):

@@ -28,9 +28,9 @@ from zteam.messages import (
     ns_from_time,
     to_plain,
 )
-from zteam.nodes.web.received import Arrival
-from zteam.nodes.web.team_view import TeamView, pose2_of
 from zteam.services.logs import HOLD, LogLine, LogOrder, level_name, line_of, printable
+from zteam.view.received import Arrival
+from zteam.view.team_view import TeamView, pose2_of
 
 KEPT = 1000
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from zteam.nodes.web.rights import Gatekeeper, is_loopback, is_token, make_token
+from zteam.view.rights import Gatekeeper, is_loopback, is_token, make_token
 
 
 @pytest.mark.parametrize(

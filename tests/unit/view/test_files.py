@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.nodes.web.files import HEADERS, find_version, read_file, read_index
+from zteam.view.files import HEADERS, find_version, read_file, read_index
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 
 from zteam.messages import BaseInfo, Point32, Polygon, RobotState, RobotStatus, TeamState, TeamStatus
-from zteam.nodes.web.scene import Outlines, RobotRow, gate_row, robot_row, sim_row
 from zteam.simulator.client import RobotShape, SimStatus
+from zteam.view.scene import Outlines, RobotRow, gate_row, robot_row, sim_row
 
 RUNNING = RobotStatus(robot_id=1, state=RobotState.RUNNING, behavior="follow", driver="behavior", leader=0, speed=0.4)
 

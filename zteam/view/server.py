@@ -21,13 +21,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import Twist, Vector3
-from zteam.nodes.web import rights
-from zteam.nodes.web.commands import Commands
-from zteam.nodes.web.composing import Composer
-from zteam.nodes.web.driving import Driving
-from zteam.nodes.web.files import HEADERS, KEPT, find_version, read_file, read_index
-from zteam.nodes.web.received import Viewer
-from zteam.nodes.web.requests import (
+from zteam.view import rights
+from zteam.view.commands import Commands
+from zteam.view.composing import Composer
+from zteam.view.driving import Driving
+from zteam.view.files import HEADERS, KEPT, find_version, read_file, read_index
+from zteam.view.received import Viewer
+from zteam.view.requests import (
     MAX_BYTES,
     VERSION,
     Ack,
@@ -42,8 +42,8 @@ from zteam.nodes.web.requests import (
     Watch,
     decode_request,
 )
-from zteam.nodes.web.rights import Gatekeeper
-from zteam.nodes.web.team_view import TeamView
+from zteam.view.rights import Gatekeeper
+from zteam.view.team_view import TeamView
 
 GATHER = 0.01
 """Host seconds from the first message of a tick until a frame is made: the tick's other messages come within them."""

@@ -1,7 +1,7 @@
 """One page's state: credit, what it has, what it sees."""
 
-from zteam.nodes.web.received import Viewer
-from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Watch
+from zteam.view.received import Viewer
+from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 
 def test_a_page_has_credit_for_one_frame() -> None:

@@ -13,11 +13,11 @@ import msgspec
 
 from zteam.bus.queries import decode_json
 from zteam.errors import DecodeError, UsageError
-from zteam.nodes.web import rights
-from zteam.nodes.web.server import WebServer, listen
-from zteam.nodes.web.team_view import TeamView
 from zteam.process_options import ViewOptions
 from zteam.runtime.process_node import ProcessNode
+from zteam.view import rights
+from zteam.view.server import WebServer, listen
+from zteam.view.team_view import TeamView
 
 log = logging.getLogger("zteam")
 

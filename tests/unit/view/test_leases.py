@@ -7,9 +7,9 @@ import pytest
 
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Twist, Vector3
-from zteam.nodes.web import driving as module
-from zteam.nodes.web.driving import DEAD_MAN, Driving, Lease
 from zteam.robot.wheels import Wheels
+from zteam.view import driving as module
+from zteam.view.driving import DEAD_MAN, Driving, Lease
 
 AHEAD = Twist(Vector3(0.5), Vector3(z=0.1))
 

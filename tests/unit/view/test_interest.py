@@ -1,7 +1,7 @@
 """What is subscribed to for what the pages look at."""
 
 from zteam.geometry import Pose2
-from zteam.nodes.web.received import (
+from zteam.view.received import (
     MAX_SCANNED,
     Drawables,
     Received,
@@ -10,7 +10,7 @@ from zteam.nodes.web.received import (
     scanned_robots,
     topics_of,
 )
-from zteam.nodes.web.requests import Look, Watch
+from zteam.view.requests import Look, Watch
 
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
 

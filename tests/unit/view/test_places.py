@@ -4,8 +4,8 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import Header, Odometry, Point, Pose, PoseWithCovariance, TFMessage, encode, time_from_ns
-from zteam.nodes.web.received import Received
-from zteam.nodes.web.team_view import Places
+from zteam.view.received import Received
+from zteam.view.team_view import Places
 
 STATIC = TFMessage(
     [

@@ -27,9 +27,9 @@ from zteam.messages import (
     Twist,
     Vector3,
 )
-from zteam.nodes.web.files import find_version
-from zteam.nodes.web.frames import PATH, POSES, SAMPLES, TEAM
-from zteam.nodes.web.requests import MAX_BYTES
+from zteam.view.files import find_version
+from zteam.view.frames import PATH, POSES, SAMPLES, TEAM
+from zteam.view.requests import MAX_BYTES
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import itertools
 import math
 
 from zteam.geometry import Pose2
-from zteam.nodes.web.commands import SPACING, spread
+from zteam.view.commands import SPACING, spread
 
 GOAL = Pose2(5.0, 5.0, 0.3)
 

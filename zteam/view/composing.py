@@ -9,12 +9,12 @@ import numpy as np
 from zteam import names
 from zteam.clock import monotonic, to_seconds
 from zteam.messages import Path, PoseArray
-from zteam.nodes.web import frames
-from zteam.nodes.web.documents import Documents
-from zteam.nodes.web.plots import samples_since
-from zteam.nodes.web.received import Viewer, robots_in_sight
-from zteam.nodes.web.scene import Scene
-from zteam.nodes.web.team_view import TeamView, pose2_of
+from zteam.view import frames
+from zteam.view.documents import Documents
+from zteam.view.plots import samples_since
+from zteam.view.received import Viewer, robots_in_sight
+from zteam.view.scene import Scene
+from zteam.view.team_view import TeamView, pose2_of
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
 """Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it

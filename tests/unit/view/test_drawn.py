@@ -27,10 +27,10 @@ from zteam.messages import (
     encoding_of,
 )
 from zteam.messages.nav_msgs import MapMetaData
-from zteam.nodes.web.commands import make_tiles, room_in
-from zteam.nodes.web.documents import MarkerBoard, as_document, drawn_polygon, fiducials_of, sonar_of
-from zteam.nodes.web.queries import Counts, rates, topic_rows
-from zteam.nodes.web.received import Drawables, Received, Topic
+from zteam.view.commands import make_tiles, room_in
+from zteam.view.documents import MarkerBoard, as_document, drawn_polygon, fiducials_of, sonar_of
+from zteam.view.queries import Counts, rates, topic_rows
+from zteam.view.received import Drawables, Received, Topic
 
 ONE_LEFT = Pose2(0.0, 1.0, math.pi / 2)
 

@@ -32,7 +32,7 @@ from zteam.messages import (
     type_of_encoding,
 )
 from zteam.messages.topics import type_of_key
-from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Watch
+from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 M = TypeVar("M", bound=Message)
 

@@ -11,7 +11,7 @@ import pytest
 from studies.view.frames import Frame, decode_frame
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
-from zteam.nodes.web import frames
+from zteam.view import frames
 
 HEADER = Frame(7, 12, 1.2, 0.003)
 

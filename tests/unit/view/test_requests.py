@@ -4,8 +4,8 @@ import msgspec
 import pytest
 
 from zteam.errors import DecodeError
-from zteam.nodes.web import requests
-from zteam.nodes.web.requests import decode_request
+from zteam.view import requests
+from zteam.view.requests import decode_request
 
 
 def test_each_request_is_told_by_its_op() -> None:

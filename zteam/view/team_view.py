@@ -7,8 +7,10 @@ from zteam import names
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.nodes.web.queries import ASK_PERIOD, Queries
-from zteam.nodes.web.received import (
+from zteam.runtime.process_node import ProcessNode
+from zteam.transforms import Buffer, TransformException
+from zteam.view.queries import ASK_PERIOD, Queries
+from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,
     Drawables,
@@ -18,8 +20,6 @@ from zteam.nodes.web.received import (
     scanned_robots,
     topics_of,
 )
-from zteam.runtime.process_node import ProcessNode
-from zteam.transforms import Buffer, TransformException
 
 
 class Places:

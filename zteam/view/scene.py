@@ -22,12 +22,12 @@ from zteam.messages import (
     TeamStatus,
     ns_from_time,
 )
-from zteam.nodes.web import frames
-from zteam.nodes.web.commands import Tile, make_tiles
-from zteam.nodes.web.received import Arrival
-from zteam.nodes.web.team_view import TeamView
 from zteam.services.logs import printable
 from zteam.simulator.client import RobotShape, SimStatus
+from zteam.view import frames
+from zteam.view.commands import Tile, make_tiles
+from zteam.view.received import Arrival
+from zteam.view.team_view import TeamView
 
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
