@@ -68,8 +68,6 @@ if TYPE_CHECKING:
     from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
     from zteam.errors import ZteamError
     from zteam.geometry import Pose2
-    from zteam.in_process.team_run import run_team
-    from zteam.launch.report import RunReport
     from zteam.navigation.basic_navigator import BasicNavigator
     from zteam.navigation.client import TaskResult
     from zteam.resources import shipped_team, shipped_world
@@ -77,8 +75,10 @@ if TYPE_CHECKING:
     from zteam.robot.parameters import ParametersClient
     from zteam.runtime.node import Node, run
     from zteam.simulator.client import SimulatorClient
-    from zteam.team_file.entries import Team
-    from zteam.team_file.reading import load_team
+    from zteam.team.file.entries import Team
+    from zteam.team.file.reading import load_team
+    from zteam.team.in_process.team_run import run_team
+    from zteam.team.launch.report import RunReport
     from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
     from zteam.transforms.listener import TransformListener
 
@@ -127,18 +127,18 @@ _HOMES = {
     "ParametersClient": "robot.parameters",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
-    "RunReport": "launch.report",
+    "RunReport": "team.launch.report",
     "SimulatorClient": "simulator.client",
     "TaskResult": "navigation.client",
-    "Team": "team_file.entries",
+    "Team": "team.file.entries",
     "TransformClient": "transforms.client",
     "TransformListener": "transforms.listener",
     "View": "robot.behaviors.behavior",
     "ZteamError": "errors",
     "connect": "bus.connection",
-    "load_team": "team_file.reading",
+    "load_team": "team.file.reading",
     "run": "runtime.node",
-    "run_team": "in_process.team_run",
+    "run_team": "team.in_process.team_run",
     "shipped_team": "resources",
     "shipped_world": "resources",
 }

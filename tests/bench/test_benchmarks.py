@@ -11,7 +11,7 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import monotonic, pause
-from zteam.launch.process import zteam_command
+from zteam.team.launch.process import zteam_command
 
 STUDIES = [sys.executable, str(Path(__file__).with_name("studies"))]
 

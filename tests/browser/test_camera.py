@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from support.browser import OpenScreen, Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 MAP_AT = """([px, py]) => {
   const box = document.querySelector('#scene').getBoundingClientRect();

@@ -3,7 +3,7 @@
 from urllib.parse import urlsplit
 
 from support.browser import VIEW, Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-for-this-test"
 

@@ -8,7 +8,7 @@ import pytest
 from support.browser import OpenScreen, Screen, start_view
 from zteam.clock import monotonic
 from zteam.messages import Twist
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 DEAD_MAN = 0.5
 """Host seconds after which a robot stands whose page says nothing."""

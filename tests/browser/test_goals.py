@@ -8,7 +8,7 @@ from support.browser import OpenScreen, Screen, start_view
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Pose, PoseStamped, PoseWithCovarianceStamped
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 PIXELS = 2
 """How far from the clicked place a pose may be."""

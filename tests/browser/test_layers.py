@@ -25,7 +25,7 @@ from zteam.messages import (
     Quaternion,
     Vector3,
 )
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 X, Y = 2.5, 0.5
 """A place of the arena where nothing stands, between the lines of the grid."""

@@ -1,7 +1,7 @@
 """Log, topics, plots and frames on the page, held against what the bus says."""
 
 from support.browser import Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 LINES = "[...document.querySelectorAll('#page-log .line')].map((line) => line.textContent)"
 SERIES = "[...document.querySelectorAll('#page-plots .chip')].map((chip) => chip.title)"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from support.browser import OpenScreen, Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 SHOWN = "name => !document.querySelector(`#page-${name}`).hidden"
 THEME = "document.documentElement.dataset.theme"

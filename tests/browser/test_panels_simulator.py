@@ -1,7 +1,7 @@
 """The simulator's controls on the page; what they do is read from the bus."""
 
 from support.browser import Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 SPARE = (0.0, -3.0)
 """A place of the arena that is free (m)."""

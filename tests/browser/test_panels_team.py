@@ -1,7 +1,7 @@
 """The table of robots, and what the page says when something is missing."""
 
 from support.browser import VIEW, Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 ROW = "#robots tbody:has(button:has-text('robot_{}'))"
 

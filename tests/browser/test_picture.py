@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from support.browser import OpenScreen, Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 HALF = 5.0
 """The arena's walls reach from -5 to 5 m in x and y."""

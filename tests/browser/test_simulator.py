@@ -3,7 +3,7 @@
 import pytest
 
 from support.browser import Screen, start_view
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 LIMIT = 10.0
 """Host seconds for the world to stand."""

@@ -9,7 +9,7 @@ import pytest
 from support.navigated_team import DONE, FAKE, NavigatedTeam
 from zteam import Node, names, run_team
 from zteam.messages import NavigationState, PoseWithCovarianceStamped, encode
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

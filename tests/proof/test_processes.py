@@ -7,7 +7,7 @@ import pytest
 from support.pages import ROOT, blocks_of
 from zteam import names
 from zteam.messages import Twist
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

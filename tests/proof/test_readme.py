@@ -13,7 +13,7 @@ import pytest
 from support.flat_floor import make_scan, make_view
 from support.limits import LIMIT
 from support.pages import ROOT, Block, blocks_of, find_file
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -8,9 +8,9 @@ import pytest
 
 from support.limits import LIMIT
 from support.web_view import open_page
-from zteam.launch.process import zteam_command
-from zteam.launch.warm_parent import can_fork
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.warm_parent import can_fork
+from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import POSES, SCAN, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]

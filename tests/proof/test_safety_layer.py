@@ -7,7 +7,7 @@ import pytest
 
 from support.pages import DOCS, find_file
 from zteam.resources import shipped_team
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 FRONTS = 0.25

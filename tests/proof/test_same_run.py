@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from zteam import names, run_team
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from zteam.resources import shipped_team, shipped_world
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 WALLS = """
 wall ( name "south" pose [0 -3.95 0 0] size [12 0.1 0.5] )

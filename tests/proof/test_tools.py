@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.pages import ROOT, blocks_of
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

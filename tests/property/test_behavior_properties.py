@@ -17,8 +17,8 @@ from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_fro
 from zteam.process_options import RobotOptions, from_line, to_line
 from zteam.resources import teams_folder
 from zteam.robot.behaviors.scans import first_clear, look_ahead, look_along
-from zteam.team_file.entries import Team, behavior_of, static_transform
-from zteam.team_file.reading import load_team, read_team_file, team_world
+from zteam.team.file.entries import Team, behavior_of, static_transform
+from zteam.team.file.reading import load_team, read_team_file, team_world
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.problems import Problem
-from zteam.team_file.reading import load_team, read_team_file
-from zteam.team_file.sources import argument_texts
+from zteam.team.file.reading import load_team, read_team_file
+from zteam.team.file.sources import argument_texts
 from zteam.toml_values import toml_text
 
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,5}", fullmatch=True)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from zteam.clock import HOST_FACTOR, monotonic
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, ConsoleMessage, Page

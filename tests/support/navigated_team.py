@@ -7,7 +7,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.messages import Message, NavigationState, NavigationStatus
 from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 FAKE = """
 [team]

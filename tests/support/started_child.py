@@ -5,7 +5,7 @@ import sys
 import threading
 
 from support.limits import LIMIT
-from zteam.launch.process import Process, StartChild
+from zteam.team.launch.process import Process, StartChild
 
 
 def obey(code: str, *arguments: str) -> list[str]:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from zteam.errors import ConfigError
-from zteam.team_file.entries import Team
-from zteam.team_file.reading import load_team
+from zteam.team.file.entries import Team
+from zteam.team.file.reading import load_team
 
 WHOLE = """
 [team]

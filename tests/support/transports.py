@@ -15,7 +15,7 @@ from typing import Any
 from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
 from zteam.clock import monotonic, pause, wall_ns
-from zteam.in_process.bridge import NodeSessions
+from zteam.team.in_process.bridge import NodeSessions
 
 
 class RouterProcess:

@@ -6,7 +6,7 @@ import pytest
 import zenoh
 
 from zteam.bus.options import BusOptions, client_config
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 
 @pytest.fixture

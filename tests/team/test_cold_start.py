@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.launch.process import zteam_command
+from zteam.team.launch.process import zteam_command
 
 
 @pytest.mark.team

@@ -19,9 +19,9 @@ from support.limits import LIMIT
 from support.pages import DOCS, Block, blocks_of, find_file
 from zteam import names
 from zteam.bus.receiving import KeyCount
-from zteam.launch.process import zteam_command
 from zteam.messages import PoseWithCovarianceStamped, Twist, Vector3
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 from zteam.transforms.client import TransformClient
 
 pytestmark = pytest.mark.team

@@ -16,7 +16,7 @@ import pytest
 from support.limits import LIMIT
 from support.pages import PAGES, ROOT, Block, all_blocks, blocks_of, find_file
 from zteam import names
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -12,7 +12,7 @@ from support.transports import RouterProcess
 from zteam import BusOptions, connect, names
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Header, LaserScan, MapMetaData, OccupancyGrid, Point, Pose, Range
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

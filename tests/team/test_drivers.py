@@ -14,7 +14,7 @@ import pytest
 from zteam import names
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Message, RobotDriver, Twist, TwistStamped, Vector3
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -8,8 +8,8 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import monotonic
-from zteam.launch.process import zteam_command
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -17,9 +17,9 @@ import pytest
 from support.freezing import descendants_of, freeze
 from support.limits import LIMIT
 from zteam import names
-from zteam.launch.process import zteam_command
 from zteam.messages import Tick
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

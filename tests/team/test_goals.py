@@ -14,8 +14,8 @@ import pytest
 from support.limits import LIMIT
 from support.pages import DOCS, find_file
 from support.terminal import TerminalCommand
-from zteam.launch.process import zteam_command
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -8,7 +8,7 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import HOST_FACTOR
-from zteam.launch.process import zteam_command
+from zteam.team.launch.process import zteam_command
 
 pytestmark = pytest.mark.team
 

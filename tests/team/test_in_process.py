@@ -7,7 +7,7 @@ import pytest
 
 from support.recordings import SHARED
 from zteam.errors import UsageError
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -11,8 +11,8 @@ import pytest
 
 from support.limits import LIMIT
 from zteam import names
-from zteam.launch.process import zteam_command
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
@@ -84,7 +84,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "call", "zteam.cli.doctor.collect_facts", "doctor"),
         ("start", "call", "zteam.simulator.client._ask", "sim status"),
         ("start", "import", "zteam.world", "world check arena"),
-        ("start", "import", "zteam.launch.run", "up"),
+        ("start", "import", "zteam.team.launch.run", "up"),
         ("start_simulator", "import", "zteam.simulation_options", "arena"),
         ("start_robot", "import", "zteam.behaviors", "--id 0"),
         ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),

@@ -14,7 +14,7 @@ from support.limits import LIMIT
 from zteam import names
 from zteam.clock import HOST_FACTOR
 from zteam.messages import Done, Tick, Twist, Vector3, decode, encode, time_from_ns
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
@@ -39,7 +39,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     lines = ['[team]\nworld = "office"\nseed = 1\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n']
     lines += [f"[[robots]]\nid = {i}\nfollow = {i - 1}\n" for i in (1, 2)]
     (folder / "team.toml").write_text("".join(lines))
-    from zteam.launch.process import zteam_command
+    from zteam.team.launch.process import zteam_command
 
     done = subprocess.run(
         zteam_command("zteam", "up", "team.toml", "--lockstep", "--for", "8", "--report", "r.json"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from zteam.geometry import Pose2
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -16,7 +16,7 @@ from support.forks import Ended, Forks
 from support.limits import LIMIT
 from support.mistakes import ALONE, BESIDE_A_TEAM, Mistake
 from zteam.errors import UsageError
-from zteam.testing.team import TeamFixture, TeamTimeout
+from zteam.team.testing.team import TeamFixture, TeamTimeout
 
 pytestmark = pytest.mark.team
 

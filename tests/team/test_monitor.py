@@ -3,7 +3,7 @@
 import pytest
 
 from zteam import names
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 
 def test_a_second_monitor_shows_the_team_of_the_first(team: TeamFixture) -> None:

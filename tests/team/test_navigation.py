@@ -21,7 +21,7 @@ from zteam.messages import Path as PathMessage
 from zteam.messages.topics import is_latched
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.robot.goal_queries import navigation_query
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -5,7 +5,7 @@ import pytest
 from zteam import names
 from zteam.messages import RobotStatus
 from zteam.robot.parameters import ParametersClient
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.testing.processes import TeamFailure
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.processes import TeamFailure
+from zteam.team.testing.team import TeamFixture
 
 pytest_plugins = "pytester"
 pytestmark = pytest.mark.team
@@ -128,8 +128,8 @@ def test_the_plugin_costs_nothing_where_it_is_not_used() -> None:
     code = (
         "import sys, pytest\n"
         "before = set(sys.modules)\n"
-        "import zteam.testing.plugin\n"
+        "import zteam.team.testing.plugin\n"
         "print(sorted(set(sys.modules) - before))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
-    assert done.stdout.strip() == "['zteam', 'zteam.testing', 'zteam.testing.plugin', 'zteam.version']"
+    assert done.stdout.strip() == "['zteam', 'zteam.testing', 'zteam.team.testing.plugin', 'zteam.version']"

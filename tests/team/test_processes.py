@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 from zteam.transforms.client import TransformClient
 
 pytestmark = pytest.mark.team

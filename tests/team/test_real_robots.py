@@ -13,7 +13,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.clock import wait_until
 from zteam.messages import BaseInfo, Odometry, RobotStatus
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
 

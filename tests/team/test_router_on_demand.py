@@ -20,9 +20,9 @@ from zteam.bus.options import LEASE
 from zteam.bus.router import RouterMetadata, read_admin, router_log_path, spawn_router
 from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.errors import BusError
-from zteam.launch import run as running
-from zteam.launch.run import ANY_PORT, choose_endpoint
 from zteam.messages import Bool
+from zteam.team.launch import run as running
+from zteam.team.launch.run import ANY_PORT, choose_endpoint
 
 pytestmark = pytest.mark.team
 

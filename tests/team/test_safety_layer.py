@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

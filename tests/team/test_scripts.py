@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from support.limits import LIMIT
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

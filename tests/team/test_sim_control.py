@@ -11,7 +11,7 @@ from support.limits import ASKED, LIMIT
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.simulator.client import SimulatorClient
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 from zteam.tf import FrameInfo
 
 pytestmark = pytest.mark.team

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from zteam.messages import Blobs, Bumper, Fiducials, JointState, LaserScan, Twist, Vector3
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from support.limits import LIMIT
-from zteam.launch.process import zteam_command
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

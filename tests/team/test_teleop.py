@@ -9,9 +9,9 @@ import pytest
 from support.terminal import TerminalCommand
 from zteam import names
 from zteam.bus.receiving import KeyCount
-from zteam.launch.process import zteam_command
 from zteam.messages import Twist, Vector3
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
 

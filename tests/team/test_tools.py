@@ -9,7 +9,7 @@ import pytest
 from support.transports import wait_until_true
 from zteam import names
 from zteam.cli.tf import ask_frames
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -10,7 +10,7 @@ from support.transforms import stamped
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 from zteam.tf import FrameInfo, LookupException
 from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
 

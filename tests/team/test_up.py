@@ -10,8 +10,8 @@ import pytest
 
 from support.freezing import descendants_of
 from support.limits import LIMIT
-from zteam.launch.process import zteam_command
-from zteam.launch.warm_parent import can_fork
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.warm_parent import can_fork
 
 pytestmark = pytest.mark.team
 

@@ -20,10 +20,10 @@ from support.terminal import CONTROLLED
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
-from zteam.launch.process import zteam_command
-from zteam.launch.warm_parent import can_fork
 from zteam.messages import Twist, Vector3, encode
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.warm_parent import can_fork
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
 

@@ -12,7 +12,7 @@ import pytest
 
 from support.limits import LIMIT
 from support.terminal import CONTROLLED
-from zteam.launch.process import zteam_command
+from zteam.team.launch.process import zteam_command
 
 pytestmark = pytest.mark.team
 

@@ -13,10 +13,10 @@ import pytest
 import zteam
 from support.limits import LIMIT
 from zteam.bus.options import port_accepts
-from zteam.launch.process import zteam_command
-from zteam.launch.report import read_sim_report
 from zteam.messages import Twist, Vector3
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.report import read_sim_report
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 

@@ -5,8 +5,8 @@ import re
 import pytest
 
 from support.terminal import TerminalCommand
-from zteam.launch.process import zteam_command
-from zteam.testing.team import TeamFixture
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
 

@@ -9,7 +9,7 @@ import pytest
 from support.web_view import TOKEN, Page, open_page
 from zteam import names
 from zteam.messages import PoseStamped, Twist
-from zteam.testing.team import TeamFixture
+from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
 pytestmark = pytest.mark.team

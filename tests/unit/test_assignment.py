@@ -40,7 +40,7 @@ def grade(hand_in: str, folder: Path, *words: str) -> subprocess.CompletedProces
         shutil.copy(ASSIGNMENT / file, folder)
     text = (ASSIGNMENT / hand_in).read_text() if hand_in.endswith(".py") else hand_in
     (folder / "homework.py").write_text(text)
-    command = [sys.executable, "-m", "pytest", "-rA", "--tb=line", "-p", "zteam.testing.plugin", *words]
+    command = [sys.executable, "-m", "pytest", "-rA", "--tb=line", "-p", "zteam.team.testing.plugin", *words]
     # Other plugins take longer to import than the tests take.
     environment = {**os.environ, "PYTHONPATH": IMPORTED_FROM, "COLUMNS": "200", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(

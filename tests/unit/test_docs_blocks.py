@@ -14,11 +14,11 @@ from support.installed_packages import install
 from support.pages import LANGUAGES, NOTES, PAGES, Block, all_blocks, blocks_of
 from zteam import entry_points
 from zteam.behaviors import Behavior
-from zteam.launch.check import check_team
 from zteam.resources import shipped_world
 from zteam.robot.trials.check import run_trials
 from zteam.robot.trials.worlds import PLACES
-from zteam.team_file.reading import read_team_file
+from zteam.team.file.reading import read_team_file
+from zteam.team.launch.check import check_team
 
 
 def name_of(block: Block) -> str:

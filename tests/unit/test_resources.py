@@ -7,7 +7,7 @@ import pytest
 from zteam import resources
 from zteam.behaviors import load_behavior
 from zteam.errors import UsageError
-from zteam.team_file.reading import load_team
+from zteam.team.file.reading import load_team
 
 
 def test_team_files_are_found_by_name() -> None:

@@ -19,8 +19,6 @@ from zteam.clock import process_time
 from zteam.counter_random import uniform
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
-from zteam.launch.process import zteam_command
-from zteam.launch.report import RunReport
 from zteam.messages import Twist, Vector3
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
@@ -34,6 +32,8 @@ from zteam.simulator.core import Engine
 from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world import Ranger, World, add_robot, load_world
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.report import RunReport
 from zteam.toml_values import toml_text
 
 GAP = 0.8

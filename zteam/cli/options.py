@@ -240,9 +240,9 @@ def run_process(
 
 
 def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
-    from zteam.nodes.bodies import part_of
     from zteam.runtime.faults import log_fault
     from zteam.runtime.process_node import run_node
+    from zteam.team.bodies import part_of
 
     # Report a mistake before waiting for the router.
     try:

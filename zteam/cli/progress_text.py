@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from zteam.launch.progress import Overview
 from zteam.numbers import counted, format_factor
+from zteam.team.launch.progress import Overview
 
 _BAR = (8, 40)
 """The fewest and the most columns of a bar."""

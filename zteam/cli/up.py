@@ -32,11 +32,11 @@ from zteam.resources import find_team, find_world, names, teams_folder
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
     from zteam.cli.up_display import Display
-    from zteam.launch.report import RunReport
-    from zteam.launch.run import TeamRun
-    from zteam.launch.team_launch import TeamLaunch
-    from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
+    from zteam.team.launch.report import RunReport
+    from zteam.team.launch.run import TeamRun
+    from zteam.team.launch.team_launch import TeamLaunch
+    from zteam.team.launch.warm_parent import WarmParent
 
 log = logging.getLogger("zteam")
 
@@ -122,7 +122,7 @@ def _check_options(args: argparse.Namespace) -> None:
     if "=" in args.team and not Path(args.team).exists():
         raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
     if args.arguments:
-        from zteam.team_file.sources import parse_arguments
+        from zteam.team.file.sources import parse_arguments
 
         parse_arguments(args.arguments)
     if args.speed is not None:
@@ -158,7 +158,7 @@ def _up(args: argparse.Namespace) -> int:
         return _print_arguments(args)
     if args.in_process:
         return _run_here(_launch(args), bus_options(args), args)
-    from zteam.launch.warm_parent import WarmParent
+    from zteam.team.launch.warm_parent import WarmParent
 
     with WarmParent() as parent:
         # It imports while the team is checked.
@@ -168,8 +168,8 @@ def _up(args: argparse.Namespace) -> int:
 
 def _print_arguments(args: argparse.Namespace) -> int:
     from zteam.cli.tables import format_table
-    from zteam.team_file.reading import read_team_file
-    from zteam.team_file.sources import describe_arguments
+    from zteam.team.file.reading import read_team_file
+    from zteam.team.file.sources import describe_arguments
 
     rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
     print(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
@@ -178,13 +178,13 @@ def _print_arguments(args: argparse.Namespace) -> int:
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
-    from zteam.launch.check import check_team, random_parts, refuse_nodes
-    from zteam.launch.report import check_writable
-    from zteam.launch.team_launch import Pace, TeamLaunch
     from zteam.process_options import ViewOptions
     from zteam.simulator.world import load_world
-    from zteam.team_file.reading import read_team_file
-    from zteam.team_file.sources import parse_arguments
+    from zteam.team.file.reading import read_team_file
+    from zteam.team.file.sources import parse_arguments
+    from zteam.team.launch.check import check_team, random_parts, refuse_nodes
+    from zteam.team.launch.report import check_writable
+    from zteam.team.launch.team_launch import Pace, TeamLaunch
 
     if args.report:
         check_writable(Path(args.report))
@@ -222,8 +222,8 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import Printer, open_display
-    from zteam.launch.run import ProcessRun
     from zteam.runtime.shutdown import Stop
+    from zteam.team.launch.run import ProcessRun
 
     stop = Stop()
     with ExitStack() as stack:
@@ -243,9 +243,9 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
 def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
     """Run the whole team in this process, with the same lines as with one process each."""
     from zteam.cli.up_display import Printer, open_display
-    from zteam.in_process.run import InProcessRun, open_outside
     from zteam.runtime.logs import passing_lines
     from zteam.runtime.shutdown import Stop, exit_hard_later
+    from zteam.team.in_process.run import InProcessRun, open_outside
 
     stop = Stop()
     with (
@@ -285,7 +285,7 @@ def _give_terminal_to_debugger(display: "Display") -> None:
 def _run(
     team_run: "TeamRun", display: "Display", args: argparse.Namespace, members: str, place: str = ""
 ) -> "RunReport | None":
-    from zteam.launch.run import warn_of_endpoint
+    from zteam.team.launch.run import warn_of_endpoint
 
     display.say(f"starting {members}")
     team_run.start()
@@ -307,7 +307,7 @@ def _conclude(
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes `failed`."""
     import msgspec
 
-    from zteam.launch.report import format_report, write_report
+    from zteam.team.launch.report import format_report, write_report
 
     if stop.requested and has_end:
         # There is no report: a script must not take this for success.

@@ -68,9 +68,9 @@ def _table(args: argparse.Namespace) -> dict[str, Any]:
 
 def _options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
-    from zteam.team_file.entries import navigation_of
-    from zteam.team_file.reading import load_team
-    from zteam.team_file.sources import parse_arguments
+    from zteam.team.file.entries import navigation_of
+    from zteam.team.file.reading import load_team
+    from zteam.team.file.sources import parse_arguments
 
     team = load_team(Path(args.team), parse_arguments(args.arguments)) if args.team else None
     entries = {entry.id: entry for entry in team.robots} if team else {}

@@ -40,9 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(args: argparse.Namespace) -> AggregatorOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
-    from zteam.launch.team_launch import aggregator_options
-    from zteam.team_file.reading import load_team
-    from zteam.team_file.sources import parse_arguments
+    from zteam.team.file.reading import load_team
+    from zteam.team.file.sources import parse_arguments
+    from zteam.team.launch.team_launch import aggregator_options
 
     if not args.team:
         return AggregatorOptions(rate=args.rate)

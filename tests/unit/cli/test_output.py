@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from zteam.cli.output import Output, OutputError, guarded
-from zteam.launch.process import zteam_command
+from zteam.team.launch.process import zteam_command
 
 LIMIT = 60.0
 COMMAND = zteam_command("zteam", "world", "check", "arena")

@@ -13,8 +13,8 @@ from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.robot.process.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.team_file.entries import behavior_of
-from zteam.team_file.reading import load_team
+from zteam.team.file.entries import behavior_of
+from zteam.team.file.reading import load_team
 
 Run = Callable[..., tuple[int, str, str]]
 

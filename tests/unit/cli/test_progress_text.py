@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from zteam.cli.progress_text import duration_text, progress_line
-from zteam.launch.progress import Overview
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.simulator.client import SimStatus
+from zteam.team.launch.progress import Overview
 
 WAITING = TeamStatus(state=TeamState.WAITING, team_size=4, ready=np.array([0, 2], np.int32))
 GO = TeamStatus(state=TeamState.GO, go_stamp=time_from_ns(500_000_000))

@@ -11,9 +11,9 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.cli import up_display
 from zteam.cli.up_display import Printer, open_display
-from zteam.launch.progress import Overview, TeamOverview
 from zteam.messages import TeamState, TeamStatus
 from zteam.simulator.client import SimStatus
+from zteam.team.launch.progress import Overview, TeamOverview
 
 GO = TeamStatus(state=TeamState.GO)
 

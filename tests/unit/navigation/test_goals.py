@@ -17,8 +17,8 @@ from zteam.navigation.client import TaskResult, goal_message
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.team.testing.in_memory import RunningNode
 from zteam.testing import run_node
-from zteam.testing.in_memory import RunningNode
 
 State = NavigationState
 

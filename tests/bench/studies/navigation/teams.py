@@ -12,8 +12,6 @@ from zteam import names
 from zteam.cli.bench_team import run_processes, write_world
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.in_process.team_run import run_team
-from zteam.launch.report import RunReport
 from zteam.messages import (
     Bool,
     Header,
@@ -28,6 +26,8 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.runtime.node import Node
+from zteam.team.in_process.team_run import run_team
+from zteam.team.launch.report import RunReport
 
 _ENDS = (NavigationState.SUCCEEDED, NavigationState.ABORTED)
 _START = 2.0

@@ -15,7 +15,7 @@ import msgspec
 
 from studies.study.one_run import Outcome, Row, Task
 from zteam.errors import UsageError
-from zteam.launch.process import exit_text
+from zteam.team.launch.process import exit_text
 
 Key = bytes
 """A task as JSON."""

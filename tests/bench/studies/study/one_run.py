@@ -17,9 +17,9 @@ from studies.chains.recorder import NAME, Recorder, make_tracks
 from studies.study.cases import CASES
 from studies.study.driver import Driver
 from zteam import names
-from zteam.in_process.team_run import run_team
 from zteam.messages import RobotStatus
 from zteam.runtime.node import Node
+from zteam.team.in_process.team_run import run_team
 
 HELD = 3.0
 """Metres: a follower is held while the robot that it follows is so near."""

@@ -14,8 +14,8 @@ from studies.view.stage import TOKEN, crowd, processes, start_view, team
 from studies.view.starting import StartFigures, measure_start
 from zteam.cli.bench_team import write_line_team
 from zteam.errors import ZteamError
-from zteam.launch.process import zteam_command
-from zteam.launch.report import RunReport
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.report import RunReport
 
 PARTS = ("load", "slow", "many", "cost", "browser", "start")
 SLOW_FRAME = 0.5

@@ -10,8 +10,8 @@ import msgspec
 from studies.view.browser import LIMIT_MS, VIEWPORT, launch_browser
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import ZteamError
-from zteam.launch.process import zteam_command
-from zteam.launch.supervisor import Supervisor
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.supervisor import Supervisor
 
 START_LIMIT = 30.0 * HOST_FACTOR
 """Host seconds for the view to say where it is."""

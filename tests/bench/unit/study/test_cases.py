@@ -7,7 +7,7 @@ import pytest
 from studies.study import command
 from studies.study.cases import CASES
 from studies.study.one_run import Task, measure
-from zteam.team_file.reading import load_team
+from zteam.team.file.reading import load_team
 
 
 def test_the_command_knows_all_cases() -> None:

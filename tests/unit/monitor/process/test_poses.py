@@ -10,11 +10,11 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.launch.supervisor import serve_restarts
 from zteam.monitor.process import display as module
 from zteam.monitor.process.display import Poses
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
+from zteam.team.launch.supervisor import serve_restarts
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 
 

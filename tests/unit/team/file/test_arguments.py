@@ -1,0 +1,117 @@
+"""Arguments of team files: which texts stand for them, where their values come from, and what is wrong with them."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.errors import ConfigError, UsageError
+from zteam.team.file.entries import Team
+from zteam.team.file.reading import load_team, read_team_file
+from zteam.team.file.sources import argument_texts, describe_arguments, parse_arguments
+
+ROBOTS = "[[robots]]\nid = 0\n"
+
+
+def load(folder: Path, text: str, *words: str) -> Team:
+    """The team in a file of this text, with the arguments of a command line."""
+    path = folder / "team.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_team(path, parse_arguments(words))
+
+
+def error_of(folder: Path, text: str, *words: str) -> list[str]:
+    """The lines of the error, without the folder."""
+    with pytest.raises(ConfigError) as caught:
+        load(folder, text, *words)
+    return str(caught.value).replace(f"{folder}/", "").splitlines()
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "value"),
+    [
+        ('"${x:-0}"', [], 0),
+        ('"${x:-0}"', ["x=2"], 2),
+        ('"${x:-0.5}"', [], 0.5),
+        ('"${x:-near}"', [], "near"),
+        ("'${x:-\"2\"}'", [], "2"),
+        ('"${x:-}"', [], ""),
+        ('"${x}"', ["x="], ""),
+        ('"${x}"', ["x=a=b"], "a=b"),
+        ('"${x:-[1, 2]}"', [], [1, 2]),
+        ('"${x:-{a = 1}}"', [], {"a": 1}),
+        ('["${x:-1}", {y = "${x:-2}"}]', [], [1, {"y": 2}]),
+        # Not exactly one reference: the text itself.
+        ('"a ${x:-0}"', [], "a ${x:-0}"),
+        ('"${x:-0}${y:-1}"', [], "${x:-0}${y:-1}"),
+        ('"${1x:-0}"', [], "${1x:-0}"),
+        ('"$x"', [], "$x"),
+        # What is given is not looked through once more.
+        ('"${x:-0}"', ["x=${x:-0}"], "${x:-0}"),
+    ],
+)
+def test_a_whole_text_stands_for_a_value(tmp_path: Path, text: str, words: list[str], value: object) -> None:
+    """The value is TOML, or a text without quotes; any other text is left as it is."""
+    assert load(tmp_path, f"{ROBOTS}p = {text}\n", *words).robots[0].params == {"p": value}
+
+
+def test_a_missing_argument_is_told_once_at_each_place(tmp_path: Path) -> None:
+    """What else is wrong with the key is not told, because its value is not known; other mistakes are."""
+    text = '[team]\nworld = "${map}"\nseeed = 1\n[[robots]]\nid = "${id}"\n[[robots]]\nid = 1\nfollow = "${id}"\n'
+    assert error_of(tmp_path, text) == [
+        "team.toml:2: team.world: the argument map is missing: give map=VALUE",
+        "team.toml:3: team.seeed: unknown key (did you mean seed?); known: world, seed, world_robots, restart, map",
+        "team.toml:5: robots[0].id: the argument id is missing: give id=VALUE",
+        "team.toml:8: robots[1].follow: the argument id is missing: give id=VALUE",
+    ]
+
+
+def test_an_unknown_argument_is_told_with_those_that_there_are(tmp_path: Path) -> None:
+    """Its name, what was meant, and all that the file takes."""
+    text = f'{ROBOTS}speed = "${{speed:-1}}"\ngap = "${{gap:-1}}"\n'
+    assert error_of(tmp_path, text, "sped=2") == [
+        "team.toml: there is no argument sped (did you mean speed?); it takes speed, gap"
+    ]
+    assert error_of(tmp_path, ROBOTS, "x=2") == ["team.toml: there is no argument x; it takes none"]
+
+
+def test_a_value_of_the_wrong_type_is_told_where_it_is_used(tmp_path: Path) -> None:
+    """As if it stood in the file."""
+    told = error_of(tmp_path, '[[robots]]\nid = "${id:-0}"\n', "id=first")
+    assert told == ['team.toml:2: robots[0].id: a whole number is expected, not "first"']
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["leader"], "'leader' is not NAME=VALUE, such as leader=2"),
+        (["=2"], "'=2' is not NAME=VALUE"),
+        (["a b=2"], "'a b=2' is not NAME=VALUE"),
+        (["x=1", "x=2"], "argument x is given twice: 1 and 2"),
+    ],
+)
+def test_words_that_are_no_arguments_are_refused(words: list[str], told: str) -> None:
+    """A name, the equals sign, and each name once."""
+    with pytest.raises(UsageError) as caught:
+        parse_arguments(words)
+    assert told in str(caught.value)
+
+
+def test_arguments_of_a_program_are_values(tmp_path: Path) -> None:
+    """A text stays a text, even if it looks like a number; what TOML lacks is refused."""
+    path = tmp_path / "team.toml"
+    path.write_text(f'{ROBOTS}p = "${{p}}"\nq = "${{q}}"\n')
+    team = load_team(path, argument_texts({"p": "2", "q": [1.5, True]}))
+    assert team.robots[0].params == {"p": "2", "q": [1.5, True]}
+    with pytest.raises(UsageError, match="argument p: None is no number, text"):
+        argument_texts({"p": None})
+
+
+def test_a_file_tells_what_it_takes(tmp_path: Path) -> None:
+    """Name, default and place; another default of the same name has a row of its own."""
+    path = tmp_path / "team.toml"
+    path.write_text(f'{ROBOTS}a = "${{a}}"\nb = "${{b:-1}}"\nc = "${{b:-2}}"\nd = "${{b:-1}}"\n')
+    assert describe_arguments(read_team_file(path).arguments) == [
+        ("a", "", f"{path}:3"),
+        ("b", "1", f"{path}:4"),
+        ("b", "2", f"{path}:5"),
+    ]

@@ -1,0 +1,189 @@
+"""Files that team files include: how they merge, where their paths lead, and mistakes with the right file."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.errors import ConfigError
+from zteam.resources import shipped_world
+from zteam.team.file.entries import navigation_of
+from zteam.team.file.reading import load_team, read_team_file, team_world
+from zteam.team.file.sources import MAX_FILES
+
+
+def write(folder: Path, **texts: str) -> Path:
+    """Files of these texts by their names without `.toml`; the path of `team.toml`."""
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    return folder / "team.toml"
+
+
+def error_of(path: Path) -> list[str]:
+    """The lines of the error, without the folder."""
+    with pytest.raises(ConfigError) as caught:
+        load_team(path)
+    return str(caught.value).replace(f"{path.parent}/", "").splitlines()
+
+
+def test_the_includer_wins_and_lists_follow_each_other(tmp_path: Path) -> None:
+    """Tables merge key by key, a later include over an earlier one; robots of included files come first."""
+    path = write(
+        tmp_path,
+        one='[team]\nworld = "office"\nseed = 1\n[simulation]\ngaussian_noise = 0.1\n[[robots]]\nid = 1\n',
+        two='[team]\nseed = 2\nrestart = "on-failure"\n[[robots]]\nid = 2\n',
+        team='include = ["one.toml", "two.toml"]\n[team]\nworld_robots = false\n[[robots]]\nid = 0\n',
+    )
+    team = load_team(path)
+    assert (team.team.world, team.team.seed, team.team.restart, team.team.world_robots) == (
+        "office", 2, "on-failure", False,
+    )  # fmt: skip
+    assert team.simulation.gaussian_noise == 0.1
+    assert [robot.id for robot in team.robots] == [1, 2, 0]
+
+
+def test_arguments_pass_into_included_files(tmp_path: Path) -> None:
+    """One argument fills all files; the name of an included file may be one too."""
+    path = write(
+        tmp_path,
+        base='[[robots]]\nid = 0\nspeed = "${speed:-0.1}"\n',
+        team='include = ["${base:-base.toml}"]\n[[robots]]\nid = 1\nspeed = "${speed:-0.2}"\n',
+    )
+    assert [robot.params["speed"] for robot in load_team(path).robots] == [0.1, 0.2]
+    assert [robot.params["speed"] for robot in load_team(path, {"speed": "0.3"}).robots] == [0.3, 0.3]
+
+
+def test_a_shipped_team_can_be_included(tmp_path: Path) -> None:
+    """By its name; its world is found as before."""
+    file = read_team_file(write(tmp_path, team='include = ["line"]\n[team]\nseed = 5\n'))
+    assert [robot.id for robot in file.team.robots] == [0, 1, 2, 3]
+    assert file.team.team.seed == 5
+    assert team_world(file) == shipped_world("office")
+
+
+def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
+    """World, map, description, folder of a node, and modules of behaviours: each beside the included file."""
+    below = tmp_path / "below"
+    write(
+        below,
+        base='[team]\nworld = "own.world"\nmap = "hall.yaml"\n[[robots]]\nid = 0\ndescription = "arm.urdf"\n'
+        '[[nodes]]\nname = "a"\ncommand = ["python"]\n',
+    )
+    (below / "own.world").write_text("")
+    file = read_team_file(
+        write(tmp_path, team='include = ["below/base.toml"]\n[[nodes]]\nname = "b"\ncommand = ["python"]\n')
+    )
+    assert file.mistakes == []
+    assert team_world(file) == below / "own.world"
+    assert file.team.team.map == str(below / "hall.yaml")
+    assert file.team.robots[0].description == str(below / "arm.urdf")
+    assert [node.folder for node in file.team.nodes] == [str(below), str(tmp_path)]
+    assert file.team.folders == (str(tmp_path), str(below))
+
+
+def test_a_parameter_file_of_navigation_belongs_to_the_file_that_names_it(tmp_path: Path) -> None:
+    """Beside an included file, for its robots and for those that take its defaults; a file's own stays as written."""
+    below = tmp_path / "below"
+    below.mkdir()
+    write(
+        below,
+        base='[defaults]\nnavigation = { params = "nav2.yaml" }\n'
+        '[[robots]]\nid = 0\nnavigation = { params = "other.yaml", localizer = "none" }\n',
+    )
+    path = write(
+        tmp_path,
+        team='include = ["below/base.toml"]\n[[robots]]\nid = 1\n[[robots]]\nid = 2\nnavigation.params = "own.yaml"\n',
+    )
+    params = [(navigation_of(robot) or {})["params"] for robot in load_team(path).robots]
+    assert params == [str(below / "other.yaml"), str(below / "nav2.yaml"), "own.yaml"]
+
+
+def test_mistakes_have_the_file_in_which_they_stand(tmp_path: Path) -> None:
+    """Mistakes of all files in one error, in the order of reading; a rule across files names the right one."""
+    path = write(
+        tmp_path,
+        base="[team]\nseed = 'x'\n[[robots]]\nid = 1\nfollow = 9\n",
+        team='include = ["base.toml"]\n[[robots]]\nid = -1\n[[robots]]\nid = 2\nfollow = 1\nwhen = 1979-05-27\n',
+    )
+    assert error_of(path) == [
+        "team.toml:3: robots[0].id: a whole number of at least 0 is expected, not -1",
+        "team.toml:7: robots[1].when: a parameter is a number, text, true, false, or an array or table of such",
+        'base.toml:2: team.seed: a whole number is expected, not "x"',
+        "base.toml:5: robots[0].follow: no robot 9 in this team (it has -1, 1, 2)",
+    ]
+
+
+def test_a_robot_of_two_files_is_refused_with_both_places(tmp_path: Path) -> None:
+    """The id is that of the later table; the text names the earlier one."""
+    path = write(
+        tmp_path, base="[[robots]]\nid = 0\n[[robots]]\nid = 4\n", team='include = ["base.toml"]\n[[robots]]\nid = 4\n'
+    )
+    assert error_of(path) == [
+        f"team.toml:3: robots[0].id: robot 4 is robots[1] of {'base.toml'}:4 already; give each robot its own id"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("include", "told"),
+    [
+        ('["none.toml"]', "1: include[0]: 'none.toml' is neither a file beside this one nor a shipped team (arena, "),
+        ('["below"]', "1: include[0]: 'below' is a folder; name the team file in it (*.toml)"),
+        ('["team.toml"]', "1: include[0]: the files include each other in a circle (team.toml → team.toml)"),
+        ('["a\\u0000b"]', "1: include[0]: 'a\\x00b' is neither a file"),
+        ('"base.toml"', "1: include: a list of team files is expected, such as"),
+        ("[3]", "1: include[0]: the name of a team file is expected"),
+        ("{}", "1: include: a list of team files is expected"),
+    ],
+)
+def test_what_cannot_be_included_is_one_line(tmp_path: Path, include: str, told: str) -> None:
+    """With file, line and key of the include, next to the other mistakes."""
+    (tmp_path / "below").mkdir()
+    path = write(tmp_path, team=f"include = {include}\n[[robots]]\nid = 0\nfollow = 7\n")
+    first, second = error_of(path)
+    assert first.startswith(f"team.toml:{told}")
+    assert second == "team.toml:4: robots[0].follow: no robot 7 in this team (it has 0)"
+
+
+def test_a_circle_of_files_is_named(tmp_path: Path) -> None:
+    """At the include that closes it."""
+    path = write(
+        tmp_path,
+        a='include = ["b.toml"]\n',
+        b='include = ["./a.toml"]\n',
+        team='include = ["a.toml"]\n[[robots]]\nid = 0',
+    )
+    assert error_of(path) == [
+        "b.toml:1: include[0]: the files include each other in a circle (team.toml → a.toml → b.toml → a.toml)"
+    ]
+
+
+def test_an_included_file_that_is_no_team_file_is_told(tmp_path: Path) -> None:
+    """Bytes that are not UTF-8, and a mistake in TOML, with the included file's name."""
+    (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'")
+    assert error_of(write(tmp_path, team='include = ["latin.toml"]\n')) == [
+        "latin.toml: not UTF-8 text (byte 5); save it as UTF-8"
+    ]
+    assert error_of(write(tmp_path, broken="[team\n", team='include = ["broken.toml"]\n')) == [
+        "broken.toml:1:6: not TOML: Expected ']' at the end of a table declaration"
+    ]
+
+
+def test_files_that_include_others_twice_do_not_multiply(tmp_path: Path) -> None:
+    """Ten files would be read a thousand times; the reading ends at the limit with one line."""
+    texts = {f"f{i}": f'include = ["f{i + 1}.toml", "f{i + 1}.toml"]\n' for i in range(10)}
+    path = write(tmp_path, **texts, f10="[[robots]]\nid = 0\n", team='include = ["f0.toml"]\n')
+    (told,) = error_of(path)
+    assert told.endswith(f"more than {MAX_FILES} files are included")
+
+
+def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:
+    """A file of defaults, in two files that are included together."""
+    path = write(
+        tmp_path,
+        shared='[defaults]\nbehavior = "avoid"\n',
+        a='include = ["shared.toml"]\n[[robots]]\nid = 0\n',
+        b='include = ["shared.toml"]\n[[robots]]\nid = 1\n',
+        team='include = ["a.toml", "b.toml"]\n',
+    )
+    team = load_team(path)
+    assert [robot.behavior for robot in team.robots] == ["avoid", "avoid"]

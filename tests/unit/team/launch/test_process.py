@@ -1,0 +1,273 @@
+"""One child process: its output, its end, its memory, and what it inherits."""
+
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from support.limits import LIMIT
+from zteam.team.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
+
+
+class Child:
+    """A Process that runs a Python text, and records its callbacks."""
+
+    def __init__(self, code: str, lifeline: int) -> None:
+        self.heard: list[str] = []
+        self.ended = threading.Event()
+        self.process = Process(
+            "child",
+            [sys.executable, "-c", code],
+            lifeline,
+            on_line=lambda _process, line: self.heard.append(line),
+            on_exit=lambda _process: self.ended.set(),
+        )
+
+    def finish(self) -> int | None:
+        """Wait for its end; its exit code."""
+        assert self.process.join(LIMIT)
+        return self.process.exit_code
+
+
+def test_lines_come_in_order_from_both_outputs(lifeline: int) -> None:
+    """Standard output and error are one stream of lines; bytes that are not UTF-8 are replaced."""
+    code = (
+        "import os\n"
+        "os.write(1, b'one\\n'); os.write(2, b'two\\n'); os.write(1, b'\\xff three\\n'); os.write(1, b'no newline')"
+    )
+    child = Child(code, lifeline)
+    assert child.finish() == 0
+    assert child.heard == ["one", "two", "� three", "no newline"]
+    assert list(child.process.lines) == child.heard
+
+
+def test_only_the_newest_lines_are_kept(lifeline: int) -> None:
+    """A process that writes for days does not fill the launcher's memory."""
+    child = Child("for i in range(5000): print(i)", lifeline)
+    assert child.finish() == 0
+    assert len(child.heard) == 5000
+    assert len(child.process.lines) < 1000
+    assert child.process.lines[-1] == "4999"
+
+
+def test_the_end_is_reported_after_the_last_line(lifeline: int) -> None:
+    """on_exit is called after on_line has got all lines, and the exit code is known then."""
+    child = Child("print('last words'); raise SystemExit(7)", lifeline)
+    assert child.ended.wait(LIMIT)
+    assert child.heard == ["last words"]
+    assert child.process.exit_code == 7
+    assert not child.process.running
+    assert child.finish() == 7
+
+
+def test_a_signal_is_a_negative_exit_code(lifeline: int) -> None:
+    """As in subprocess; `exit_text` names the signal."""
+    child = Child("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", lifeline)
+    assert child.finish() == -signal.SIGKILL
+    assert exit_text(child.process.exit_code) == "killed by SIGKILL"
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [(None, "still running"), (0, "exit code 0"), (2, "exit code 2"), (-15, "killed by SIGTERM"), (-99, "signal 99")],
+)
+def test_exit_codes_have_words(code: int | None, text: str) -> None:
+    """The text has the exit code or the signal, also for a signal without a name."""
+    assert text in exit_text(code)
+
+
+def test_the_child_has_a_group_of_its_own(lifeline: int) -> None:
+    """The terminal's Ctrl+C, sent to the launcher's group, does not reach it."""
+    child = Child("import os; print(os.getpgid(0) == os.getpid())", lifeline)
+    child.finish()
+    assert child.heard == ["True"]
+
+
+def test_the_lifeline_is_inherited_and_nothing_else(lifeline: int) -> None:
+    """Besides its standard streams, a child has the read end of the lifeline alone: with the write end it would never
+    end, and with the stdin of an earlier child that child would not."""
+    code = (
+        "import os\n"
+        "number = int(os.environ['ZTEAM_PARENT_PIPE'])\n"
+        "os.fstat(number)\n"
+        # listdir's own descriptor is closed again when the others are looked at.
+        "open_ones = [n for n in os.listdir('/proc/self/fd') if os.path.exists(f'/proc/self/fd/{n}')]\n"
+        "print(sorted({int(n) for n in open_ones} - {0, 1, 2, number}))"
+    )
+    first = Child("input()", lifeline)
+    child = Child(code, lifeline)
+    child.finish()
+    assert child.heard == ["[]"]
+    first.process.write_line("end")
+    first.finish()
+
+
+def test_a_line_reaches_its_standard_input(lifeline: int) -> None:
+    """write_line hands over one line and then the end of the input."""
+    child = Child("import sys; print([line for line in sys.stdin])", lifeline)
+    child.process.write_line("tcp/127.0.0.1:7447")
+    child.finish()
+    assert child.heard == ["['tcp/127.0.0.1:7447\\n']"]
+
+
+def test_writing_to_an_ended_process_is_no_error(lifeline: int) -> None:
+    """on_exit reports the end; the broken pipe raises nothing."""
+    child = Child("", lifeline)
+    assert child.ended.wait(LIMIT)
+    child.process.write_line("too late")
+    assert child.finish() == 0
+
+
+def test_joining_does_not_wait_longer_than_asked(lifeline: int) -> None:
+    """join returns False for a process that still runs, and can be called again."""
+    child = Child("input()", lifeline)
+    assert not child.process.join(0.0)
+    assert child.process.running
+    assert child.process.exit_code is None
+    child.process.write_line("end")
+    assert child.finish() == 0
+
+
+def test_killing_ends_what_it_started(lifeline: int) -> None:
+    """A kill ends the whole process group, grandchildren included."""
+    code = (
+        "import subprocess, sys\n"
+        "p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "print(p.pid, flush=True)\n"
+        "p.wait()"
+    )
+    told = threading.Event()
+    heard: list[str] = []
+
+    def take(_process: Process, line: str) -> None:
+        heard.append(line)
+        told.set()
+
+    process = Process(
+        "parent", [sys.executable, "-c", code], lifeline, on_line=take, on_exit=lambda _process: told.set()
+    )
+    assert told.wait(LIMIT)
+    handle = os.pidfd_open(int(heard[0]))
+    process.kill()
+    # The grandchild held the output too, so the reader's end says that both are gone.
+    assert process.join(LIMIT)
+    os.close(handle)
+    assert process.exit_code == -signal.SIGKILL
+
+
+def test_a_frozen_process_can_be_killed(lifeline: int) -> None:
+    """SIGKILL ends a process that SIGSTOP has stopped."""
+    child = Child("input()", lifeline)
+    child.process.signal(signal.SIGSTOP)
+    child.process.kill()
+    assert child.finish() == -signal.SIGKILL
+
+
+def test_signals_after_the_end_are_not_sent(lifeline: int) -> None:
+    """The process id may belong to another process by then."""
+    child = Child("", lifeline)
+    child.finish()
+    child.process.terminate()
+    child.process.signal(signal.SIGKILL)
+    child.process.measure()
+    assert child.process.exit_code == 0
+
+
+def test_memory_is_the_peak(lifeline: int) -> None:
+    """60 MB that were used and freed still show in both figures; processor time is counted."""
+    code = (
+        "import mmap\nm = mmap.mmap(-1, 60_000_000)\nm.write(b'x' * 60_000_000)\nprint('full', flush=True)\ninput()\n"
+    )
+    code += "m.close()\nprint('empty', flush=True)\ninput()"
+    reader, writer = os.pipe()
+    told = threading.Semaphore(0)
+    process = Process(
+        "big",
+        [sys.executable, "-c", code.replace("input()", f"import os; os.read({reader}, 1)")],
+        reader,
+        on_line=lambda *_: told.release(),
+        on_exit=lambda _process: told.release(),
+    )
+    try:
+        assert told.acquire(timeout=LIMIT)
+        process.measure()
+        full = process.usage.pss_mb
+        assert full > 60
+        os.write(writer, b"1")
+        assert told.acquire(timeout=LIMIT)
+        now = Usage()
+        measure_usage(process.pid, now)
+        assert now.pss_mb < full - 50
+        process.measure()
+        assert process.usage.pss_mb == full
+        assert now.rss_mb > 60  # the kernel's own high-water mark
+        assert process.usage.cpu_seconds > 0
+    finally:
+        process.kill()
+        assert process.join(LIMIT)
+        os.close(reader)
+        os.close(writer)
+
+
+def test_an_ended_process_keeps_its_figures(lifeline: int) -> None:
+    """The report still has the figures from before the end."""
+    child = Child("input()", lifeline)
+    child.process.measure()
+    before = child.process.usage.rss_mb
+    assert before > 0
+    child.process.write_line("end")
+    child.finish()
+    child.process.measure()
+    assert child.process.usage.rss_mb == before
+    gone = Usage()
+    measure_usage(child.process.pid, gone)
+    assert gone == Usage()
+
+
+def test_commands_ignore_modules_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user's folder named zteam does not shadow the package."""
+    (tmp_path / "zteam").mkdir()
+    (tmp_path / "zteam" / "__init__.py").write_text("raise SystemExit('shadowed')")
+    monkeypatch.chdir(tmp_path)
+    import subprocess
+
+    done = subprocess.run(
+        zteam_command("zteam", "--version"), capture_output=True, text=True, timeout=LIMIT, check=False
+    )
+    assert done.stdout.startswith("zteam "), done.stderr
+
+
+def test_an_end_is_reported_while_a_grandchild_lives(lifeline: int) -> None:
+    """The end of a process is reported although its background process holds the output, and that process is ended."""
+    code = (
+        "import subprocess, sys\n"
+        "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "print('started', flush=True)\n"
+        "raise SystemExit(3)"
+    )
+    child = Child(code, lifeline)
+    try:
+        assert child.ended.wait(LIMIT)
+    finally:
+        child.process.kill()
+        assert child.process.join(LIMIT)
+
+
+def test_an_end_is_reported_while_a_daemon_holds_the_output(lifeline: int) -> None:
+    """A process in a session of its own, which outlives the child, does not hide the child's end and exit code."""
+    # It ends with the lifeline, after this test.
+    code = (
+        "import os, subprocess, sys\n"
+        "pipe = int(os.environ['ZTEAM_PARENT_PIPE'])\n"
+        "wait = f'import os; os.read({pipe}, 1)'\n"
+        "subprocess.Popen([sys.executable, '-c', wait], pass_fds=[pipe], start_new_session=True)\n"
+        "print('left', flush=True)\n"
+        "raise SystemExit(3)"
+    )
+    child = Child(code, lifeline)
+    assert child.finish() == 3
+    assert child.ended.is_set()
+    assert child.heard == ["left"]

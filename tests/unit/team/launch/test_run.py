@@ -1,0 +1,308 @@
+"""One run of a team: the router's start, the end of the run, and what ends it early."""
+
+import os
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.limits import LIMIT
+from support.lockstep_doubles import ScriptedMonitor
+from support.log_capture import captured_log
+from zteam import names
+from zteam.bus import BusOptions
+from zteam.bus.memory import MemoryHub
+from zteam.bus.options import LEASE
+from zteam.bus.presence import Claim
+from zteam.errors import BusError, ZteamError
+from zteam.runtime.shutdown import Stop
+from zteam.team.file.entries import RobotEntry, Team
+from zteam.team.launch import run as running
+from zteam.team.launch.process import Process
+from zteam.team.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
+from zteam.team.launch.supervisor import Job
+from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.warm_parent import WarmParent
+
+WORLD = Path("/w/arena.world")
+TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
+
+
+def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The default port if it is free, else any port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
+        assert choose_endpoint() == ANY_PORT
+    assert choose_endpoint() == endpoint
+
+
+def python(code: str) -> list[str]:
+    """A command that runs a Python text."""
+    return [sys.executable, "-c", code]
+
+
+WAIT = "import time; time.sleep(600)"
+
+
+ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
+
+
+class Pretend:
+    """Runs of small Python texts: `routers` for one router after the other, `others` for all other processes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.routers = [ANNOUNCE]
+        self.hub = MemoryHub()
+        self.others = WAIT
+        self.asked: list[tuple[str, ...]] = []
+        self.lines: list[tuple[str, str]] = []
+        self._started: list[Process] = []
+        for module in ("plan", "run"):
+            monkeypatch.setattr(f"zteam.team.launch.{module}.zteam_command", self._command)
+        # The real bus needs a real router.
+        monkeypatch.setattr("zteam.team.launch.run.connect", lambda *_, **__: self.hub.bus())
+        self.stop = Stop()
+
+    def _command(self, command: str, *arguments: str) -> list[str]:
+        if command != "zteam-router":
+            return python(self.others)
+        self.asked.append(arguments)
+        return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
+
+    def run(self, run_for: float | None = None) -> ProcessRun:
+        """A run whose processes are not started yet."""
+        launch = TeamLaunch(TEAM, WORLD, run_for=run_for)
+        run = ProcessRun(
+            launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
+        )
+        start = run.supervisor.start
+
+        def keep(*arguments: Any) -> Process:
+            self._started.append(start(*arguments))
+            return self._started[-1]
+
+        run.supervisor.start = keep  # type: ignore[method-assign]
+        return run
+
+    def tidy(self) -> None:
+        """Wait for the end of every process, also of the replaced ones."""
+        assert all(process.join(LIMIT) for process in self._started)
+
+
+@pytest.fixture
+def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
+    """A run whose router listens at once and whose other processes run until they are ended."""
+    chosen = Pretend(monkeypatch)
+    yield chosen
+    chosen.tidy()
+
+
+def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
+    """After its options, the endpoint goes to every process's standard input as soon as the router has printed it."""
+    pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
+    with pretend.run() as run:
+        run.start()
+        assert run.endpoint == "tcp/127.0.0.1:5"
+        expected = {("router", "tcp/127.0.0.1:5")} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
+        assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
+    assert not any(p.running for p in run.supervisor.processes.values())
+
+
+def test_a_router_that_cannot_start_is_started_on_any_port(pretend: Pretend) -> None:
+    """If another program took the port meanwhile, the run uses another port and no process counts as failed."""
+    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
+    with pretend.run() as run:
+        run.start()
+        assert run.endpoint == "tcp/127.0.0.1:5"
+        assert pretend.asked[1] == ("--listen", ANY_PORT, "--announce", "--lease", str(LEASE))
+        assert run.supervisor.failures == []
+
+
+def test_a_robot_that_fails_while_the_router_is_retried_has_failed(pretend: Pretend) -> None:
+    """The second router takes the first one's failure back, and not that of a process that ended meanwhile."""
+    pretend.others = "raise SystemExit(2)"
+    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
+    with pretend.run() as run:
+        first = run._wait_for_endpoint
+
+        def wait_for_robot() -> str:
+            # All others have failed when the first router's end is looked at.
+            assert run.supervisor.wait(lambda: run.failed >= set(run.plan.own), LIMIT)
+            return first()
+
+        run._wait_for_endpoint = wait_for_robot  # type: ignore[method-assign]
+        run.start()
+        assert run.failed == set(run.plan.own)
+
+
+@pytest.mark.parametrize(
+    ("on_stop", "failed"),
+    [("signal.SIG_IGN", False), ("lambda *_: os._exit(3)", True)],
+    ids=["slow to end", "a step that hangs"],
+)
+def test_only_a_step_that_hangs_at_the_end_is_a_failure(
+    pretend: Pretend, monkeypatch: pytest.MonkeyPatch, on_stop: str, failed: bool
+) -> None:
+    """A process that says so by its exit code has failed; one that is killed because it is slow is named."""
+    monkeypatch.setattr("zteam.team.launch.supervisor.GRACE", 1.0)
+    pretend.others = f"import os, signal; signal.signal(signal.SIGTERM, {on_stop}); print(1, flush=True); {WAIT}"
+    with captured_log() as log, pretend.run() as run:
+        run.start()
+        assert run.supervisor.wait(lambda: {name for name, line in pretend.lines if line == "1"} >= {"robot_0"}, LIMIT)
+    assert ("robot_0" in run.failed) == failed
+    assert any("robot_0 had not ended" in line for line in log.lines) != failed
+
+
+def test_no_router_is_an_error(pretend: Pretend) -> None:
+    """If no router starts at all, the launcher raises an error and leaves no process."""
+    pretend.routers = ["raise SystemExit(1)"]
+    with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
+        run.start()
+    assert not any(p.running for p in run.supervisor.processes.values())
+
+
+def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
+    """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
+    log_first = "print('12:00:00 router at tcp/127.0.0.1:5', flush=True)\n"
+    pretend.routers = [log_first + ANNOUNCE]
+    with pretend.run() as run:
+        run.start()
+        assert run.endpoint == "tcp/127.0.0.1:5"
+
+
+def test_a_router_whose_port_is_in_use_is_started_again(pretend: Pretend) -> None:
+    """The real router logs the port that is in use and ends a moment later: the run uses any port."""
+    # The pause is the router's own. The launcher waits for the end, however long it takes.
+    refused = (
+        "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
+    )
+    pretend.routers = [refused, ANNOUNCE]
+    with pretend.run() as run:
+        run.start()
+        assert run.endpoint == "tcp/127.0.0.1:5"
+
+
+def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
+    """A run without its simulator has no result: it ends with an error that names the simulator."""
+    with pretend.run(run_for=1.0) as run:
+        run.start()
+        run.supervisor.processes[names.SIMULATOR].kill()
+        with pytest.raises(ZteamError, match=names.SIMULATOR):
+            run.watch()
+
+
+def stop_once_watched(run: ProcessRun, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Request a stop when `run.watch` has begun: it holds its lock from then on until it waits."""
+    look = run._missing
+
+    def look_and_stop(begun: bool) -> list[str]:
+        threading.Thread(target=stop.request, args=("test",)).start()
+        return look(begun)
+
+    monkeypatch.setattr(run, "_missing", look_and_stop)
+
+
+def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl+C ends the wait, and the run then has no report."""
+    with pretend.run(run_for=1000.0) as run:
+        run.start()
+        stop_once_watched(run, pretend.stop, monkeypatch)
+        run.watch()
+        assert run.finish() is None
+
+
+def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
+    """Without its simulator the run cannot end: the launcher raises an error instead of waiting for ever."""
+    with pretend.run(run_for=1.0) as run:
+        run.plan.own[names.SIMULATOR] = Job(python("raise SystemExit(0)"))
+        run.start()
+        with pytest.raises(ZteamError, match="sim"):
+            run.watch()
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("name", ["robot_0", names.AGGREGATOR, names.MONITOR])
+@pytest.mark.parametrize("code", [0, 2])
+def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
+    """GO waits for all processes: the error names the ended one, its exit code and its last line."""
+    with pretend.run(run_for=1.0) as run:
+        run.plan.own[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
+        run.start()
+        expected = rf"{name} ended \(exit code {code}: no such leader\): the run cannot begin"
+        with pytest.raises(ZteamError, match=expected):
+            run.watch()
+
+
+def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other processes go on, as in a run without a limit."""
+    with pretend.run(run_for=1000.0) as run:
+        run.start()
+        ScriptedMonitor(pretend.hub).give_go()
+        progress = run._progress
+        assert progress is not None
+        assert run.supervisor.wait(lambda: progress.go_after is not None, LIMIT)
+        run.supervisor.processes["robot_0"].kill()
+        assert run.supervisor.wait(lambda: bool(run.supervisor.failures), LIMIT)
+        stop_once_watched(run, pretend.stop, monkeypatch)
+        run.watch()
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
+    """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
+    pretend.others = "input(); input()" if gone else WAIT
+    pretend.routers = [ANNOUNCE.replace("600", "1")]
+    with pretend.run() as run:
+        if gone:
+            ScriptedMonitor(pretend.hub).give_go()
+        run.start()
+        with nullcontext() if gone else pytest.raises(ZteamError, match=r"no GO within 0\.01 s"):
+            run.watch(0.01)
+        assert run.supervisor.ended.issuperset(run.plan.own) == gone
+
+
+@pytest.mark.parametrize("namespace", [None, "mine"])
+def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
+    """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
+    monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
+    monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
+    bus = BusOptions(namespace=namespace, lease=3.0)
+    for name, value in node_environment("-", bus, Pace()).items():
+        monkeypatch.setenv(name, value)
+    chosen = BusOptions.from_environment()
+    assert chosen == BusOptions(connect="-", namespace=namespace, lease=3.0)
+
+
+def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
+    """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
+    launch, bus = TeamLaunch(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
+    told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
+    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
+        first.start()
+        with (
+            ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as second,
+            pytest.raises(BusError, match=told),
+        ):
+            second.start()
+        assert second.supervisor.processes == {}
+        assert all(process.running for process in first.supervisor.processes.values())
+    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as third:
+        third.start()
+
+
+def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
+    """A team is refused if a process of one of its names runs in the namespace already."""
+    claim = Claim(pretend.hub.bus(), names.MONITOR)
+    claim.win(lambda _: None)
+    launch, bus = TeamLaunch(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
+    with (
+        ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
+        pytest.raises(BusError, match="already running here"),
+    ):
+        run.start()

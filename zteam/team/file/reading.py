@@ -1,0 +1,205 @@
+"""From the merged table of a team file to typed entries: every mistake with its file and line.
+
+One direction: files (`sources`), one table a robot (`groups`), typed entries (`entries`), the rules that they obey
+together (`rules`).
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from zteam import resources
+from zteam.errors import ConfigError, did_you_mean
+from zteam.problems import Problem, problems_of
+from zteam.simulation_options import Options
+from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
+from zteam.team.file.groups import Expansion
+from zteam.team.file.rules import check_follows, check_nodes, check_robots, check_transforms
+from zteam.team.file.sources import LISTS, Argument, Files, KeyPlace, Mistake, Table, error_of
+from zteam.toml_values import toml_text
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "include")
+"""Of a team file."""
+
+
+class TeamFile(msgspec.Struct):
+    """The correct part of a team file and of what it includes, and all mistakes."""
+
+    path: Path
+    team: Team
+    robots: dict[int, RobotEntry]
+    """The team's robots by their index in the expanded team, without those that have mistakes."""
+    nodes: dict[int, NodeEntry]
+    """Its nodes in the same way."""
+    table: Table
+    """The expanded team."""
+    mistakes: list[Mistake]
+    arguments: list[Argument]
+    """What it takes."""
+    unfilled: frozenset[KeyPlace]
+    """Of the keys whose argument is missing."""
+
+    def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
+        """Problems of the expanded team where their keys stand, but for values that are not known."""
+        found = [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
+        return [mistake for mistake in found if mistake.place not in self.unfilled]
+
+    def is_unfilled(self, *path: str | int) -> bool:
+        """Whether the value of this key is not known, because its argument is missing."""
+        return self.table.place_of(*path) in self.unfilled
+
+    def error(self, problems: Iterable[Problem]) -> ConfigError:
+        """An error with one line per problem of the expanded team."""
+        return error_of(self.locate(problems))
+
+
+def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
+    """The team file at `path`. Raises ConfigError with one line for each mistake in it.
+
+    `arguments` are TOML, or texts without quotes, by name.
+    """
+    file = read_team_file(path, arguments)
+    if file.mistakes:
+        raise error_of(file.mistakes)
+    return file.team
+
+
+def read_team_file(path: Path, arguments: Mapping[str, str] | None = None) -> TeamFile:
+    """The team file at `path` with the mistakes in its keys. Raises ConfigError if a file is not TOML."""
+    files = Files(arguments or {})
+    return _read_entries(files, files.gather(path))
+
+
+def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
+    """A team that a program gives as tables, with the mistakes in them; errors call it `name`."""
+    files = Files({})
+    return _read_entries(files, files.adopt(name, tables))
+
+
+def team_world(file: TeamFile) -> Path | None:
+    """The world file that a team file asks for, None for real robots. Raises ConfigError."""
+    world = file.team.team.world
+    if world is None:
+        raise file.error(
+            [Problem(("team",), 'the key world is missing: say --world FILE, or world = "office" in [team]')]
+        )
+    if world == NO_WORLD:
+        return None
+    found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
+    if found is None:
+        known = resources.names(resources.worlds_folder(), ".world")
+        shipped = f"a shipped world ({', '.join(known)}){did_you_mean(world, known)}"
+        text = f"{world!r} is neither a file beside the team file nor {shipped}"
+        raise file.error([Problem(("team", "world"), text)])
+    return found
+
+
+def _read_entries(files: Files, table: Table) -> TeamFile:
+    mistakes = [*files.missing, *files.mistakes, *_check_keys(table)]
+    ids_known = isinstance(table.get("robots"), list)
+    for name in LISTS:
+        table.put(name, _tables_of(table, name, mistakes), table.place_of(name))
+    if ids_known:
+        expansion = Expansion(table)
+        ids_known = expansion.ids_known
+        mistakes += expansion.mistakes
+        table.put("robots", expansion.robots, table.place_of("robots"))
+    problems: list[Problem] = []
+    robots = _array(table, "robots", RobotEntry, problems)
+    nodes = _array(table, "nodes", NodeEntry, problems)
+    transforms = _array(table, "static_transforms", StaticTransform, problems)
+    for i, entry in nodes.items():
+        folder = table.place_of("nodes", i).source.path.parent / entry.folder
+        nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
+    ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
+    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
+    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    team = Team(
+        robots=list(robots.values()),
+        nodes=list(nodes.values()),
+        static_transforms=list(transforms.values()),
+        team=_section(table, "team", TeamSection, problems),
+        simulation=_section(table, "simulation", Options, problems),
+        folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
+    )
+    unfilled = frozenset(mistake.place for mistake in files.missing)
+    file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, unfilled)
+    file.mistakes = [found for found in mistakes if found in files.missing or found.place not in unfilled]
+    file.mistakes += file.locate(problems)
+    return file
+
+
+def _check_keys(table: Table) -> Iterator[Mistake]:
+    """Unknown keys of the file, and a missing one; `table` gets what a misspelt key means.
+
+    So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
+    """
+    for key in [key for key in table if key not in KEYS]:
+        place = table.place_of(key)
+        yield Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}")
+        meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in table), None)
+        if meant is not None:
+            table.put(meant, table[key], place)
+    if "robots" not in table:
+        yield Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id")
+    elif table["robots"] == []:
+        yield Mistake(table.place_of("robots"), "no robot is listed: add a table [[robots]] with an id")
+
+
+def _tables_of(table: Table, name: str, mistakes: list[Mistake]) -> list[Table]:
+    """The tables of a [[name]] array."""
+    value = table.get(name, [])
+    if not isinstance(value, list):
+        text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
+        mistakes.append(Mistake(table.place_of(name), text))
+        return []
+    for i, inner in enumerate(value):
+        if not isinstance(inner, Table):
+            mistakes.append(Mistake(table.place_of(name, i), f"a table is expected, not {inner!r}"))
+    return [inner for inner in value if isinstance(inner, Table)]
+
+
+def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
+    """The correct entries of a [[name]] array, by index."""
+    found = {}
+    for i, inner in enumerate(table[name]):
+        plain = _with_params(inner) if kind is RobotEntry else _with_words(inner)
+        wrong = problems_of(plain, kind, (name, i))
+        problems += wrong
+        if not wrong:
+            found[i] = msgspec.convert(plain, kind)
+    return found
+
+
+def _section(table: Table, name: str, kind: type[S], problems: list[Problem]) -> S:
+    """The correct part of a [name] table."""
+    section = table.get(name, {})
+    found = problems_of(section, kind, (name,))
+    problems += found
+    wrong = {problem.path[1] for problem in found if len(problem.path) > 1}
+    if not isinstance(section, dict) or (found and not wrong):
+        return kind()
+    right = {key: value for key, value in section.items() if key not in wrong}
+    return kind() if problems_of(right, kind) else msgspec.convert(right, kind)
+
+
+def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
+    """The table with the parameters of the behaviour collected under `params`."""
+    ours = set(RobotEntry.__struct_fields__) - {"params"}
+    return {key: value for key, value in robot.items() if key in ours} | {
+        "params": {key: value for key, value in robot.items() if key not in ours}
+    }
+
+
+def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:
+    """The table with the numbers and truth values in its command as texts: an argument may be one."""
+    command = node.get("command")
+    if not isinstance(command, list):
+        return {**node}
+    are_numbers = [isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63) for part in command]
+    words = [toml_text(part) if is_number else part for part, is_number in zip(command, are_numbers, strict=True)]
+    return {**node, "command": words}

@@ -1,0 +1,191 @@
+"""The bus of a team in one process: each node has a session of its own on one MemoryHub, which may be open to the
+outside: tools find the nodes there as they find processes.
+
+Whatever a node declares on the hub is declared outside too, by the one session that this process has there. A message
+is encoded and sent once for all subscribers outside, and not at all if there is none. Messages carry the id of their
+node, so their sender is known outside, and what comes back of them is told from what other processes send.
+"""
+
+import logging
+import uuid
+from collections.abc import Callable
+
+import msgspec
+
+from zteam.bus import Bus, MemoryHub
+from zteam.bus.memory import MemoryTransport, Receiver
+from zteam.bus.transport import (
+    Closeable,
+    Handle,
+    QueryHandler,
+    RawPublisher,
+    RawSample,
+    Reply,
+    SampleHandler,
+    Transport,
+)
+from zteam.clock import monotonic, monotonic_times, wall_ns
+from zteam.messages import Message
+from zteam.team.in_process.delivery import Delivery, answering_as
+
+log = logging.getLogger("zteam")
+
+
+class Bridge:
+    """The outside of a hub; `outside` is this process's session there, and `inside` one on the hub."""
+
+    def __init__(self, inside: Transport, outside: Bus, delivery: Delivery) -> None:
+        self._inside = inside
+        self.outside = outside
+        self._delivery = delivery
+        self.instances: set[str] = set()
+        """Sessions of the nodes."""
+        self._own_tokens: set[str] = set()
+        """Tokens that nodes have, or had: no other node will have one of them."""
+        self._tokens: dict[str, Closeable] = {}
+        """On the hub, the tokens of processes outside."""
+        self._ahead = wall_ns() - next(monotonic_times())
+        """Nanoseconds from the time of samples outside to that on the hub."""
+        outside.watch_link(self._on_link)
+        outside.watch_tokens(["**"], self._on_token)
+
+    def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
+        """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
+        instances, receivers = self.instances, [Receiver(owner, handler)]
+
+        def hear(sample: RawSample) -> None:
+            if sample.source not in instances:
+                news = msgspec.structs.replace(sample, timestamp=self._time_on_hub(sample.timestamp))
+                self._delivery.deliver(receivers, news)
+
+        return hear
+
+    def _time_on_hub(self, timestamp: int) -> int:
+        """The time of a sample from outside, which is newer or older than those of the hub."""
+        return max(1, (timestamp * 10**9 >> 32) - self._ahead) if timestamp else 0
+
+    def declare_token(self, key: str) -> Closeable:
+        """A token outside that a node has on the hub."""
+        self._own_tokens.add(key)
+        return self.outside.declare_token(key)
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        if key in self._own_tokens:
+            return
+        if alive and key not in self._tokens:
+            self._tokens[key] = self._inside.declare_token(key)
+        elif not alive and key in self._tokens:
+            self._tokens.pop(key).close()
+
+    def _on_link(self, up: bool) -> None:
+        log.warning("router is back" if up else "router lost: no tool sees the team until it is back")
+
+
+class _PublisherPair:
+    """Publishes to the nodes, and to the outside if there is a subscriber."""
+
+    def __init__(self, inside: RawPublisher, outside: RawPublisher, forget: Callable[[Closeable], None]) -> None:
+        self._inside = inside
+        self._outside = outside
+        self._forget = forget
+        self._put_inside = inside.put_message
+        self._hand_over_inside = inside.hand_over
+
+    @property
+    def has_subscribers(self) -> bool:
+        return self._inside.has_subscribers or self._outside.has_subscribers
+
+    def find_subscribers(self) -> bool:
+        return self._inside.find_subscribers() or self._outside.find_subscribers()
+
+    def put(self, payload: bytes) -> None:
+        if self._outside.has_subscribers:
+            self._outside.put(payload)
+        self._inside.put(payload)
+
+    def put_message(self, message: Message) -> None:
+        # First outside: what nodes answer to it on the hub, in this very thread, comes after it.
+        if self._outside.has_subscribers:
+            self._outside.put_message(message)
+        self._put_inside(message)
+
+    def hand_over(self, message: Message) -> None:
+        if self._outside.has_subscribers:
+            self._outside.hand_over(message)
+        self._hand_over_inside(message)
+
+    def close(self) -> None:
+        self._forget(self)
+        self._inside.close()
+        self._outside.close()
+
+
+class _Session(MemoryTransport):
+    """The session of one node."""
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        return super().declare_queryable(key, answering_as(self._owner, handler))
+
+
+class _BridgedSession(_Session):
+    """The session of one node on the hub and outside, under one id."""
+
+    def __init__(self, hub: MemoryHub, owner: str, bridge: Bridge) -> None:
+        # Zenoh leaves out zeros at the front of an id, so there is none.
+        super().__init__(hub, owner, f"{uuid.uuid4().int | 1 << 127:032x}")
+        self._bridge = bridge
+        self._outside = bridge.outside.transport
+        bridge.instances.add(self.instance)
+
+    def _pair(self, inside: Closeable, outside: Closeable) -> Closeable:
+        return self._keep(Handle(inside.close, outside.close).close)
+
+    def declare_publisher(
+        self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
+    ) -> RawPublisher:
+        inside = super().declare_publisher(key, encoding, latched, to_others, source)
+        # Outside to others alone: on the hub the nodes have it already.
+        outside = self._outside.declare_publisher(key, encoding, latched, True, source or self.instance)
+        pair = _PublisherPair(inside, outside, self._forget)
+        self._open[pair] = None
+        return pair
+
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
+        inside = super().declare_subscriber(key_expr, handler, latched, stamped)
+        heard = self._bridge.from_others(self._owner, handler)
+        return self._pair(inside, self._outside.declare_subscriber(key_expr, heard, latched, stamped))
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        inside = super().declare_queryable(key, handler)
+        return self._pair(inside, self._outside.declare_queryable(key, answering_as(self._owner, handler)))
+
+    def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
+        end = monotonic() + timeout
+        replies = super().get(key_expr, payload, timeout, to_others)
+        left = end - monotonic()
+        return [*replies, *self._outside.get(key_expr, payload, left, to_others=True)] if left > 0.0 else replies
+
+    def declare_token(self, key: str) -> Closeable:
+        return self._pair(super().declare_token(key), self._bridge.declare_token(key))
+
+
+class NodeSessions:
+    """Opens the sessions of the nodes."""
+
+    def __init__(self, outside: Bus | None = None) -> None:
+        """With `outside`, a session of this process alone, nodes and processes there find each other."""
+        self.delivery = Delivery()
+        self._hub = MemoryHub(self.delivery.deliver, None if outside is None else monotonic_times())
+        inside = MemoryTransport(self._hub)
+        self._bridge = None if outside is None else Bridge(inside, outside, self.delivery)
+
+    def bus(self, owner: str) -> Bus:
+        """A session of the node `owner`."""
+        bridge = self._bridge
+        return Bus(_Session(self._hub, owner) if bridge is None else _BridgedSession(self._hub, owner, bridge))
+
+    def close(self) -> None:
+        """Handle no more messages."""
+        self.delivery.close()

@@ -1,0 +1,88 @@
+"""`zteam.run_team`: a whole team in the caller's own process, in lock-step."""
+
+import logging
+import threading
+from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from zteam.clock import monotonic
+from zteam.errors import UsageError, ZteamError
+from zteam.resources import find_team, find_world
+from zteam.runtime.shutdown import Stop, stopping_in_order
+from zteam.team.file.reading import read_team_file
+from zteam.team.file.sources import argument_texts
+from zteam.team.in_process.run import Body, InProcessRun, NodeThread, open_outside
+from zteam.team.in_process.user_calls import prefixing_lines
+from zteam.team.launch.check import check_team, refuse_nodes
+from zteam.team.launch.process import exit_text
+from zteam.team.launch.report import RunReport
+from zteam.team.launch.run import warn_of_endpoint
+from zteam.team.launch.team_launch import Pace, TeamLaunch
+
+if TYPE_CHECKING:
+    from zteam.bus import BusOptions
+log = logging.getLogger("zteam")
+
+
+def run_team(
+    team: str | Path,
+    *,
+    seconds: float | None = None,
+    until: int | None = None,
+    seed: int | None = None,
+    world: str | Path | None = None,
+    nodes: Mapping[str, Body] | None = None,
+    bus: "BusOptions | None" = None,
+    arguments: Mapping[str, Any] | None = None,
+) -> RunReport:
+    """Run a team file or shipped team in this process, in lock-step and as fast as possible; the report of the run.
+
+    The run ends `seconds` simulated seconds after GO, or before tick `until`. `seed` and `world` replace those of the
+    team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the first tick waits for them.
+    `arguments` are the team file's, by name. With `bus`, such as `BusOptions.from_environment()`, tools and other
+    processes find the team there while it runs.
+
+    Raises what ended a node of the team: an error of a behaviour or of an own node ends the run. Called in the main
+    thread, it takes SIGINT and SIGTERM; Ctrl+C ends the run in order and raises KeyboardInterrupt.
+    """
+    began = monotonic()
+    if seconds is None and until is None:
+        raise UsageError("run_team: give seconds or until: without an end there is no report")
+    file = read_team_file(find_team(team), argument_texts(arguments or {}))
+    chosen = check_team(file, find_world(world) if world is not None else None)
+    if bus is None:
+        refuse_nodes(file, "give run_team a bus, or use zteam up")
+    if chosen is None:
+        raise UsageError('run_team needs a simulator: this team has none (world = "none")')
+    pace = Pace(lockstep=True, expect=tuple(nodes or ()))
+    launch = TeamLaunch(file.team, chosen.resolve(), seed, file.path, seconds, until, pace)
+    stop, signals = Stop(), Stop()
+    signals.on_request(lambda: stop.request(signals.reason))
+
+    def on_end(node: NodeThread) -> None:
+        stop.request(f"{node.name} ended")
+
+    def carry_out() -> RunReport | None:
+        run.start()
+        run.watch()
+        return run.finish()
+
+    with (
+        nullcontext() if bus is None else open_outside(bus, pace) as outside,
+        stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
+        InProcessRun(launch, stop, nodes, outside, since_start=lambda: monotonic() - began, on_end=on_end) as run,
+        prefixing_lines(),
+    ):
+        if outside is not None:
+            log.info("router at %s", outside.endpoint)
+            warn_of_endpoint(outside.endpoint, outside.given)
+        report = run.beside_simulator(carry_out)
+    for name in run.calls.hung:
+        raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
+    for node in run.failures:
+        raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
+    if report is None:
+        raise KeyboardInterrupt
+    return report

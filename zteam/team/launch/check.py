@@ -1,0 +1,228 @@
+"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once; what of
+a team depends on the seed.
+
+The check covers behaviours and their parameters, robot descriptions, and ids and poses in the world. A child process
+imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from zteam import names
+from zteam.errors import ConfigError, UsageError, WorldError
+from zteam.problems import Problem
+from zteam.resources import existing_file, is_folder
+from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
+from zteam.robot_ids import format_robot_ids
+from zteam.simulator.world import add_robot, load_world
+from zteam.simulator.world.devices import KINDS
+from zteam.simulator.world.model import Robot, World
+from zteam.simulator.world.placing import find_hindrance
+from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of
+from zteam.team.file.groups import GROUP_KEYS
+from zteam.team.file.reading import TeamFile, team_world
+from zteam.team.file.sources import error_of
+from zteam.team.launch.own_behaviors import Answer, Inquiry, Question, answer
+from zteam.team.launch.plan import is_own, is_python
+
+_ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
+
+
+def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = False) -> Path | None:
+    """The world of the team, None for real robots; `world_file` replaces the world of the team file.
+
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module.
+    Raises ConfigError of one line for each mistake, in the team file or in the world's.
+    """
+    problems, told = list[Problem](), []
+    name, robots = "", dict[int, Robot]()
+    topics = dict[int, list[str]]()
+    own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
+        for i, entry in file.robots.items():
+            if i not in own:
+                problems += _behavior_problems(i, answer(_question(entry)), topics)
+        try:
+            if world_file is None and not _has_doubtful_world(file):
+                world_file = team_world(file)
+            if world_file is not None:
+                name = world_file.name
+                problems += _world_problems(file, load_world(world_file), name, robots)
+        except (ConfigError, WorldError) as error:
+            told.append(str(error))
+        for i, answered in zip(own, inquiry.answers(), strict=True):
+            problems += _behavior_problems(i, answered, topics)
+    problems += [*_file_problems(file), *_sensor_problems(file, name, robots, topics), *_node_problems(file)]
+    mistakes = [*file.mistakes, *file.locate(problems)]
+    if mistakes:
+        told.insert(0, str(error_of(mistakes)))
+    if told:
+        raise ConfigError("\n".join(told))
+    return world_file
+
+
+def _has_doubtful_world(file: TeamFile) -> bool:
+    """Whether a mistake that is told already may be about the world: a missing argument, or a misspelt key."""
+    if file.team.team.world is None:
+        return any(mistake.place.path[:1] == ("team",) for mistake in file.mistakes)
+    return file.is_unfilled("team", "world")
+
+
+def _question(entry: RobotEntry) -> Question:
+    spec, params = behavior_of(entry)
+    # The rules of team files check the leaders.
+    if spec == "follow":
+        params = {"leader": 0, **params}
+    elif entry.behavior is None:
+        params = {key: value for key, value in params.items() if key != "leader"}
+    return Question(spec, params, list(_ROBOT_KEYS))
+
+
+def _behavior_problems(i: int, answered: Answer, topics: dict[int, list[str]]) -> Iterator[Problem]:
+    """What is wrong with the behaviour of the robot at `i`; `topics` gets those that it declares."""
+    topics[i] = answered.topics
+    if answered.refused:
+        yield Problem(("robots", i, "behavior"), answered.refused)
+    for path, text in answered.mistakes:
+        yield Problem(("robots", i, *path), text)
+
+
+def _refused(path: tuple[str | int, ...], read: Callable[[], object]) -> Iterator[Problem]:
+    """One problem at `path` for each mistake that `read()` raises."""
+    try:
+        read()
+    except UsageError as error:
+        for line in str(error).splitlines():
+            yield Problem(path, line.removeprefix(": "))
+
+
+def _file_problems(file: TeamFile) -> Iterator[Problem]:
+    """Parameters of a navigation with wrong types, here or in a parameter file; descriptions and the map in place of
+    the simulator's own that cannot be used. Imports are inside, because few teams have these."""
+    folder = file.path.parent
+    for i, entry in file.robots.items():
+        if table := navigation_of(entry):
+            from zteam.navigation.planning.parameters import navigation_of_robot
+
+            yield from _refused(("robots", i, "navigation"), partial(navigation_of_robot, table, entry.id, folder, ""))
+        if entry.description is not None:
+            from zteam.transforms.urdf import read_description
+
+            yield from _refused(("robots", i, "description"), partial(read_description, folder / entry.description))
+    if file.team.team.map is not None:
+        from zteam.navigation.planning.map_files import check_map_file
+
+        yield from _refused(("team", "map"), partial(check_map_file, folder / file.team.team.map))
+
+
+def _node_problems(file: TeamFile) -> Iterator[Problem]:
+    """Programs, scripts and folders that are not there."""
+    for i, node in file.nodes.items():
+        folder, (program, *arguments) = Path(node.folder), node.command
+        if not is_folder(folder):
+            yield Problem(("nodes", i, "folder"), f"there is no folder {folder}")
+        elif is_python(program):
+            script = arguments[0] if arguments else ""
+            if script.endswith(".py") and existing_file(folder / script) is None:
+                yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
+        elif not is_own(program) and not _find_program(program, folder):
+            where = f"in {folder}" if os.sep in program else "on PATH"
+            yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
+
+
+def _find_program(program: str, folder: Path) -> bool:
+    try:
+        return shutil.which(folder / program if os.sep in program else program) is not None
+    except ValueError:
+        # With a NUL.
+        return False
+
+
+def refuse_nodes(file: TeamFile, way_out: str) -> None:
+    """Raise ConfigError if a team that no other process can reach has nodes."""
+    text = f"a node is a process, which cannot reach a team in one process: {way_out}"
+    if file.nodes:
+        raise file.error([Problem(("nodes", i, "command"), text) for i in file.nodes])
+
+
+def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
+    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it.
+
+    `robots` gets all that will stand in it, by id.
+    """
+    standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
+    robots.update(standing)
+    ids = {entry.id for entry in file.robots.values()}
+    for i, entry in file.robots.items():
+        if entry.pose is None or entry.model is None:
+            if entry.id in standing:
+                robot = standing[entry.id]
+                # Of two robots of the team only the second is told.
+                others = {j: other for j, other in standing.items() if j < entry.id or j not in ids}
+                if hindrance := find_hindrance(world, robot, others):
+                    text = f"robot {entry.id} {hindrance.removeprefix('it ')}"
+                    text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
+                    yield Problem(("robots", i, "id"), text)
+            elif not (entry.pose or entry.model):
+                yield Problem(("robots", i, "id"), f"{_lack(entry.id, standing)}; model and pose add one")
+        elif entry.id in robots:
+            text = f"the world has a robot {entry.id} already: leave model and pose out, or give another id"
+            yield Problem(("robots", i, "id"), text)
+        else:
+            try:
+                robot = add_robot(world, entry.model, entry.pose, names.robot_name(entry.id))
+            except WorldError as error:
+                yield Problem(("robots", i, "model"), str(error))
+                continue
+            if hindrance := find_hindrance(world, robot, robots):
+                yield Problem(("robots", i, "pose"), f"{hindrance}; give a free place as x, y, yaw")
+            robots[entry.id] = robot
+
+
+def _sensor_problems(
+    file: TeamFile, world: str, robots: Mapping[int, Robot], topics: Mapping[int, Sequence[str]]
+) -> Iterator[Problem]:
+    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`."""
+    for i, entry in file.robots.items():
+        robot = robots.get(entry.id)
+        if robot is None:
+            continue
+        # No robot drives without a laser. The rest may come from a process of the user's own.
+        needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]
+        published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}
+        for topic in dict.fromkeys(needed):
+            owner, own_topic = names.split_robot_key(names.input_key(entry.id, topic)) or (None, "")
+            kind = KINDS.get(re.sub(r"_\d+$", "", own_topic))
+            if kind and owner == entry.id and names.robot_key(entry.id, own_topic) not in published:
+                text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
+                way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
+                yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
+
+
+def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
+    return f"the world has no robot {robot_id} (it has {format_robot_ids(standing) or 'none'})"
+
+
+def random_parts(team: Team, world: World | None) -> list[str]:
+    """What draws random numbers in a team, in words; empty if every seed gives the same run.
+
+    A behaviour of the user's own counts, because it may.
+    """
+    own = {behavior_of(entry)[0] for entry in team.robots} - DETERMINISTIC
+    if world is None:
+        return sorted(own)
+    robots = list(world.robots) if team.team.world_robots else []
+    for entry in team.robots:
+        if entry.model is not None and entry.pose is not None:
+            robots.append(add_robot(world, entry.model, entry.pose, names.robot_name(entry.id)))
+    options, lasers = team.simulation, [ranger for robot in robots for ranger in robot.rangers]
+    found = {
+        "noise of lasers": options.gaussian_noise or options.proportional_noise or any(any(r.noise) for r in lasers),
+        "noise of odometry": any(any(options.odom_alphas or robot.odom_alphas) for robot in robots),
+        "dazzle": options.dazzle != "off",
+    }
+    return [name for name, is_there in found.items() if is_there] + sorted(own)

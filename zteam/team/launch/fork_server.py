@@ -1,0 +1,162 @@
+"""`python -P -m zteam.team.launch.fork_server N`: a warm parent. It imports once what children need, and forks them.
+
+It has one thread and opens nothing, so a child begins like a new program. N is the descriptor of a socket, of which
+each message is an order; each order has a reply. The launcher's side is `warm_parent.py`.
+"""
+
+import contextlib
+import gc
+import importlib
+import os
+import signal
+import socket
+import sys
+import warnings
+from collections.abc import Sequence
+
+import msgspec
+
+from zteam.runtime.faults import shortage_text
+from zteam.runtime.process_name import show_name
+from zteam.runtime.shutdown import PARENT_PIPE
+
+MAX_MESSAGE = 1 << 18
+"""Bytes."""
+_DESCRIPTORS = 5
+"""Of a child: standard input, output, error, lifeline, folder."""
+
+PRELOADS = (
+    "zteam.cli.options",
+    # argparse imports shutil when it reads a command line.
+    "shutil",
+    "zteam.runtime.process_node",
+    "zteam.nodes.router",
+    "zteam.world",
+    "zteam.team.bodies",
+    "zteam.transforms.process.node",
+    "zteam.team.file.reading",
+    "zteam.transforms.urdf",
+    "zteam.monitor.process.node",
+    "zteam.robot.process.node",
+    "zteam.robot.behaviors.registry",
+    "zteam.messages.team_codecs",
+    "zteam.runtime.node",
+)
+"""What the commands of a team import anyway. A missing entry costs the children time and memory, no more."""
+
+
+class Start(msgspec.Struct, array_like=True, frozen=True):
+    """Start a child: what `python -P -m module …` would run. The reply is its process id.
+
+    Along come its descriptors.
+    """
+
+    module: str
+    arguments: list[str]
+    environment: dict[bytes, bytes]
+
+
+Order = Start | int
+"""A number is the process id of a child that has ended: end the rest of its group, release the number, and reply with
+the exit code, negative for a signal."""
+Reply = int | str
+"""A text says why there is no number."""
+
+
+def serve(control: socket.socket) -> Start | None:
+    """Obey the orders of `control`. Returns in a child what it is to run; None when the other end is gone."""
+    orders: msgspec.msgpack.Decoder[Order] = msgspec.msgpack.Decoder(Order)
+    while True:
+        try:
+            data, descriptors, _, _ = socket.recv_fds(control, MAX_MESSAGE, _DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
+        except ConnectionResetError:
+            return None
+        if not data:
+            return None
+        order = orders.decode(data)
+        reply: Reply
+        if isinstance(order, int):
+            reply = _collect(order)
+        elif len(descriptors) < _DESCRIPTORS:
+            # Those for which this process has no room are lost.
+            reply = "too many open files in the warm parent"
+        else:
+            reply = _fork(order.module)
+            if reply == 0:
+                control.close()
+                _become(order, descriptors)
+                return order
+        for descriptor in descriptors:
+            os.close(descriptor)
+        control.send(msgspec.msgpack.encode(reply))
+
+
+def _fork(module: str) -> Reply:
+    """The process id of a child, 0 in the child."""
+    _load(module)
+    # The collector of a child leaves alone what all share: looking through it would copy it.
+    gc.freeze()
+    try:
+        with warnings.catch_warnings():
+            # numpy's library for linear algebra has threads; it ends them before a fork.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pid = os.fork()
+    except OSError as error:
+        return str(error)
+    # In both processes: the launcher, too, may send a signal to the group at once. It may have ended already.
+    with contextlib.suppress(OSError):
+        os.setpgid(pid, pid)
+    return pid
+
+
+def _become(start: Start, descriptors: Sequence[int]) -> None:
+    """Change in a child what a new program would find otherwise."""
+    *streams, lifeline, folder = descriptors
+    os.fchdir(folder)
+    os.close(folder)
+    for place, descriptor in enumerate(streams):
+        os.dup2(descriptor, place)
+        os.close(descriptor)
+    os.environb.clear()
+    os.environb.update({**start.environment, PARENT_PIPE.encode(): b"%d" % lifeline})
+    if "numpy.random" in sys.modules:
+        # Python's own generator sees to it that children draw different numbers; numpy's does not.
+        sys.modules["numpy.random"].seed()
+    gc.enable()
+
+
+def _collect(pid: int) -> Reply:
+    # It may have been the last of its group.
+    with contextlib.suppress(OSError):
+        os.killpg(pid, signal.SIGKILL)
+    try:
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    except OSError as error:
+        return str(error)
+
+
+def _load(module: str) -> None:
+    # The child that needs it imports it again, and says what is wrong.
+    with contextlib.suppress(Exception):
+        importlib.import_module(module)
+
+
+def main() -> None:
+    """Serve, and in a child run the command that was asked for."""
+    gc.disable()
+    show_name("zteam-parent")
+    try:
+        for module in PRELOADS:
+            _load(module)
+        start = serve(socket.socket(fileno=int(sys.argv[1])))
+    except MemoryError as error:
+        sys.exit(f"zteam-parent: {shortage_text(error)}")
+    if start is not None:
+        command = importlib.import_module(start.module)
+        sys.argv[:] = [str(command.__file__), *start.arguments]
+        # By name, as the commands themselves: this package is below theirs.
+        importlib.import_module("zteam.cli.interrupts").leave(command.main(start.arguments))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Imports the user's behaviours and checks their parameters, in a child process.
+
+Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
+must survive that. `Inquiry` sends the questions; this module, run as a program, prints one line for each answer.
+"""
+
+import base64
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from zteam.clock import HOST_FACTOR
+from zteam.errors import UsageError
+from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
+from zteam.runtime.shutdown import Stop, exit_hard_later
+from zteam.team.launch.process import Process, exit_text
+from zteam.team.launch.supervisor import Supervisor
+
+LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds for all imports together: a large library takes ten on a slow disk."""
+_MARK = "\x1eanswer "
+"""Begins the line of an answer, because a module may print lines of its own."""
+
+
+class Question(msgspec.Struct, frozen=True):
+    """A behaviour by name, its parameters from the team file, and further words that an unknown key may stand for."""
+
+    spec: str
+    params: dict[str, Any]
+    near: list[str] = []
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """Why the behaviour cannot be used, empty if it can; the mistakes in its parameters as (path, text); and the topics
+    of the inputs that it declares."""
+
+    refused: str = ""
+    mistakes: list[tuple[list[str | int], str]] = []
+    topics: list[str] = []
+
+
+def answer(question: Question) -> Answer:
+    """Import the behaviour in this process and check its parameters."""
+    try:
+        kind = find_behavior(question.spec)
+    except UsageError as error:
+        return Answer(str(error))
+    found = parameter_problems(question.spec, kind, question.params, question.near)
+    topics = [topic for topic, _ in kind.inputs.values()]
+    return Answer(mistakes=[(list(problem.path), problem.text) for problem in found], topics=topics)
+
+
+class Inquiry:
+    """Questions that a child process answers in the background. Leaving the context ends the child."""
+
+    def __init__(self, questions: Sequence[Question], folders: Sequence[str]) -> None:
+        """The child imports from `folders` besides the installed packages and the current folder."""
+        self._questions = questions
+        self._answers: list[Answer] = []
+        self._last_line = ""
+        self._supervisor = Supervisor(self._take_line, lambda _process, _again: None)
+        self._process: Process | None = None
+        if questions:
+            command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
+            self._process = self._supervisor.start("behaviours", command)
+            self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
+
+    def __enter__(self) -> "Inquiry":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._supervisor.close()
+
+    def _take_line(self, _name: str, line: str) -> None:
+        if line.startswith(_MARK):
+            self._answers.append(msgspec.json.decode(line.removeprefix(_MARK), type=Answer))
+        elif line.strip():
+            self._last_line = line.strip()
+
+    def answers(self, limit: float = LIMIT) -> list[Answer]:
+        """Wait for the answers: one for each question. `limit` is in host seconds."""
+        process = self._process
+        if process is None:
+            return []
+        ended = process.join(limit)
+        missing = len(self._questions) - len(self._answers)
+        if missing:
+            spec = self._questions[len(self._answers)].spec
+            why = f"ended the process ({exit_text(process.exit_code)}): {self._last_line}".removesuffix(": ")
+            text = why if ended else f"is not done after {limit:g} s"
+            refusal = Answer(f"behaviour {spec!r}: importing it {text}")
+            # The questions after this one were not answered.
+            return [*self._answers, refusal, *[Answer()] * (missing - 1)]
+        return self._answers
+
+
+def main() -> None:
+    """Answer the questions on standard input."""
+    stop = Stop()
+    exit_hard_later(stop)
+    stop.install()
+    look_in([*sys.argv[1:], ""])
+    questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
+    for question in questions:
+        line = msgspec.json.encode(answer(question)).decode()
+        # The first line break ends a line that the module may have begun.
+        os.write(1, f"\n{_MARK}{line}\n".encode())
+    # A thread that a module started must not keep this process alive.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

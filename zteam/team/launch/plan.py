@@ -1,0 +1,84 @@
+"""A team as jobs: which processes, told what, stopped in which order."""
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.process_options import FROM_STDIN, to_line
+from zteam.runtime import kinds
+from zteam.team.file.entries import NodeEntry
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.supervisor import Job
+from zteam.team.launch.team_launch import TeamLaunch, options_of
+
+
+class Plan(msgspec.Struct):
+    """Jobs by process name, in the order of starting, without the router."""
+
+    own: dict[str, Job]
+    """The processes of zteam that make the team: they start at once and read the router's endpoint."""
+    nodes: dict[str, Job] = {}
+    """The user's own processes, and the view, which start when the router listens."""
+    optional: frozenset[str] = frozenset()
+    """Names of the nodes without which the run begins."""
+    beside: frozenset[str] = frozenset()
+    """Names of the nodes that come with zteam and that the team does not need: they may end at any time."""
+
+    @property
+    def jobs(self) -> dict[str, Job]:
+        """All of them."""
+        return {**self.own, **self.nodes}
+
+
+def stop_order(processes: Iterable[str]) -> list[list[str]]:
+    """These processes in groups; each group is stopped after the one before it has ended."""
+    ranks = sorted({kind.stop_rank for kind in kinds.KINDS})
+    groups: dict[int, list[str]] = {rank: [] for rank in ranks}
+    for name in processes:
+        kind = kinds.kind_of(name)
+        # A user's own process may drive a robot, so it stops with the robots.
+        groups[kind.stop_rank if kind else ranks[0]].append(name)
+    return list(groups.values())
+
+
+def plan_team(launch: TeamLaunch) -> Plan:
+    """The processes of a team."""
+    team = launch.team
+    restarting = {names.robot_name(robot.id) for robot in team.robots if team.restarts(robot)}
+    own: dict[str, Job] = {}
+    beside: dict[str, Job] = {}
+    for kind in kinds.KINDS:
+        for name, options in options_of(kind, launch).items():
+            words = to_line(name, options)
+            job = Job(
+                zteam_command(kind.command, FROM_STDIN), words=words, restarts=name in restarting, may_end=kind.beside
+            )
+            (beside if kind.beside else own)[name] = job
+    nodes = {
+        node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
+        for node in team.nodes
+    }
+    awaited = launch.participants if launch.pace.lockstep else ()
+    optional = frozenset({**beside, **nodes}).difference(awaited)
+    return Plan(own, {**beside, **nodes}, optional, frozenset(beside))
+
+
+def node_command(node: NodeEntry) -> list[str]:
+    """The command of a user's node. `python` is this interpreter, wherever the user's own is, and zteam this zteam."""
+    program, *rest = node.command
+    if is_own(program):
+        return zteam_command(program, *rest)
+    return [sys.executable if is_python(program) else program, *rest]
+
+
+def is_own(program: str) -> bool:
+    """Whether the word is a command of zteam."""
+    return program == "zteam" or program in {kind.command for kind in kinds.KINDS}
+
+
+def is_python(program: str) -> bool:
+    """Whether the word stands for this interpreter."""
+    return program in ("python", "python3")

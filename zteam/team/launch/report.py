@@ -1,0 +1,179 @@
+"""The report of a run, which `zteam up --report` writes."""
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.receiving import KeyCount
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.errors import UsageError, ZteamError
+from zteam.numbers import counted, format_factor
+from zteam.resources import is_folder
+from zteam.runtime.lockstep import RoundTiming
+from zteam.simulator.client import RunFigures, SimReport
+from zteam.team.launch.process import PROC, Usage, measure_usage
+
+
+class ProcessReport(msgspec.Struct):
+    """One process of the run; memory at its peak."""
+
+    name: str
+    pid: int
+    exit: int | None
+    restarts: int
+    rss_mb: float
+    pss_mb: float
+    cpu_seconds: float
+
+
+class RunReport(RunFigures, kw_only=True):
+    """A whole run: the simulator's figures, and what the launcher measured."""
+
+    wall_seconds: float = 0.0
+    """From the command's start to the last tick."""
+    go_after_seconds: float | None = None
+    """From the command's start to GO."""
+    processes: list[ProcessReport] = msgspec.field(default_factory=list)
+    dropped: dict[str, int] = msgspec.field(default_factory=dict)
+    """Refused payloads by key, over all processes."""
+    real_time_factor: float | None = msgspec.field(default=None, name="rtf")
+    """Simulated seconds a second of the host, from GO to the last tick."""
+    rounds: dict[str, RoundTiming] = msgspec.field(default_factory=dict)
+    """Where the participants' time of a tick went, by name (lock-step)."""
+    restarts: dict[str, int] = msgspec.field(default_factory=dict)
+    """How often processes, or nodes in this process, were started again, by name."""
+
+
+_ANSWER_LIMIT = 15.0 * HOST_FACTOR
+"""Host seconds for an answer: a frozen process may go on. One that has ended is not waited for."""
+_IMPORTED = monotonic()
+
+
+def seconds_since_start() -> float:
+    """Host seconds since this process was started, imports included; without /proc, since this module was imported."""
+    try:
+        ticks = int((PROC / "self" / "stat").read_text().rpartition(")")[2].split()[19])
+        uptime = float((PROC / "uptime").read_text().split()[0])
+    except OSError:
+        return monotonic() - _IMPORTED
+    return uptime - ticks / os.sysconf("SC_CLK_TCK")
+
+
+def read_sim_report(bus: Bus) -> SimReport:
+    """The simulator's count. Raises BusError when the simulator does not answer."""
+    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
+
+
+def read_report(bus: Bus) -> RunReport:
+    """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
+    simulator = read_sim_report(bus)
+    report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
+    report.dropped = read_dropped(bus)
+    if simulator.lockstep:
+        report.rounds = read_rounds(bus)
+    return report
+
+
+def complete(
+    report: RunReport,
+    wall_seconds: float,
+    go_after: float | None,
+    processes: list[ProcessReport],
+    restarts: Mapping[str, int],
+    hung: Iterable[str] = (),
+) -> None:
+    """Add what the launcher measured. `wall_seconds` and `go_after` are host seconds since the command's start.
+
+    `hung` are the processes with a step that did not return, besides those that lock-step left behind.
+    """
+    report.wall_seconds = round(wall_seconds, 3)
+    report.go_after_seconds = None if go_after is None else round(go_after, 3)
+    report.processes, report.restarts = processes, dict(restarts)
+    report.hung = list(dict.fromkeys((*report.hung, *hung)))
+
+
+def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
+    """Every participant's own timing."""
+    answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_ANSWER_LIMIT)
+    return {key.partition("/")[0]: timing for key, timing in answers}
+
+
+def read_dropped(bus: Bus) -> dict[str, int]:
+    """Refused payloads by key, summed over every process that answers."""
+    dropped: dict[str, int] = {}
+    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_ANSWER_LIMIT):
+        for key, count in counts.items():
+            if count.dropped:
+                dropped[key] = dropped.get(key, 0) + count.dropped
+    return dict(sorted(dropped.items()))
+
+
+def process_row(
+    name: str, pid: int, code: int | None = 0, restarts: int = 0, usage: Usage | None = None
+) -> ProcessReport:
+    """One process; without `usage` with what it uses now."""
+    if usage is None:
+        usage = Usage()
+        measure_usage(pid, usage)
+    memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
+    return ProcessReport(name, pid, code, restarts, *memory, round(usage.cpu_seconds, 2))
+
+
+def check_writable(path: Path) -> None:
+    """Raise UsageError before the run if the report cannot be written after it."""
+    if is_folder(path):
+        raise UsageError(f"--report {path}: that is a folder; name a file in it")
+    if not is_folder(path.parent):
+        raise UsageError(f"--report {path}: there is no folder {path.parent}; make it first")
+    try:
+        if not path.exists():
+            tempfile.TemporaryFile(dir=path.parent).close()
+        elif not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise UsageError(f"--report {path}: cannot write: {error.strerror or error}; name another file") from None
+
+
+def write_report(path: Path, text: bytes) -> None:
+    """Write the whole of `text`, or nothing: on a failure an older file stays as it was. Raises ZteamError."""
+    path = path.resolve()
+    try:
+        if path.exists() and not (path.is_file() and os.access(path.parent, os.W_OK)):
+            # A device or a pipe must not be replaced by a file, and a read-only folder takes no further file.
+            path.write_bytes(text)
+            return
+        part = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            part.write_bytes(text)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise ZteamError(f"--report {path}: cannot write: {error.strerror or error}") from None
+
+
+def format_report(report: RunReport) -> str:
+    """A short table for a reader."""
+    factor = report.real_time_factor
+    pace = "" if factor is None else f", {format_factor(factor)} x real time"
+    lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
+    lines.append(f"{'robot':8}{'follows':>8}{'driven, m':>11}{'last gap, m':>13}{'stalls':>8}{'late steps':>12}")
+    for robot in report.robots:
+        follows = "-" if robot.follow is None else str(robot.follow)
+        gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
+        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>11.2f}{gap:>13}{robot.stalls:>8}{robot.late_steps:>12}"
+        lines.append(row)
+    if report.lockstep:
+        lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
+    restarted = [f"{name} {counted(count, 'time')}" for name, count in sorted(report.restarts.items())]
+    if restarted:
+        lines.append(f"started again: {', '.join(restarted)}")
+    memory = sum(p.pss_mb for p in report.processes)
+    lines.append(f"{counted(len(report.processes), 'process', 'processes')}, {memory:.0f} MB together (PSS)")
+    return "\n".join(lines)

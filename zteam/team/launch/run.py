@@ -1,0 +1,358 @@
+"""One run of a team from start to end: members, GO, time limit, report, stop in order.
+
+`TeamRun` is what all runs have in common; in a `ProcessRun` the members are processes at a router, and in
+`zteam.team.in_process.run` they are threads of this process.
+"""
+
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from typing import Self
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, port_accepts
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus.router import release_port
+from zteam.clock import local_time_text
+from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.process_options import FROM_STDIN
+from zteam.runtime.kinds import ROUTER, ROUTER_KIND, kind_of
+from zteam.runtime.process_node import LogPublisher
+from zteam.runtime.shutdown import HUNG, Stop
+from zteam.team.launch.plan import plan_team, stop_order
+from zteam.team.launch.process import Process, exit_text, zteam_command
+from zteam.team.launch.progress import Progress, TeamOverview
+from zteam.team.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
+from zteam.team.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
+from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.warm_parent import WarmParent
+
+log = logging.getLogger("zteam")
+
+ROUTER_DEADLINE = 20.0
+"""Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""
+ANY_PORT = "tcp/127.0.0.1:0"
+LEASE_MARGIN = 5.0
+"""Host seconds that a lease exceeds the time-out of lock-step: a hung participant must not look dead earlier."""
+_LAST_WORDS = 1.0
+"""Host seconds to wait for the output of a process that has ended."""
+
+
+def lease_for(pace: Pace, given: float) -> float:
+    """The lease of all sessions of a team, and of its router."""
+    return max(given, pace.timeout + LEASE_MARGIN) if pace.lockstep else given
+
+
+def choose_endpoint() -> str:
+    """Where the team's router listens: at the default port, where tools look for it, or at any port.
+
+    An idle router on demand, which a command has left behind, gives the default port up.
+    """
+    taken = port_accepts(DEFAULT_ENDPOINT, timeout=0.2) and not release_port(DEFAULT_ENDPOINT)
+    return ANY_PORT if taken else DEFAULT_ENDPOINT
+
+
+def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
+    """Say how tools find a router at `endpoint` if they do not look there; `connect` is what the user asked for."""
+    if connect is None and endpoint != DEFAULT_ENDPOINT:
+        log.warning(
+            "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s", DEFAULT_ENDPOINT, endpoint
+        )
+
+
+def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, str]:
+    """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
+    this process's environment."""
+    return {
+        "ZTEAM_CONNECT": endpoint,
+        "ZTEAM_NAMESPACE": bus.namespace or "",
+        "ZTEAM_CONFIG": bus.config or "",
+        "ZTEAM_LEASE": str(lease_for(pace, bus.lease)),
+    }
+
+
+def claim_namespace(bus: Bus, stop: Stop) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
+
+    Requests the stop if a healed network shows an older launcher.
+    """
+
+    def on_rival(info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        stop.request("another team holds the namespace")
+
+    claim = Claim(bus, names.LAUNCHER)
+    try:
+        claim.win(on_rival)
+    except DuplicateNameError:
+        refuse_second_team(bus, ())
+        raise
+    return claim
+
+
+def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
+    """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
+    found = {info.name: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    for name in (names.LAUNCHER, *needed):
+        if name in found:
+            info = found[name]
+            what = "a team" if name == names.LAUNCHER else name
+            raise BusError(
+                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
+                "stop it, or use --namespace"
+            )
+
+
+def start_router(supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE) -> Process:
+    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence."""
+    arguments = ("--listen", listen, "--announce", "--lease", str(lease))
+    return supervisor.start(ROUTER_KIND.name, zteam_command(ROUTER_KIND.command, *arguments))
+
+
+def wait_for_endpoint(
+    supervisor: Supervisor, router: Process, timeout: float, stopped: Callable[[], bool] = lambda: False
+) -> str:
+    """The endpoint that the router prints; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
+
+    def endpoint() -> str:
+        # A copy, because a thread appends lines. Lines of the router's log begin with the time.
+        return next((line for line in list(router.lines) if line.startswith(("tcp/", "tls/"))), "")
+
+    supervisor.wait(lambda: stopped() or not router.running or bool(endpoint()), timeout)
+    return endpoint()
+
+
+class TeamRun:
+    """Use as: `with … as run: run.start(); run.watch(); report = run.finish()`."""
+
+    bus: Bus | None
+    """The launcher's own session; None before there is a router."""
+    endpoint: str
+    """Of the router; empty before there is one."""
+
+    def __init__(
+        self, launch: TeamLaunch, stop: Stop, supervisor: Supervisor, since_start: Callable[[], float] | None = None
+    ) -> None:
+        """`since_start()` is host seconds since the run was asked for; by default since this process began."""
+        self.launch = launch
+        self.plan = plan_team(launch)
+        self.supervisor = supervisor
+        self._stop = stop
+        self._since_start = since_start or seconds_since_start
+        self._hurry = False
+        self._progress: Progress | None = None
+        self._own: list[ProcessReport] = []
+        self._hung: set[str] = set()
+        self._ends = ExitStack()
+        """Of what it holds on the bus."""
+        stop.on_request(self._wake)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._stop_all()
+        finally:
+            self._ends.close()
+            if self._progress is not None:
+                self._progress.close()
+            if self.bus is not None:
+                self.bus.close()
+            self.supervisor.close()
+
+    def start(self) -> None:
+        """Start the members."""
+        raise NotImplementedError
+
+    def _wake(self) -> None:
+        with self.supervisor.changed:
+            self.supervisor.changed.notify_all()
+
+    def hurry(self) -> None:
+        """Kill what does not stop at once: the user asked a second time."""
+        self._hurry = True
+        self._wake()
+
+    def _on_failure(self, member: Member, again: Again) -> None:
+        log_failure(member.name, member.exit_code, again)
+
+    def _begin_progress(self) -> None:
+        assert self.bus is not None
+        self._progress = Progress(self.bus, self.launch.has_end, self.supervisor.changed, self._since_start)
+
+    def _start_nodes(self, environment: Mapping[str, str]) -> None:
+        """Start the nodes of the team file, which are processes; `environment` lets them join the team."""
+        for name, job in self.plan.nodes.items():
+            self.supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
+
+    def _hold_namespace(self) -> None:
+        """Hold the launcher's name. Raises BusError if another team is there."""
+        assert self.bus is not None
+        self._ends.callback(claim_namespace(self.bus, self._stop).release)
+
+    def _open_log(self, bus: Bus) -> None:
+        self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
+
+    def _serve(self, bus: Bus) -> None:
+        serve_restarts(bus, lambda: dict(self.supervisor.restarts.counts))
+
+    def team_overview(self) -> TeamOverview:
+        """A watch on the team that was started."""
+        assert self.bus is not None
+        ids = [robot.id for robot in self.launch.team.robots]
+        return TeamOverview(self.bus, ids, is_simulated=self.launch.world is not None)
+
+    def watch(self, go_timeout: float | None = None) -> None:
+        """Wait for the end of the run, of all its members, or for the stop request.
+
+        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
+        launcher's start.
+        """
+        progress, supervisor, missing = self._progress, self.supervisor, list[str]()
+        assert progress is not None
+
+        def is_over() -> bool:
+            if self._stop.requested or progress.wall is not None:
+                return True
+            missing[:] = self._missing(progress.go_after is not None)
+            return bool(missing) or supervisor.members.keys() - self.plan.beside <= supervisor.ended
+
+        if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
+            progress.check_begun(go_timeout)
+        while not supervisor.wait(is_over, 1.0):
+            pass
+        if missing:
+            told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing)
+            raise ZteamError(f"{told}: the run cannot {'begin' if progress.go_after is None else 'be finished'}")
+
+    def _missing(self, begun: bool) -> list[str]:
+        """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
+        if not self.launch.has_end:
+            return []
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.beside]
+        if begun:
+            return [name for name in ended if (kind := kind_of(name)) is not None and kind.carries_run]
+        return [name for name in ended if name not in self.plan.optional]
+
+    def _last_words(self, name: str) -> str:
+        """Why a member ended: its exit code and the last line of its output."""
+        member = self.supervisor.members[name]
+        member.join(_LAST_WORDS)
+        said = [line for line in member.lines if line.strip()]
+        return exit_text(member.exit_code) + (f": {said[-1].strip()}" if said else "")
+
+    @property
+    def failed(self) -> set[str]:
+        """Names of the members that have failed for good, or hang, without those that the team does not need."""
+        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.beside
+
+    def finish(self) -> RunReport | None:
+        """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
+        has_counts = self.launch.world is not None and not self._stop.requested
+        report = read_report(self.bus) if self.bus is not None and has_counts else None
+        self._stop_all()
+        if report is None or self._progress is None:
+            return None
+        restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
+        rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
+        wall = self._progress.wall or self._since_start()
+        complete(report, wall, self._progress.go_after, [*rows, *self._own], restarts, sorted(self._hung))
+        return report
+
+    def _pids(self) -> dict[str, int]:
+        """Processes besides those of the supervisor, by name."""
+        return {names.LAUNCHER: os.getpid()}
+
+    def _stop_all(self) -> None:
+        self.supervisor.measure()
+        running = [member for member in self.supervisor.members.values() if member.running]
+        if running:
+            # Measured before the others end: then the pages that it shares with them would count as its own.
+            self._own = [process_row(name, pid) for name, pid in self._pids().items()]
+        for group in stop_order(self.supervisor.members):
+            self.supervisor.stop(group, lambda: self._hurry)
+        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside
+        for member in () if self._hurry else running:
+            if member.exit_code == -signal.SIGKILL:
+                # A busy machine or a pause may be the reason.
+                log.warning("%s had not ended %g s after it was asked to, and was killed", member.name, GRACE)
+
+
+class ProcessRun(TeamRun):
+    """A run whose members are processes."""
+
+    def __init__(
+        self,
+        launch: TeamLaunch,
+        bus: BusOptions,
+        stop: Stop,
+        on_line: Callable[[str, str], None],
+        warm: WarmParent,
+    ) -> None:
+        super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
+        self._options = bus
+        self._warm = warm
+        self._lease = lease_for(launch.pace, bus.lease)
+        self.bus = None
+        self.endpoint = bus.connect or ""
+
+    def _pids(self) -> dict[str, int]:
+        return {**super()._pids(), **self._warm.pids}
+
+    def start(self) -> None:
+        """Start all processes at once, so that they import while the router starts."""
+        supervisor, has_own_router = self.supervisor, not self.endpoint
+        if has_own_router:
+            start_router(supervisor, choose_endpoint(), self._lease)
+        else:
+            self._connect()
+            assert self.bus is not None
+            refuse_second_team(self.bus, self.plan.jobs)
+            self._hold_namespace()
+        waiting = node_environment(self.endpoint or FROM_STDIN, self._options, self.launch.pace)
+        for name, job in self.plan.own.items():
+            supervisor.start_job(name, msgspec.structs.replace(job, environment=waiting))
+        if has_own_router:
+            self.endpoint = self._wait_for_router()
+            for name in self.plan.own:
+                supervisor.tell(name, self.endpoint)
+            self._connect()
+        self._start_nodes(node_environment(self.endpoint, self._options, self.launch.pace))
+        self._begin_progress()
+        if has_own_router:
+            # There the team has no rival yet, so subscribing to GO comes first.
+            self._hold_namespace()
+        if self._stop.requested:
+            self._wake()
+
+    def _connect(self) -> None:
+        options = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)
+        self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
+        self._open_log(self.bus)
+        self._serve(self.bus)
+
+    def _wait_for_router(self) -> str:
+        """The endpoint of the team's own router. Raises BusError if none listens."""
+        endpoint = self._wait_for_endpoint()
+        router = self.supervisor.processes[ROUTER]
+        if not endpoint and not self._stop.requested and not router.running:
+            # Another program took the port after `choose_endpoint` looked: any port will do.
+            router.join(ROUTER_DEADLINE)
+            # Robots that failed meanwhile have failed.
+            self.supervisor.failures.remove(router)
+            router = start_router(self.supervisor, lease=self._lease)
+            endpoint = self._wait_for_endpoint()
+        if not endpoint:
+            last = list(router.lines)[-1:]
+            raise BusError("stopped" if self._stop.requested else f"the router did not start: {last}")
+        return endpoint
+
+    def _wait_for_endpoint(self) -> str:
+        router = self.supervisor.processes[ROUTER]
+        return wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)

@@ -1,0 +1,333 @@
+"""Starts, watches and ends the members of a team, which are processes, or nodes of this process, and starts those again
+that have failed. No process outlives the supervisor, however that ends."""
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, NoRequest
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.errors import ZteamError
+from zteam.team.launch.process import Process, StartChild, exit_text, spawn
+
+log = logging.getLogger("zteam")
+
+GRACE = 2.0 * HOST_FACTOR
+"""Seconds from SIGTERM until SIGKILL; the processes end themselves after 1.5."""
+_SAMPLE_PERIOD = 5.0
+"""Seconds between measurements: reading a process's PSS walks its page tables, which delays it by milliseconds."""
+
+
+_CLEAN = frozenset({0, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.SIGPIPE})
+"""Exit codes of a process that has not failed, or that was asked to end; systemd has the same."""
+
+
+DELAYS = (1.0, 2.0, 4.0, 8.0, 8.0)
+"""Host seconds before each restart in a row; after as many it is given up."""
+STEADY = 60.0
+"""A process that ran for so many host seconds has recovered: its next failure is the first in a row."""
+
+
+class Again(NamedTuple):
+    """What happens after a failure."""
+
+    delay: float | None = None
+    """Host seconds until the process is started again; None = never."""
+    in_row: int = 0
+    """How many failures in a row it has had with this one; 0 for a process that is never started again."""
+
+
+def after_failure(before: int, ran_for: float) -> Again:
+    """What follows when a process fails after `ran_for` host seconds, with `before` failures in a row until then."""
+    in_row = 1 if ran_for >= STEADY else before + 1
+    return Again(DELAYS[in_row - 1] if in_row <= len(DELAYS) else None, in_row)
+
+
+class Restarts:
+    """Starts processes again, each after its delay, until `end`."""
+
+    def __init__(self, start: Callable[[str], None]) -> None:
+        """`start(name)` is called on a thread of its own, never after `cancel` or `end`."""
+        self._start = start
+        self._lock = threading.Lock()
+        self._in_row: dict[str, int] = {}
+        """The failures in a row of each process that is started again."""
+        self._begun: dict[str, float] = {}
+        self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
+        self._ended = False
+        self.counts: dict[str, int] = {}
+        """How often each process was started again."""
+
+    def note_start(self, name: str, restarts: bool) -> None:
+        """The process starts now; with `restarts` it is started again when it has failed."""
+        if restarts:
+            self._in_row.setdefault(name, 0)
+        self._begun[name] = monotonic()
+
+    def take_failure(self, name: str) -> Again:
+        """The process has failed: whether and when it is started again."""
+        with self._lock:
+            if name not in self._in_row or self._ended:
+                return Again()
+            again = after_failure(self._in_row[name], monotonic() - self._begun[name])
+            self._in_row[name] = again.in_row
+            if again.delay is not None:
+                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
+                timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))  # noqa: TID251
+                timer.name, timer.daemon = f"restart {name}", True
+                timer.start()
+        return again
+
+    def _again(self, name: str) -> None:
+        with self._lock:
+            if self._timers.pop(name, None) is None:
+                return
+            self.counts[name] = self.counts.get(name, 0) + 1
+            # With the lock: `cancel` returns when what it cancels cannot start any more.
+            self._start(name)
+
+    def cancel(self, processes: Iterable[str]) -> None:
+        """Do not start these again."""
+        with self._lock:
+            for name in processes:
+                self._in_row.pop(name, None)
+                timer = self._timers.pop(name, None)
+                if timer is not None:
+                    timer.cancel()
+
+    def end(self) -> None:
+        """Start nothing any more."""
+        with self._lock:
+            self._ended = True
+        self.cancel([*self._in_row])
+
+
+def serve_restarts(bus: Bus, counts: Callable[[], dict[str, int]]) -> None:
+    """Let the monitor ask how often each process was started again, by name."""
+    bus.serve(names.service_key(names.LAUNCHER, names.RESTARTS), NoRequest, lambda _: counts())
+
+
+def log_failure(name: str, code: int | None, again: Again) -> None:
+    """Say that a process has failed, and whether and when it is started again."""
+    told = f"{name} ended: {exit_text(code)}"
+    if again.delay is not None:
+        log.warning("%s; it is started again in %g s (%d of %d)", told, again.delay, again.in_row, len(DELAYS))
+    elif again.in_row:
+        log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
+    else:
+        log.error("%s; it is not started again", told)
+
+
+class Job(msgspec.Struct, frozen=True):
+    """What it takes to start a process, once or again."""
+
+    command: Sequence[str]
+    environment: Mapping[str, str] = {}
+    """Added to this process's."""
+    folder: Path | None = None
+    """Where it runs; None = where this process runs."""
+    words: str = ""
+    """The first line of its standard input."""
+    restarts: bool = False
+    """Whether it is started again when it has failed."""
+    may_end: bool = False
+    """Whether it may end by itself, with exit code 0."""
+
+
+class Member(Protocol):
+    """What the supervisor needs of a member of a team; `Process` is one, and says what each of these is."""
+
+    name: str
+    stopping: bool
+
+    @property
+    def lines(self) -> Collection[str]: ...
+    @property
+    def exit_code(self) -> int | None: ...
+    @property
+    def running(self) -> bool: ...
+    def terminate(self) -> None: ...
+    def kill(self) -> None: ...
+    def join(self, timeout: float) -> bool: ...
+
+
+class Supervisor:
+    """Members of a team by name.
+
+    Each child inherits the read end of a pipe; this process alone has the write end. When this process ends, the
+    children read the end of the file and stop.
+    """
+
+    def __init__(
+        self,
+        on_line: Callable[[str, str], None],
+        on_failure: Callable[[Member, Again], None],
+        start_child: StartChild = spawn,
+    ) -> None:
+        """`on_failure(member, again)`: it has failed, and whether it is started again."""
+        self._on_line = on_line
+        self._on_failure = on_failure
+        self._start_child = start_child
+        self.members: dict[str, Member] = {}
+        self.changed = threading.Condition()
+        """Notified when a process writes a line, and when a member ends."""
+        self.failures: list[Member] = []
+        """Those that ended without being asked to, and are not started again."""
+        self.ended: set[str] = set()
+        """Names of those that have ended and are not started again."""
+        self._begin: dict[str, Callable[[], Member]] = {}
+        self._may_end: set[str] = set()
+        self._told: dict[str, str] = {}
+        self.restarts = Restarts(self._start_after_failure)
+        self._read_end, self._write_end = os.pipe()
+        self._closing = threading.Event()
+        self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
+        self._sampler.start()
+
+    def __enter__(self) -> "Supervisor":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def processes(self) -> dict[str, Process]:
+        """The members that are processes."""
+        return {name: member for name, member in list(self.members.items()) if isinstance(member, Process)}
+
+    def start(self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None) -> Process:
+        """Start a process. It replaces one of the same name, which is killed first if it still runs."""
+        return self.start_job(name, Job(command, environment or {}))
+
+    def start_job(self, name: str, job: Job) -> Process:
+        """As `start`. Raises ZteamError if the command cannot be started."""
+        process = self.start_member(name, partial(self._spawn, name, job), restarts=job.restarts, may_end=job.may_end)
+        assert isinstance(process, Process)
+        return process
+
+    def start_member(
+        self, name: str, begin: Callable[[], Member], *, restarts: bool = False, may_end: bool = False
+    ) -> Member:
+        """Start a member with `begin()`, which has `take_end` called when it ends; it replaces one of the same name."""
+        if name in self.members:
+            self.members[name].stopping = True
+            self.members[name].kill()
+            self.members[name].join(GRACE)
+        self._begin[name] = begin
+        self.ended.discard(name)
+        (self._may_end.add if may_end else self._may_end.discard)(name)
+        self.restarts.note_start(name, restarts)
+        member = begin()
+        with self.changed:
+            self.members[name] = member
+        return member
+
+    def _spawn(self, name: str, job: Job) -> Process:
+        try:
+            process = Process(
+                name,
+                job.command,
+                self._read_end,
+                on_line=self._take_line,
+                on_exit=self.take_end,
+                environment=job.environment,
+                folder=job.folder,
+                start_child=self._start_child,
+            )
+        except OSError as error:
+            raise ZteamError(f"{name}: cannot start {job.command[0]}: {error.strerror or error}") from None
+        if job.words:
+            process.write_line(job.words, last=False)
+        if name in self._told:
+            process.write_line(self._told[name])
+        return process
+
+    def restart(self, name: str) -> Member:
+        """Start a member again as before, with the line that it was told."""
+        return self.start_member(name, self._begin[name], may_end=name in self._may_end)
+
+    def tell(self, name: str, text: str) -> None:
+        """Write a line to the standard input of a process, and of those that replace it, then close the input."""
+        self._told[name] = text
+        self.processes[name].write_line(text)
+
+    def _start_after_failure(self, name: str) -> None:
+        try:
+            self.restart(name)
+        except ZteamError as error:
+            log.error("%s; it is not started again", error)
+            with self.changed:
+                self.failures.append(self.members[name])
+                self.ended.add(name)
+                self.changed.notify_all()
+
+    def _take_line(self, process: Process, line: str) -> None:
+        self._on_line(process.name, line)
+        with self.changed:
+            self.changed.notify_all()
+
+    def take_end(self, member: Member) -> None:
+        """A member has ended."""
+        name, code = member.name, member.exit_code
+        failed = not member.stopping and not (code == 0 and name in self._may_end)
+        again = self.restarts.take_failure(name) if failed and code not in _CLEAN else Again()
+        if again.delay is None:
+            self.ended.add(name)
+        if failed:
+            self._on_failure(member, again)
+        with self.changed:
+            if failed and again.delay is None:
+                self.failures.append(member)
+            self.changed.notify_all()
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `ready()`, checked when a process writes a line or a member ends, for at most `timeout` s."""
+        with self.changed:
+            return wait_until(self.changed, ready, timeout)
+
+    def stop(self, names: Sequence[str], hurry: Callable[[], bool] = lambda: False) -> None:
+        """Ask these members to stop, all at once; kill the rest after GRACE, or as soon as `hurry()`."""
+        self.restarts.cancel(names)
+        chosen = [self.members[name] for name in names if name in self.members]
+        for member in chosen:
+            member.terminate()
+        self.wait(lambda: hurry() or not any(m.running for m in chosen), GRACE)
+        for member in chosen:
+            if member.running:
+                member.kill()
+            # A thread cannot be killed; GRACE is over.
+            if isinstance(member, Process) or not member.running:
+                member.join(GRACE)
+
+    def close(self) -> None:
+        """Kill every process that still runs."""
+        self.restarts.end()
+        for member in self.members.values():
+            member.stopping = True
+            if member.running:
+                member.kill()
+        for process in self.processes.values():
+            process.join(GRACE)
+        for end in (self._read_end, self._write_end):
+            if end >= 0:
+                os.close(end)
+        self._read_end = self._write_end = -1
+        self._closing.set()
+        self._sampler.join(GRACE)
+
+    def measure(self) -> None:
+        """Update the memory and processor time of every process."""
+        for process in self.processes.values():
+            process.measure()
+
+    def _sample(self) -> None:
+        while not self._closing.wait(_SAMPLE_PERIOD):
+            self.measure()

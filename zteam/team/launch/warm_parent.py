@@ -1,0 +1,270 @@
+"""Children that are forked from a warm parent instead of spawned: they start at once and share its memory.
+
+A warm parent is a process that has imported what children need (`fork_server.py`). Where that cannot be had, children
+are spawned: they take more time and memory, and behave alike.
+"""
+
+import contextlib
+import io
+import logging
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO
+
+import msgspec
+
+from zteam.clock import HOST_FACTOR
+from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, Start
+from zteam.team.launch.process import Child, environment_of, spawn
+
+log = logging.getLogger("zteam")
+
+NAME = "warm_parent"
+"""What a report calls it."""
+NO_FORK = "ZTEAM_NO_FORK"
+"""Environment: anything but nothing makes all children be spawned."""
+UNKNOWN = 255
+"""Exit code of a child whose warm parent was killed, which alone knew it."""
+_HOOKS = ("COVERAGE_PROCESS_START", "COV_CORE_SOURCE")
+"""Environment: measures every interpreter from its first line on, so a fork would miss some."""
+_OWN_VARIABLES = ("ZTEAM_", "PYTEST_")
+"""Prefixes of the variables that zteam reads when it needs them, and that modules and libraries do not read."""
+_PATIENCE = 60.0 * HOST_FACTOR
+"""Host seconds for a warm parent to answer: it may have to import from a slow disk first."""
+
+
+def can_fork() -> bool:
+    """Whether this system has what a warm parent needs, and the user has not refused it."""
+    if sys.platform != "linux" or os.environ.get(NO_FORK) or any(name in os.environ for name in _HOOKS):
+        return False
+    try:
+        os.close(os.pidfd_open(os.getpid()))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+class _Server:
+    """A process that forks. It ends when its socket is closed."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.children: set[int] = set()
+        """Process ids of those that have not been collected."""
+        self.environment = _inherited_environment()
+        self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._end.settimeout(_PATIENCE)
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "zteam.team.launch.fork_server", str(theirs.fileno())],
+                # Pipes, as its children will have them. What modules say while they are imported is not read.
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=(theirs.fileno(),),
+                env=environment_of({}),
+                process_group=0,
+            )
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether it can be asked."""
+        return self._end.fileno() >= 0 and self.process.poll() is None
+
+    def fork(self, start: Start, descriptors: Sequence[int]) -> "ForkedChild":
+        """A child with this standard input, output, error and lifeline. Raises OSError."""
+        folder = os.open(".", os.O_PATH)
+        try:
+            pid = self._ask(start, [*descriptors, folder])
+        finally:
+            os.close(folder)
+        try:
+            child = ForkedChild(pid, os.pidfd_open(pid), self)
+        except OSError:
+            # There is none left to watch it with. It must not run beside the one that is spawned in its place.
+            os.kill(pid, signal.SIGKILL)
+            raise
+        self.children.add(pid)
+        return child
+
+    def collect(self, pid: int) -> int:
+        """The exit code of a child that has ended; its process id becomes free."""
+        self.children.discard(pid)
+        try:
+            return self._ask(pid)
+        except OSError as error:
+            log.debug("exit code of process %d: %s", pid, error)
+            return UNKNOWN
+
+    def close(self) -> None:
+        """End the process. Its children go on, but their exit codes are lost."""
+        self._end.close()
+        self.process.kill()
+        self.process.wait()
+
+    def _ask(self, order: Order, descriptors: Sequence[int] = ()) -> int:
+        with self._lock:
+            try:
+                socket.send_fds(self._end, [msgspec.msgpack.encode(order)], descriptors)
+                data = self._end.recv(MAX_MESSAGE)
+            except TimeoutError:
+                # What it says later would be taken for the reply to another order.
+                self._end.close()
+                raise
+        if not data:
+            raise ConnectionResetError("the warm parent is gone")
+        reply = msgspec.msgpack.decode(data, type=Reply)
+        if isinstance(reply, int):
+            return reply
+        raise OSError(reply)
+
+
+class ForkedChild:
+    """A child of a warm parent: a `Child`."""
+
+    def __init__(self, pid: int, descriptor: int, server: _Server) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+        self.stdin: IO[str] | None = None
+        self.stdout: IO[str] | None = None
+        self._descriptor = descriptor
+        self._server = server
+        self._lock = threading.Lock()
+
+    def poll(self) -> int | None:
+        """Find out whether it has ended; its exit code."""
+        with self._lock:
+            if self.returncode is None and _wait_for(self._descriptor, 0):
+                self.returncode = self._server.collect(self.pid)
+                os.close(self._descriptor)
+        return self.returncode
+
+    def wait(self) -> int:
+        """Wait until it has ended; the warm parent ends the rest of its group and releases its process id."""
+        with self._lock:
+            # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
+            descriptor = os.dup(self._descriptor) if self.returncode is None else None
+        if descriptor is not None:
+            _wait_for(descriptor, None)
+            os.close(descriptor)
+        code = self.poll()
+        assert code is not None
+        return code
+
+    def send_signal(self, sig: int) -> None:
+        """Send it a signal if it still runs."""
+        with self._lock:
+            if self.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(self._descriptor, sig)
+
+
+def _wait_for(descriptor: int, timeout: float | None) -> bool:
+    # Host time: a process has ended when its descriptor can be read; no time is measured.
+    waiting = select.poll()  # noqa: TID251
+    waiting.register(descriptor, select.POLLIN)
+    return bool(waiting.poll(timeout))
+
+
+class WarmParent:
+    """Starts children as `spawn` does, but forks those that run a command of zteam.
+
+    Its process starts with `prepare` or the first child, and anew when it has died.
+    """
+
+    def __init__(self) -> None:
+        self._server: _Server | None = None
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> "WarmParent":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process id of the warm parent by its name, if it runs."""
+        server = self._server
+        return {NAME: server.process.pid} if server is not None and server.running else {}
+
+    def prepare(self) -> None:
+        """Begin to import now."""
+        if can_fork():
+            with contextlib.suppress(OSError):
+                self._find_server()
+
+    def start(
+        self, command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None
+    ) -> Child:
+        """Start a child, as StartChild says."""
+        if (
+            folder is None
+            and can_fork()
+            and _is_own(command)
+            and all(n.startswith(_OWN_VARIABLES) for n in environment)
+        ):
+            try:
+                return self._fork(command, lifeline, environment)
+            except OSError as error:
+                log.debug("%s is spawned: %s", command[3], error)
+        return spawn(command, lifeline, environment, folder)
+
+    def _fork(self, command: Sequence[str], lifeline: int, environment: Mapping[str, str]) -> ForkedChild:
+        given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
+        start = Start(command[3], list(command[4:]), given)
+        with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
+            stdin, writer = os.pipe()
+            theirs.callback(os.close, stdin)
+            ours.callback(os.close, writer)
+            reader, stdout = os.pipe()
+            theirs.callback(os.close, stdout)
+            ours.callback(os.close, reader)
+            child = self._find_server().fork(start, [stdin, stdout, stdout, lifeline])
+            ours.pop_all()
+        # As subprocess.Popen opens them.
+        child.stdin = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")
+        child.stdout = os.fdopen(reader, errors="replace")
+        return child
+
+    def close(self) -> None:
+        """End the process. Its children go on, but their exit codes are lost."""
+        with self._lock:
+            if self._server is not None:
+                self._server.close()
+            self._server = None
+
+    def _find_server(self) -> _Server:
+        with self._lock:
+            server = self._server
+            if server is not None and server.running and server.environment != _inherited_environment():
+                if server.children:
+                    raise OSError("the environment is another one than that of the processes that run")
+                server.close()
+            if server is None or not server.running:
+                if server is not None:
+                    server.close()
+                self._server = server = _Server()
+            return server
+
+
+def _is_own(command: Sequence[str]) -> bool:
+    """Whether it is a command line as `zteam_command` makes them."""
+    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.cli.")
+
+
+def _inherited_environment() -> dict[str, str]:
+    """What a warm parent takes over when it starts: the environment, as far as modules and libraries read it."""
+    found = {name: value for name, value in os.environ.items() if not name.startswith(_OWN_VARIABLES)}
+    paths = filter(None, found.get("PYTHONPATH", "").split(os.pathsep))
+    return {**found, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in paths)}

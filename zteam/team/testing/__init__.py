@@ -1,0 +1,33 @@
+"""Tests of teams, nodes and behaviours.
+
+The pytest fixture `team` starts a whole team of real processes; `Team` is its type, for annotations. `run_node` runs
+one node of your own in the test's process on a `MemoryHub`, `make_view` makes what a behaviour sees, and `find_faults`
+tells what `zteam check` finds wrong.
+"""
+
+import importlib
+
+# Not typing's own: every pytest run on a machine with zteam imports this module.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from zteam.bus import MemoryHub
+    from zteam.robot.trials.check import find_faults
+    from zteam.team.testing.in_memory import RunningNode, make_view, run_node
+    from zteam.team.testing.team import TeamFixture as Team
+
+__all__ = ["MemoryHub", "RunningNode", "Team", "find_faults", "make_view", "run_node"]
+
+
+_MODULES = {"MemoryHub": "zteam.bus", "Team": "zteam.team.testing.team", "find_faults": "zteam.robot.trials.check"}
+"""Where these are; the rest is in `in_memory`."""
+
+
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module 'zteam.testing' has no attribute {name!r}")
+    module = importlib.import_module(_MODULES.get(name, "zteam.team.testing.in_memory"))
+    return getattr(module, "TeamFixture" if name == "Team" else name)
+
+
+def __dir__() -> list[str]:
+    return __all__

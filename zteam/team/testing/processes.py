@@ -1,0 +1,393 @@
+"""The processes of a team under test, or its nodes in this process: a router and a namespace of their own, start, end,
+output and presence, and a watch on those that end or hang though the test did not ask for that.
+
+Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
+"""
+
+import itertools
+import os
+import subprocess
+from collections.abc import Callable
+from concurrent.futures import Future, wait
+from contextlib import ExitStack
+from functools import partial
+from itertools import takewhile
+from threading import Thread
+from typing import Any
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.options import LEASE
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.errors import UsageError, ZteamError
+from zteam.process_options import LOCKSTEP_TIMEOUT
+from zteam.robot_ids import format_robot_ids
+from zteam.runtime.faults import ENDED
+from zteam.runtime.kinds import ROUTER
+from zteam.simulator.client import SimStatus, SimulatorClient
+from zteam.team.in_process.run import InProcessRun
+from zteam.team.in_process.user_calls import UserCall, user_calls
+from zteam.team.launch.plan import stop_order
+from zteam.team.launch.process import exit_text, zteam_command
+from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
+from zteam.team.launch.supervisor import GRACE, Job, Supervisor
+from zteam.team.launch.team_launch import Pace
+from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.testing.view import RobotView, TeamView
+
+_LAST_LINES = 5
+"""Of a process that has ended without an error of the user's code."""
+START_LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds for processes to start: many times the longest start on a crowded machine."""
+
+_SILENT_AFTER = 1.5
+"""Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
+_TRIES = 3
+"""How often a team in this process is asked to end."""
+
+WARM_PARENT = WarmParent()
+"""Of all teams of this pytest process."""
+
+numbers = itertools.count(1)
+
+
+class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
+    """A process of the team has ended or hangs, and the test did not ask for that."""
+
+
+class TeamTimeout(TeamFailure):
+    """A condition did not come true in time."""
+
+
+class TeamProcesses:
+    """Real processes by name, or the nodes of a team in this process. None ends or hangs unnoticed.
+
+    The router is started when it is needed.
+    """
+
+    def __init__(self) -> None:
+        self.namespace = f"test_{os.getpid()}_{next(numbers)}"
+        """Key prefix of this team alone."""
+        self.log: list[tuple[str, str]] = []
+        """(process, line) in the order of arrival, for the report of a failed test."""
+        self._supervisor = Supervisor(lambda *line: self.log.append(line), lambda *_: None, WARM_PARENT.start)
+        self._bus: Bus | None = None
+        """None until the router runs or the team in this process is made."""
+        self._endpoint = ""
+        self._lease: float | None = None
+        """Of the sessions of a team that was started, in host seconds."""
+        self._seen: TeamView
+        self._in_process: InProcessRun | None = None
+        """The team in this process; None for processes."""
+        self._in_process_ends = ExitStack()
+        self._may_end: set[str] = set()
+        """Processes that may end or hang."""
+        self._hangs: dict[str, str] = {}
+        """How processes hang, in words."""
+        self._present: set[str] = set()
+        """Processes of the team that were there once."""
+        self._interval = 0
+        """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
+        self._silence_limit = LOCKSTEP_TIMEOUT
+        """Host seconds that a living process may be silent."""
+        self._has_team = False
+        self._restarts: set[str] = set()
+        """Processes that are started again when they have failed."""
+        self._participants: set[str] = set()
+        """Those that are expected, then those of the newest tick that the test has let the world take."""
+
+    def _open(self) -> None:
+        """Start the router and open the test's own session, unless that was done before.
+
+        All calls that look at the team come here, so they fail for a process that has failed.
+        """
+        self._check()
+        if self._bus is not None:
+            return
+        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
+        lease = lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+        router = start_router(self._supervisor, lease=lease)
+        self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
+        if not self._endpoint:
+            raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
+        options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease)
+        self._bus = connect(options, patience=START_LIMIT)
+        self._seen = TeamView(self._bus, self._repeat)
+
+    def expect_end(self, *processes: str) -> None:
+        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
+        self._may_end.update(processes)
+
+    def _check(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
+        for name, text in self._hangs.items():
+            if name not in self._may_end:
+                raise TeamFailure(text)
+        for process in self._supervisor.failures:
+            if process.name not in self._may_end:
+                raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
+
+    def lines(self, name: str) -> list[str]:
+        """What a process has written so far."""
+        return [line for process, line in self.log if process == name]
+
+    def _words(self, name: str) -> str:
+        """The last error of a process with the user's frames, else its last lines."""
+        return _last_words(name, self.lines(name))
+
+    def _need_processes(self, what: str) -> None:
+        if self._in_process is not None:
+            raise UsageError(f"team.{what} needs processes: leave in_process out")
+
+    @property
+    def bus(self) -> Bus:
+        """A session in the team's namespace."""
+        self._open()
+        assert self._bus is not None
+        return self._bus
+
+    @property
+    def endpoint(self) -> str:
+        """Where the team's router listens."""
+        self._need_processes("endpoint")
+        self._open()
+        return self._endpoint
+
+    @property
+    def _view(self) -> TeamView:
+        self._open()
+        return self._seen
+
+    def _repeat(self, arrived: Callable[[], bool]) -> None:
+        """A world that stands still publishes no more, so it is asked to publish its last tick again."""
+        if self._interval and self.alive(names.SIMULATOR):
+            self.sim.repeat()
+            self._wait(arrived, START_LIMIT)
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if robot_id not in self._view.robots and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
+        return self._view.robot(robot_id)
+
+    def alive(self, name: str) -> bool:
+        """Whether a process holds this name on the bus."""
+        return self._view.alive(name)
+
+    def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
+        """Whether `condition()` comes true within `limit` host seconds."""
+        deadline = monotonic() + limit
+        while True:
+            seen = self._view.version
+            if condition():
+                return True
+            if monotonic() >= deadline:
+                return False
+            # The end of a process is no news on the bus, so check from time to time.
+            self._view.wait_for_news(seen, min(0.2, max(0.0, deadline - monotonic())))
+
+    def close(self) -> None:
+        """Stop everything, in order."""
+        try:
+            if self._in_process is not None:
+                _close_in_time(self._in_process_ends.close)
+            for group in stop_order(self._supervisor.processes):
+                self._supervisor.stop(group)
+        finally:
+            if self._bus is not None:
+                self._bus.close()
+            self._supervisor.close()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment that makes any zteam command join this team."""
+        self._need_processes("environment")
+        given = {} if self._lease is None else {"ZTEAM_LEASE": str(self._lease)}
+        return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace, **given}
+
+    def spawn(self, command: str, *arguments: str, name: str | None = None) -> str:
+        """Start one command (`zteam-robot`, `zteam-sim`, `zteam`, …) in this team; the process's name.
+
+        Return at once: use `wait_for_processes` to wait until it is present.
+        """
+        self._need_processes("spawn")
+        chosen = name or f"{command} #{next(numbers)}"
+        # A tool ends by itself when its work is done.
+        self._supervisor.start_job(chosen, Job(zteam_command(command, *arguments), self.environment, may_end=True))
+        return chosen
+
+    def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
+        """Run `zteam ARGUMENTS` against this team and wait for its end."""
+        self._need_processes("command")
+        return subprocess.run(
+            zteam_command("zteam", *arguments),
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+
+    def pid(self, name: str) -> int:
+        """Process id of a process of this team."""
+        self._need_processes("pid")
+        pid: int = self._process(name).pid
+        return pid
+
+    def exit_code(self, name: str) -> int | None:
+        """Exit code of a process, negative for a signal, None while it runs."""
+        code: int | None = self._process(name).exit_code
+        return code
+
+    def _process(self, name: str) -> Any:
+        """A process of the team, or a node in this process. Raises UsageError."""
+        if name not in self._supervisor.members:
+            known = ", ".join(self._supervisor.members) or "no process yet"
+            raise UsageError(f"there is no process {name!r}; this team has {known}")
+        return self._supervisor.members[name]
+
+    def wait_for_processes(self, *processes: str) -> None:
+        """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
+
+        def ended() -> list[str]:
+            known = self._supervisor.members
+            return [n for n in processes if n in known and not known[n].running]
+
+        self._wait(lambda: bool(ended()) or all(self.alive(n) for n in processes), START_LIMIT)
+        if ended():
+            first = ended()[0]
+            raise TeamTimeout(f"{first} ended ({exit_text(self.exit_code(first))}): {self._words(first)}")
+        missing = [n for n in processes if not self.alive(n)]
+        if missing:
+            raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
+        self._present.update(self._supervisor.members.keys() & {*processes})
+        if names.SIMULATOR in processes:
+            status = self.sim_status
+            self._interval = status.interval if status.lockstep else 0
+
+    def wait_for_exit(self, name: str) -> int:
+        """Wait until a process has ended, which it may do; its exit code."""
+        process = self._process(name)
+        self.expect_end(name)
+        if not process.join(START_LIMIT):
+            raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
+        code: int = process.exit_code
+        return code
+
+    @property
+    def sim(self) -> SimulatorClient:
+        """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
+        return SimulatorClient(self.bus, START_LIMIT)
+
+    @property
+    def sim_status(self) -> SimStatus:
+        """The simulator's status: pace, participants, and the one that it waits for."""
+        return self.sim.status()
+
+    def _take_status(self, status: SimStatus) -> None:
+        """Notice the processes that were left behind, and wait for the end of those that left.
+
+        They are gone in the world's time; the end of their processes takes the host's.
+        """
+        # A router is lost only on purpose: its end is seen at once.
+        for name in {*status.hung} - {ROUTER}:
+            self._note_hang(
+                name, f"lock-step left it behind, without an answer for {self._silence_limit:g} s or cut off"
+            )
+        left = self._participants.difference(status.participants, status.joining)
+        self._participants = {*status.participants}
+        for name in left.intersection(self._supervisor.members) - self._may_end - self._restarts:
+            if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
+                self._note_hang(name, "it lives and has left the bus")
+        self._check()
+
+    def _has_ended_or_joined(self, name: str) -> bool:
+        process, status = self._process(name), self.sim_status
+        if process.exit_code is not None:
+            process.join(START_LIMIT)
+        return process.exit_code is not None or name in status.participants or name in status.joining
+
+    def _note_hang(self, name: str, how: str) -> None:
+        self._hangs.setdefault(name, f"{name} hangs: {how}; its last lines:\n{self._words(name)}")
+
+    def _silent(self) -> list[str]:
+        """The robots that live and whose last status is long ago."""
+        now, robots = monotonic(), {i: name for name in self._present if (i := names.robot_id_of(name)) is not None}
+        return [
+            name
+            for i, name in robots.items()
+            if name not in self._may_end and self.alive(name) and 0.0 < self._view.robot(i).spoke < now - _SILENT_AFTER
+        ]
+
+    def _wait_for_silent(self) -> None:
+        """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
+        if self._interval:
+            return
+        if self._in_process is not None:
+            # The watch on the calls says which one hangs.
+            open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
+            self._wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
+        elif not self._wait(lambda: not self._silent(), self._silence_limit):
+            for name in self._silent():
+                self._note_hang(name, f"it gives no sign of life for {self._silence_limit:g} s")
+        self._check()
+
+    def _take_hang(self, call: UserCall) -> bool:
+        """A call of a node's own code in this process lasts too long. Before `run` it may be slow work of a start."""
+        if call.owner not in self._present:
+            return False
+        self._hangs.setdefault(call.owner, f"{call.owner} hangs: after {self._silence_limit:g} s {call.describe()}")
+        return True
+
+    def check_at_end(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
+        self._check()
+        if self._bus is None or (self._in_process is None and not self._process(ROUTER).running):
+            # Without its router a team sees nothing of itself.
+            return
+        self._wait_for_silent()
+        ended = self._supervisor.ended
+        gone = [n for n in self._present - self._may_end if n not in ended and not self.alive(n)]
+        self._wait(lambda: all(n in ended or self.alive(n) for n in gone), START_LIMIT)
+        for name in gone:
+            if name in ended:
+                self._process(name).join(START_LIMIT)
+            elif not self.alive(name):
+                raise TeamFailure(f"{name} is gone and did not come back within {START_LIMIT:g} s: {self._words(name)}")
+        self._check()
+
+
+def _last_words(name: str, said: list[str]) -> str:
+    for i in reversed(range(len(said))):
+        _, found, told = said[i].partition(ENDED)
+        if found:
+            # A process writes each line by itself, up to the next one of its log.
+            text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
+            return "\n".join([*text[-1:], *text])
+    return "\n".join(said[-_LAST_LINES:])
+
+
+def _close_in_time(close: Callable[[], None]) -> None:
+    """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
+    done = Future[None]()
+
+    def work() -> None:
+        try:
+            close()
+            done.set_result(None)
+        except BaseException as error:
+            done.set_exception(error)
+
+    # The locks of a node that hangs would hold this thread for ever.
+    Thread(target=work, name="end of the team", daemon=True).start()
+    for _ in range(_TRIES):
+        wait([done], GRACE)
+        if done.done():
+            break
+        for call in user_calls():
+            call.end()
+    if done.done():
+        done.result()

@@ -1,0 +1,374 @@
+"""A team of real processes for a test: own router, own namespace, everything in view, no process left behind; or the
+same team in the test's own process.
+
+The team works in lock-step, and its world stands still except where the test lets it go on: what a test sees depends
+on the seed alone. Limits named `within` are simulated seconds, so that a slow machine makes a test slow and not wrong.
+"""
+
+import logging
+import math
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Self
+
+from msgspec import structs
+
+from zteam import names
+from zteam.bus.options import LEASE
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.errors import BusError, UsageError
+from zteam.messages import TeamState
+from zteam.process_options import LOCKSTEP_TIMEOUT
+from zteam.resources import find_team, find_world
+from zteam.robot.behaviors.registry import look_in
+from zteam.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.runtime.kinds import kind_of
+from zteam.runtime.logs import KEEPER
+from zteam.runtime.shutdown import Stop
+from zteam.services.logs import LogLine
+from zteam.simulator.client import SimReport, SimStatus, StepRequest
+from zteam.team.file.reading import read_team_file, read_team_tables
+from zteam.team.file.sources import argument_texts
+from zteam.team.in_process.run import Body, InProcessRun
+from zteam.team.launch.check import check_team, refuse_nodes
+from zteam.team.launch.plan import Plan, plan_team
+from zteam.team.launch.run import lease_for
+from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.team.testing.view import TeamView
+
+log = logging.getLogger("zteam")
+
+STALL_LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds during which simulated time may stand still in a wait."""
+
+_SLICE = 50
+"""Ticks of one request to the simulator."""
+
+
+class TeamFixture(TeamProcesses):
+    """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose."""
+
+    def launch(
+        self,
+        team: str | Path,
+        *,
+        world: str | Path | None = None,
+        lockstep: bool = True,
+        lockstep_timeout: float = LOCKSTEP_TIMEOUT,
+        in_process: bool = False,
+        arguments: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Start a team file (or shipped team), and wait until all its processes are there; the rest as in `start`.
+
+        `arguments` are those of the team file, by name. Its nodes are waited for if they have `expect = true`.
+        """
+        path = find_team(team)
+        file = read_team_file(path, argument_texts(arguments or {}))
+        chosen = check_team(file, find_world(world).resolve() if world is not None else None)
+        if in_process:
+            refuse_nodes(file, "leave in_process out")
+        pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
+        self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), in_process)
+
+    def start(
+        self,
+        world: str | Path = "arena",
+        robots: int | str | Sequence[int] = 1,
+        *,
+        behavior: str = "wander",
+        follow: Mapping[int, int] | None = None,
+        params: Mapping[int, Mapping[str, Any]] | None = None,
+        seed: int = 1,
+        lockstep: bool = True,
+        lockstep_timeout: float = LOCKSTEP_TIMEOUT,
+        expect: Sequence[str] = (),
+        nodes: "Mapping[str, Body] | None" = None,
+        in_process: bool = False,
+    ) -> None:
+        """Start a team in `world` and wait until all its processes are there.
+
+        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the robot named
+        there, the others run `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands
+        still until `run`, `until` or `at` let it go on, as fast as the processes can; own nodes in `expect` take part
+        from the first tick on; a living process that does not answer is left behind after `lockstep_timeout` host
+        seconds. Without `lockstep` the team runs in real time.
+
+        With `in_process` the whole team runs in the test's process, which starts it in a fifth of a second and steps it
+        many times faster, with the same result. `nodes` are own nodes for it, by name, as for `zteam.run_team`. Calls
+        that need processes are refused.
+        """
+        if nodes and not in_process:
+            raise UsageError("team.start: nodes needs in_process=True; start the process of an own node yourself")
+        file = read_team_tables("team.start", {"robots": _tables(robots, behavior, follow or {}, params or {})})
+        if in_process:
+            look_in([""])
+        chosen = check_team(file, find_world(world).resolve(), here=in_process)
+        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
+        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, nodes)
+
+    def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
+        if self._has_team:
+            text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
+            raise UsageError(text)
+        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
+        plan = plan_team(launch)
+        self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
+        self.expect_end(*plan.beside)
+        started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch, plan)
+        self.wait_for_processes(*started)
+        if names.SIMULATOR in started:
+            known = self.sim_status.robots
+            # From here on a test may read any robot's pose.
+            if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
+                raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
+
+    def _start_processes(self, launch: TeamLaunch, plan: Plan) -> list[str]:
+        self._need_processes("start")
+        self._lease = lease_for(launch.pace, LEASE)
+        self._open()
+        for name, job in plan.jobs.items():
+            self._supervisor.start_job(name, structs.replace(job, environment=self.environment))
+        return [name for name in plan.jobs if name not in plan.optional]
+
+    def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
+        if self._bus is not None or self._in_process is not None:
+            raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
+        with ExitStack() as ends:
+            # As a process of the team logs.
+            ends.callback(log.setLevel, log.level)
+            log.setLevel(logging.INFO)
+            run = ends.enter_context(InProcessRun(launch, Stop(), nodes, take_hang=self._take_hang))
+            ends.callback(KEEPER.pass_to(self._take_log))
+            self._in_process_ends = ends.pop_all()
+        self._in_process = run
+        self._supervisor.close()
+        self._supervisor = run.supervisor
+        self._bus = run.sessions.bus("test")
+        self._seen = TeamView(self._bus, self._repeat)
+        for name in run.parts:
+            run.start_node(name)
+        return [*run.parts]
+
+    def _take_log(self, line: LogLine) -> None:
+        level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
+        self.log.append((line.process, f"{level}{line.text}"))
+
+    def kill(self, name: str) -> None:
+        """End a process at once (SIGKILL) and wait until it is gone."""
+        self._need_processes("kill")
+        self._check()
+        process = self._process(name)
+        process.stopping = True
+        process.kill()
+        process.join(START_LIMIT)
+        self._wait_until_left(name)
+
+    def stop(self, name: str) -> int:
+        """Ask a process to stop (SIGTERM), or a node in this process; its exit code."""
+        self._process(name).terminate()
+        code = self.wait_for_exit(name)
+        self._wait_until_left(name)
+        return code
+
+    def pause_process(self, name: str) -> None:
+        """Freeze a process (SIGSTOP). From here on it may hang."""
+        self._need_processes("pause_process")
+        self.expect_end(name)
+        self._process(name).signal(signal.SIGSTOP)
+
+    def resume_process(self, name: str) -> None:
+        """Let a frozen process go on (SIGCONT)."""
+        self._need_processes("resume_process")
+        self._process(name).signal(signal.SIGCONT)
+
+    def restart(self, name: str) -> None:
+        """Start a process again with the same command and wait until it is there; end it first if it still runs."""
+        if self._process(name).running:
+            # A node in this process cannot be killed.
+            (self.kill if self._in_process is None else self.stop)(name)
+        self._wait(lambda: not self.alive(name), START_LIMIT)
+        self._supervisor.restart(name)
+        self.wait_for_processes(name)
+        self._wait_until_joined(name)
+
+    def _wait_until_joined(self, name: str) -> None:
+        """Lock-step: wait until a process of the team takes part from the next tick on."""
+
+        def takes_part() -> bool:
+            status = self.sim_status
+            return name in status.joining or name in status.participants
+
+        kind = kind_of(name)
+        if self._interval and kind is not None and kind.in_lockstep and not self._wait(takes_part, START_LIMIT):
+            raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
+
+    def _wait_until_left(self, name: str) -> None:
+        """Lock-step: wait until a process that has ended takes no part any more: the next tick is without it."""
+        kind = kind_of(name)
+        may_take_part = kind is None or kind.in_lockstep
+        if not self._interval or not may_take_part or not self.alive(names.SIMULATOR):
+            return
+        if not self._wait(lambda: name not in self.sim_status.participants, START_LIMIT):
+            raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
+
+    def wait_for_line(self, name: str, text: str) -> None:
+        """Wait until a process has written a line that holds `text`."""
+        if not self._wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
+            raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
+        if not self._wait(condition, START_LIMIT):
+            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
+
+    def report_log(self) -> str:
+        """Everything the processes wrote, for a failed test's report."""
+        return "\n".join(f"[{name}] {line}" for name, line in self.log)
+
+    @property
+    def report(self) -> SimReport:
+        """The simulator's own count of the run from GO on, with `trajectory_sha256`."""
+        return self.sim.report()
+
+    @property
+    def tick(self) -> int:
+        """The tick at which the world stands."""
+        return self.sim_status.tick
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds."""
+        return self._view.now / 1e9
+
+    @property
+    def is_go(self) -> bool:
+        """Whether the monitor has given GO."""
+        status = self._view.team_status
+        return status is not None and status.state == TeamState.GO
+
+    @property
+    def status(self) -> Any:
+        """The newest TeamStatus, or None."""
+        return self._view.team_status
+
+    def _need_team(self, call: str) -> None:
+        """Raise UsageError before anything was opened: nothing would ever happen."""
+        if self._bus is None:
+            raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
+
+    def wait_for_go(self) -> None:
+        """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""
+        self._need_team("wait_for_go")
+        if not self._wait(lambda: self.is_go, START_LIMIT):
+            raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
+        if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
+            raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
+
+    def run(self, seconds: float) -> None:
+        """Let `seconds` of simulated time pass: in lock-step to the tick."""
+        if not 0.0 <= seconds < math.inf:
+            raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
+        self._need_team("run")
+        if self._interval:
+            self._step(round(seconds * 1e9 / self._interval))
+            return
+        end = self.now + seconds
+        self._watch(lambda: self.now >= end, end, seconds)
+
+    def at(self, tick: int) -> Self:
+        """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
+        self._need_team("at")
+        if not self._interval:
+            raise UsageError("at() needs lock-step: in real time no tick is waited for")
+        ahead = tick - self.tick
+        if ahead < 0:
+            raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")
+        self._step(ahead)
+        return self
+
+    def until(self, condition: Callable[[], bool], within: float) -> None:
+        """Let the world go on until `condition()`, checked after every tick; fail after `within` simulated seconds.
+
+        In real time the condition is checked whenever a message arrives. Simulated time that stands still for
+        STALL_LIMIT host seconds fails too.
+        """
+        self._need_team("until")
+        end = self.now + within
+        if not self._interval:
+            self._watch(condition, end, within)
+            return
+        while not condition():
+            if self.now >= end:
+                raise _not_true(within, self.now, self._view)
+            self._step(1)
+
+    def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
+        """Wait in real time until `condition()`."""
+        last, quiet_since = self.now, monotonic()
+        while True:
+            # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
+            seen = self._view.version
+            if condition():
+                self._wait_for_silent()
+                return
+            if self.now > end:
+                raise _not_true(within, self.now, self._view)
+            if self.now != last:
+                last, quiet_since = self.now, monotonic()
+            elif monotonic() - quiet_since > STALL_LIMIT:
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
+            self._view.wait_for_news(seen, 1.0)
+
+    def _step(self, ticks: int) -> None:
+        """Run so many ticks, and wait until the messages of the last one are in view."""
+        while ticks > 0:
+            count = min(ticks, _SLICE)
+            ticks -= count
+            try:
+                key = names.service_key(names.SIMULATOR, "step")
+                status = self.bus.ask(key, SimStatus, StepRequest(count), timeout=STALL_LIMIT)
+            except BusError as error:
+                self._check()
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
+            self._take_status(status)
+            self._wait_for_messages_of(status)
+
+    def _wait_for_messages_of(self, status: SimStatus) -> None:
+        def arrived() -> bool:
+            return self._view.reaches(status.now, status.robots)
+
+        if not arrived():
+            # No message was lost in tens of thousands of ticks, but the bus does not promise that.
+            self.sim.repeat()
+            if not self._wait(arrived, START_LIMIT):
+                raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+
+def _not_true(within: float, now: float, view: TeamView) -> TeamTimeout:
+    """The error of a condition that did not come true, with where the robots are."""
+    seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
+    return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")
+
+
+def _tables(
+    robots: int | str | Sequence[int],
+    behavior: str,
+    follow: Mapping[int, int],
+    params: Mapping[int, Mapping[str, Any]],
+) -> list[dict[str, Any]]:
+    """The robots of `start` as tables of a team file. Raises UsageError."""
+    ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots
+    ids = list(range(ids) if isinstance(ids, int) else ids)
+    if not ids:
+        raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
+    for name, given in (("follow", follow), ("params", params)):
+        for i in given:
+            if i not in ids:
+                raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
+    return [
+        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
+        for i in ids
+    ]
