@@ -70,10 +70,10 @@ if TYPE_CHECKING:
     from zteam.geometry import Pose2
     from zteam.navigation.basic_navigator import BasicNavigator
     from zteam.navigation.client import TaskResult
+    from zteam.node.node import Node, run
     from zteam.resources import shipped_team, shipped_world
     from zteam.robot.behaviors import Behavior, View
     from zteam.robot.parameters import ParametersClient
-    from zteam.runtime.node import Node, run
     from zteam.simulator.client import SimulatorClient
     from zteam.team.file.entries import Team
     from zteam.team.file.reading import load_team
@@ -123,7 +123,7 @@ _HOMES = {
     "HistoryRequest": "transforms.client",
     "Lookup": "transforms.client",
     "NoRequest": "bus.queries",
-    "Node": "runtime.node",
+    "Node": "node.node",
     "ParametersClient": "robot.parameters",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
@@ -137,7 +137,7 @@ _HOMES = {
     "ZteamError": "errors",
     "connect": "bus.connection",
     "load_team": "team.file.reading",
-    "run": "runtime.node",
+    "run": "node.node",
     "run_team": "team.in_process.team_run",
     "shipped_team": "resources",
     "shipped_world": "resources",

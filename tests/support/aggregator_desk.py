@@ -10,9 +10,9 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import TFMessage, TransformStamped, ns_from_time
-from zteam.process_options import AggregatorOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import AggregatorOptions
+from zteam.node.shutdown import Stop
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest, StaticReply, StaticRequest
 from zteam.transforms.process.node import Aggregator
 

@@ -10,8 +10,8 @@ from zteam import names
 from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.simulator.client import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
 from zteam.simulator.process.pacing import Pacer, TickBoundary
 from zteam.simulator.process.queries import Queries

@@ -16,12 +16,12 @@ from zteam import names
 from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
-from zteam.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
+from zteam.node.shutdown import Stop
 from zteam.resources import find_world
 from zteam.robot.behaviors.registry import find_behavior
 from zteam.robot.process.node import RobotNode
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 from zteam.simulator.client import FinishReply, SimReport, SimStatus, StepRequest, WaitRequest
 from zteam.simulator.process.node import open_simulation, run_ticks
 from zteam.transforms.process.node import Aggregator

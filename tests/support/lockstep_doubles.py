@@ -14,9 +14,9 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
-from zteam.process_options import LockStepOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import LockStepOptions
+from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
 from zteam.simulator.process.lockstep import LockStep
 

@@ -12,9 +12,9 @@ from zteam.messages import RobotState, RobotStatus, TeamStatus
 from zteam.monitor.process.display import Lines
 from zteam.monitor.process.members import Event
 from zteam.monitor.process.node import Monitor
-from zteam.process_options import MonitorOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import MonitorOptions
+from zteam.node.shutdown import Stop
 
 FLICKER, LOSS, RETURN = 0.1, 1.0, 10.0
 """Host seconds: a token that is gone for FLICKER is no loss, one that is gone for LOSS is lost; after RETURN all

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from support.lockstep_doubles import INTERVAL
 from zteam.bus import Bus
 from zteam.messages import Bool, Tick, Twist
-from zteam.runtime.lockstep import Participant
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 
 NAME = "planner"
 INPUT = "camera/seen"

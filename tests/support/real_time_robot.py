@@ -25,13 +25,13 @@ from zteam.messages import (
     Twist,
     time_from_ns,
 )
-from zteam.process_options import RobotOptions
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import RobotOptions
+from zteam.node.shutdown import Stop
 from zteam.resources import shipped_world
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.parameters import ParametersClient
 from zteam.robot.process.node import RobotNode
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 from zteam.simulator.client import SimStatus
 from zteam.simulator.core import to_messages
 from zteam.simulator.world.model import base_info

@@ -4,9 +4,9 @@ from support.in_process_team import SCENE, load_scene
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Message
-from zteam.process_options import SimOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import SimOptions
+from zteam.node.shutdown import Stop
 from zteam.simulator.process.node import Simulation
 
 

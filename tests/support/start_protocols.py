@@ -15,7 +15,7 @@ from zteam.bus.presence import Claim
 from zteam.errors import DuplicateNameError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
 from zteam.monitor.process.start_gate import Gate
-from zteam.runtime.robot_status import Readiness
+from zteam.node.robot_status import Readiness
 
 
 class StartingTeam(ABC):

@@ -14,8 +14,8 @@ from studies.view.frames import Frame, decode_frame
 from support.limits import LIMIT
 from zteam.bus import Bus
 from zteam.clock import monotonic
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.view.frames import DOC
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView

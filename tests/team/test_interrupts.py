@@ -88,7 +88,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start_simulator", "import", "zteam.simulation_options", "arena"),
         ("start_robot", "import", "zteam.behaviors", "--id 0"),
         ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),
-        ("start_router", "import", "zteam.nodes.router", ""),
+        ("start_router", "import", "zteam.node.router", ""),
     ],
 )
 def test_an_interrupt_ends_a_command_quietly(
@@ -102,7 +102,7 @@ def test_an_interrupt_ends_a_command_quietly(
 
 def test_an_interrupt_while_handlers_are_installed_is_not_lost(router: dict[str, str]) -> None:
     """The process ends in order: before it has opened a session, silently; after that, with its last line."""
-    done = run(router, "start_robot", "return", "zteam.runtime.shutdown.install>signal.signal", "--id 0")
+    done = run(router, "start_robot", "return", "zteam.node.shutdown.install>signal.signal", "--id 0")
     assert done.returncode == 0
     assert [line.endswith("robot_0 stopped") for line in done.stderr.splitlines()] in ([], [True]), done.stderr
 

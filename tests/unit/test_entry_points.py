@@ -157,7 +157,7 @@ def test_own_names_read_no_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_robot_starts_without_the_machinery_of_metadata() -> None:
     """A robot's imports do not bring in importlib.metadata, which takes longer than a behaviour."""
     code = (
-        "import sys, zteam.robot.process.node, zteam.runtime.process_node, zteam.behaviors as b;"
+        "import sys, zteam.robot.process.node, zteam.node.process_node, zteam.behaviors as b;"
         "b.load_behavior('wander', {});"
         "print('importlib.metadata' in sys.modules)"
     )

@@ -24,8 +24,8 @@ from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
 from zteam.navigation.planning.grid import OCCUPIED
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
+from zteam.node.lockstep import RoundTiming
 from zteam.robot.behaviors.polyline import Polyline
-from zteam.runtime.lockstep import RoundTiming
 from zteam.simulation_options import Options
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine

@@ -36,8 +36,8 @@ from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
 from zteam.monitor.doctor.facts import Facts, Fault, Finding, Level, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
+from zteam.node import kinds
 from zteam.numbers import counted
-from zteam.runtime import kinds
 from zteam.simulator.client import MapInfo, find_status
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")

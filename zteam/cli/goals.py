@@ -21,9 +21,9 @@ from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
+from zteam.node.node import Node
+from zteam.node.process_node import run_node
 from zteam.robot_ids import parse_robot_ids
-from zteam.runtime.node import Node
-from zteam.runtime.process_node import run_node
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 

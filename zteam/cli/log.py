@@ -19,8 +19,8 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
-from zteam.runtime.logs import LEVELS
-from zteam.services.logs import LogLine, LogReader, level_name
+from zteam.node.log_service import LogLine, LogReader, level_name
+from zteam.node.logs import LEVELS
 
 _MAX_LINES = 1_000_000
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))

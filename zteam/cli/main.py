@@ -81,7 +81,7 @@ def _start(module: str) -> NoReturn:
         code = INTERRUPTED
     except (ImportError, MemoryError) as error:
         # A library that is imported may find no room.
-        from zteam.runtime.faults import shortage_text
+        from zteam.node.faults import shortage_text
 
         if not (text := shortage_text(error)):
             raise

@@ -14,7 +14,7 @@ from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.clock import wall_ns
-from zteam.runtime.tokens import TokenSet
+from zteam.node.tokens import TokenSet
 
 _SETTLE = 0.3
 """Seconds to wait for all tokens: a session that was just opened may have none yet."""

@@ -14,14 +14,14 @@ from zteam.cli.output import OutputError, guarded
 from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
-from zteam.runtime.faults import shortage_text
-from zteam.runtime.logs import LEVELS, start_logging
-from zteam.runtime.process_name import show_name
+from zteam.node.faults import shortage_text
+from zteam.node.logs import LEVELS, start_logging
+from zteam.node.process_name import show_name
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
-    from zteam.process_options import ProcessOptions
+    from zteam.node.process_options import ProcessOptions
 
 T = TypeVar("T")
 S = TypeVar("S", bound="ProcessOptions")
@@ -227,7 +227,7 @@ def run_process(
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if words == [FROM_STDIN]:
-        from zteam.process_options import from_line
+        from zteam.node.process_options import from_line
 
         parser = Parser(prog=command)
         add_bus_options(parser)
@@ -240,8 +240,8 @@ def run_process(
 
 
 def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
-    from zteam.runtime.faults import log_fault
-    from zteam.runtime.process_node import run_node
+    from zteam.node.faults import log_fault
+    from zteam.node.process_node import run_node
     from zteam.team.bodies import part_of
 
     # Report a mistake before waiting for the router.

@@ -23,10 +23,10 @@ from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
+from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot.wheels import Wheels
 from zteam.robot_ids import parse_robot_ids
-from zteam.runtime.shutdown import Stop, stopping_in_order
 
 _KEYS_PERIOD = 0.05
 """Host seconds from one command to the next: the robot and the simulator stop when none comes for a while."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
 from zteam.clock import AutoClock, Ticker, to_seconds
-from zteam.runtime.process_node import ClockMode
+from zteam.node.process_node import ClockMode
 from zteam.simulator.team_clock import ask_time, follow_clock, team_clock
 
 

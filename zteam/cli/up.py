@@ -32,7 +32,7 @@ from zteam.resources import find_team, find_world, names, teams_folder
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
     from zteam.cli.up_display import Display
-    from zteam.runtime.shutdown import Stop
+    from zteam.node.shutdown import Stop
     from zteam.team.launch.report import RunReport
     from zteam.team.launch.run import TeamRun
     from zteam.team.launch.team_launch import TeamLaunch
@@ -178,7 +178,7 @@ def _print_arguments(args: argparse.Namespace) -> int:
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
-    from zteam.process_options import ViewOptions
+    from zteam.node.process_options import ViewOptions
     from zteam.simulator.world import load_world
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
@@ -222,7 +222,7 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import Printer, open_display
-    from zteam.runtime.shutdown import Stop
+    from zteam.node.shutdown import Stop
     from zteam.team.launch.run import ProcessRun
 
     stop = Stop()
@@ -243,8 +243,8 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
 def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
     """Run the whole team in this process, with the same lines as with one process each."""
     from zteam.cli.up_display import Printer, open_display
-    from zteam.runtime.logs import passing_lines
-    from zteam.runtime.shutdown import Stop, exit_hard_later
+    from zteam.node.logs import passing_lines
+    from zteam.node.shutdown import Stop, exit_hard_later
     from zteam.team.in_process.run import InProcessRun, open_outside
 
     stop = Stop()

@@ -8,7 +8,7 @@ from pathlib import Path
 from zteam import names
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
-from zteam.process_options import MapOptions
+from zteam.node.process_options import MapOptions
 
 
 def build_parser() -> Parser:

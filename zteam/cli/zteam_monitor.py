@@ -10,7 +10,7 @@ from zteam.cli.arguments import add_go_timeout_option, number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.errors import UsageError
-from zteam.process_options import MonitorOptions
+from zteam.node.process_options import MonitorOptions
 from zteam.robot_ids import parse_robot_ids
 
 

@@ -13,8 +13,8 @@ from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.node.process_options import LockStepOptions, SimOptions
 from zteam.numbers import MAX_SECONDS, parse_number
-from zteam.process_options import LockStepOptions, SimOptions
 from zteam.resources import find_world
 from zteam.simulation_options import PHYSICS, Options
 from zteam.simulator.client import MAX_PLACE

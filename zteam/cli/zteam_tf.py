@@ -10,7 +10,7 @@ from zteam import names
 from zteam.cli.arguments import MAX_RATE, number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
-from zteam.process_options import AggregatorOptions
+from zteam.node.process_options import AggregatorOptions
 
 
 def build_parser() -> argparse.ArgumentParser:

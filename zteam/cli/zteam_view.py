@@ -10,7 +10,7 @@ from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
-from zteam.process_options import DEFAULT_VIEW_PORT, ViewOptions
+from zteam.node.process_options import DEFAULT_VIEW_PORT, ViewOptions
 
 
 def build_parser() -> Parser:

@@ -17,7 +17,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, time_from_ns
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.navigation.maps import is_finite
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 from zteam.simulator.team_clock import team_clock
 
 log = logging.getLogger("zteam")

@@ -13,8 +13,8 @@ from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
 from zteam.messages import Odometry
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.node.node import Node
 from zteam.resources import read_file
-from zteam.runtime.node import Node
 
 if TYPE_CHECKING:
     import yaml

@@ -6,7 +6,7 @@ from zteam import names
 from zteam.messages import OccupancyGrid
 from zteam.navigation.maps import map_message
 from zteam.navigation.planning.grid import GridMap
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 

@@ -8,7 +8,7 @@ from zteam.bus.presence import Claim
 from zteam.bus.transport import Closeable
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
-from zteam.runtime.shutdown import Stop
+from zteam.node.shutdown import Stop
 from zteam.simulator.client import absence_of
 
 log = logging.getLogger("zteam")

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.process_options import (
+from zteam.node.process_node import ClockMode, ProcessNode
+from zteam.node.process_options import (
     AggregatorOptions,
     MapOptions,
     MonitorOptions,
@@ -21,7 +22,6 @@ from zteam.process_options import (
     SimOptions,
     ViewOptions,
 )
-from zteam.runtime.process_node import ClockMode, ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -97,7 +97,7 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
 def _navigation(options: NavigationOptions) -> Part:
     from zteam.navigation.planning.parameters import navigation_of_robot
     from zteam.navigation.process.node import NavigationNode
-    from zteam.runtime.node import Node
+    from zteam.node.node import Node
 
     parameters, unknown = {}, dict[str, None]()
     for i, robot in options.robots.items():

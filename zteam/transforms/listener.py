@@ -3,7 +3,7 @@
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import TFMessage, Tick, TransformStamped
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 from zteam.transforms import Buffer
 
 

@@ -14,8 +14,8 @@ from zteam.bus import Bus
 from zteam.clock import monotonic
 from zteam.errors import ZteamError
 from zteam.messages import Twist
+from zteam.node.shutdown import Stop
 from zteam.robot.wheels import Wheels
-from zteam.runtime.shutdown import Stop
 
 DEAD_MAN = 0.5
 """Host seconds for which what a page says counts."""

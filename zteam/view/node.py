@@ -13,8 +13,8 @@ import msgspec
 
 from zteam.bus.queries import decode_json
 from zteam.errors import DecodeError, UsageError
-from zteam.process_options import ViewOptions
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import ViewOptions
 from zteam.view import rights
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView

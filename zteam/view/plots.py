@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from zteam.clock import to_seconds
 from zteam.messages import Message
-from zteam.runtime.tick_messages import stamp_of
+from zteam.node.tick_messages import stamp_of
 from zteam.view.received import Received
 
 _PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)

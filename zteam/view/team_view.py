@@ -7,7 +7,7 @@ from zteam import names
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.process_node import ProcessNode
 from zteam.transforms import Buffer, TransformException
 from zteam.view.queries import ASK_PERIOD, Queries
 from zteam.view.received import (

@@ -10,7 +10,7 @@ from zteam import names
 from zteam.cli.bench import figure
 from zteam.cli.bench_team import measure_team
 from zteam.errors import UsageError, ZteamError
-from zteam.runtime.kinds import ROUTER
+from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Member, Supervisor

@@ -5,7 +5,7 @@ import pytest
 
 from zteam.cli.bench import figure, format_simulation, format_team
 from zteam.cli.bench_team import InProcessFigures, SimulationFigures, TeamFigures
-from zteam.runtime.lockstep import RoundTiming
+from zteam.node.lockstep import RoundTiming
 from zteam.simulator.client import Timing
 
 TEAM = TeamFigures(

@@ -12,8 +12,8 @@ from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
+from zteam.node.node import Node
 from zteam.resources import teams_folder
-from zteam.runtime.node import Node
 from zteam.testing import run_node
 
 State = NavigationState

@@ -26,9 +26,9 @@ from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.display import showing
-from zteam.process_options import MonitorOptions
-from zteam.runtime.logs import start_logging
-from zteam.services.logs import LogLine
+from zteam.node.log_service import LogLine
+from zteam.node.logs import start_logging
+from zteam.node.process_options import MonitorOptions
 
 MARK = "\x05"
 

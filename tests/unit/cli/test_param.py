@@ -9,10 +9,10 @@ import pytest
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import param
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 from zteam.team.file.entries import behavior_of
 from zteam.team.file.reading import load_team
 

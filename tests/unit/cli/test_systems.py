@@ -46,7 +46,8 @@ def test_a_processs_part_needs_only_what_every_system_has() -> None:
     code += """
 import zteam
 from zteam.bus import MemoryHub
-from zteam.runtime import process_node, node
+from zteam.node import process_node
+from zteam.node import node
 hub = MemoryHub()
 node.connect = lambda options, stopping: hub.bus()
 zteam.run("planner", lambda planner: (planner.become_present(), planner.stop.request("over")))

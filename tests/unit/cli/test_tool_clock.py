@@ -16,7 +16,7 @@ from zteam.cli import tool_clock, topic
 from zteam.clock import to_ns, wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
-from zteam.runtime.process_node import ClockMode
+from zteam.node.process_node import ClockMode
 from zteam.simulator.client import SimStatus
 
 

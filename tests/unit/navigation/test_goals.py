@@ -15,8 +15,8 @@ from zteam.geometry import Pose2
 from zteam.messages import NavigationState, Odometry, PoseStamped
 from zteam.navigation.client import TaskResult, goal_message
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
-from zteam.runtime.node import Node
-from zteam.runtime.shutdown import Stop
+from zteam.node.node import Node
+from zteam.node.shutdown import Stop
 from zteam.team.testing.in_memory import RunningNode
 from zteam.testing import run_node
 

@@ -19,8 +19,8 @@ from zteam.navigation.map_server import run_map_server
 from zteam.navigation.maps import map_grid, map_message
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.map_files import read_map, to_three_values, write_map
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 
 VALUES = np.array([[0, 100, -1, 30], [65, 25, 26, 64]], np.int8)
 

@@ -13,9 +13,9 @@ from zteam.bus.presence import Claim, own_info
 from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
+from zteam.node.shutdown import Stop
 from zteam.robot.teleop import Pilot, drive
 from zteam.robot.wheels import Wheels
-from zteam.runtime.shutdown import Stop
 from zteam.simulator.client import SimStatus
 
 AHEAD = Twist(Vector3(0.5))

@@ -5,11 +5,11 @@ import pytest
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.parameters import DESCRIBE, ParametersClient
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 
 NAME = "robot_1"
 

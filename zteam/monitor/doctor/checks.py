@@ -8,9 +8,9 @@ from zteam.clock import to_seconds
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.monitor.doctor.facts import Facts, Fault, Finding, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
+from zteam.node import kinds
 from zteam.numbers import counted
 from zteam.robot_ids import format_robot_ids
-from zteam.runtime import kinds
 
 
 def check_world(facts: Facts) -> Iterator[Finding]:

@@ -19,10 +19,10 @@ from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
 from zteam.monitor.process.members import Event, Member, WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
+from zteam.node.log_service import printable
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import MonitorOptions
 from zteam.numbers import counted
-from zteam.process_options import MonitorOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.services.logs import printable
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")

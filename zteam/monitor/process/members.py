@@ -7,8 +7,8 @@ import msgspec
 
 from zteam import names
 from zteam.messages import RobotState, RobotStatus
-from zteam.runtime.tokens import TokenSet
-from zteam.services.logs import printable
+from zteam.node.log_service import printable
+from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer."""

@@ -8,9 +8,9 @@ from zteam.monitor.process.display import Display, Lines, showing
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.view import run_view
 from zteam.monitor.process.watch import TeamWatch
-from zteam.process_options import MonitorOptions
-from zteam.runtime.lockstep import Ticks
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.lockstep import Ticks
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import MonitorOptions
 from zteam.simulator.client import find_status
 
 

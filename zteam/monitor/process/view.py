@@ -14,10 +14,10 @@ from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import Display, showing
 from zteam.monitor.process.members import WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import MonitorOptions
 from zteam.numbers import counted
-from zteam.process_options import MonitorOptions
 from zteam.robot_ids import format_robot_ids
-from zteam.runtime.process_node import ProcessNode
 
 
 class FollowedTeam(WatchedTeam):

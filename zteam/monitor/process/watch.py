@@ -8,8 +8,8 @@ from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.monitor.process.members import WatchedTeam
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.tokens import TokenLossFilter, TokenSet, Writers
+from zteam.node.process_node import ProcessNode
+from zteam.node.tokens import TokenLossFilter, TokenSet, Writers
 from zteam.simulator.client import find_status
 
 log = logging.getLogger("zteam")

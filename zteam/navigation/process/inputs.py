@@ -10,7 +10,7 @@ from zteam.bus import NoRequest
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.navigation.planning.scans import Scan, Teammate
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 from zteam.transforms import FrameInfo, TransformException
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 from zteam.transforms.listener import TransformListener

@@ -24,8 +24,8 @@ from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
 from zteam.navigation.process.robot import RobotNavigation
+from zteam.node.node import Node
 from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
-from zteam.runtime.node import Node
 
 log = logging.getLogger("zteam")
 

@@ -21,7 +21,7 @@ from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.process.costmaps import Costmaps
 from zteam.navigation.process.localisers import Localiser
 from zteam.navigation.process.navigator import STOP, Navigator
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 
 log = logging.getLogger("zteam")
 

@@ -13,7 +13,10 @@ import msgspec
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
-from zteam.process_options import RobotOptions
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import RobotOptions
+from zteam.node.robot_status import StatusReport
+from zteam.node.step_watch import StepWatch
 from zteam.robot.behaviors import SafetyLayer, View, missing
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
@@ -21,9 +24,6 @@ from zteam.robot.process.parameters import BehaviorParameters
 from zteam.robot.safety import LimitsOnly, ask
 from zteam.robot.safety.layer import UNSEEN_CAUSE
 from zteam.robot.safety.motion import DRIVE_MARGIN
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.robot_status import StatusReport
-from zteam.runtime.step_watch import StepWatch
 
 log = logging.getLogger("zteam")
 

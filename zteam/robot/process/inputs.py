@@ -23,8 +23,8 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.messages.tf_stamps import bases_stamp
+from zteam.node.tick_messages import TickMessages
 from zteam.robot.behaviors.behavior import DeclaredInput, FindPose, View
-from zteam.runtime.tick_messages import TickMessages
 from zteam.transforms import Buffer, TransformException
 
 log = logging.getLogger("zteam")

@@ -27,18 +27,18 @@ from zteam.messages import (
 )
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.messages.topics import is_latched
-from zteam.process_options import RobotOptions
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import RobotOptions
+from zteam.node.robot_status import Readiness, StatusReport, go_epoch
+from zteam.node.tick_messages import HeldMessage, stamp_of
+from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.robot.process.driver import ALONE, Driver, StepInput
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.runtime.lockstep import Participant
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
-from zteam.runtime.tick_messages import HeldMessage, stamp_of
-from zteam.runtime.tokens import TokenSet
 from zteam.simulator.client import absence_text, read_status
 
 log = logging.getLogger("zteam")

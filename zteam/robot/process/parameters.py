@@ -6,10 +6,10 @@ from typing import Any
 from zteam import names
 from zteam.bus import Deferred, NoRequest
 from zteam.errors import UsageError
+from zteam.node.process_node import ProcessNode
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import parameters_of, read_params, values_of
 from zteam.robot.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
-from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 

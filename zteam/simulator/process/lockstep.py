@@ -14,9 +14,9 @@ from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import BusError
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
-from zteam.process_options import LockStepOptions
-from zteam.runtime.lockstep import Lacking
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.lockstep import Lacking
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import LockStepOptions
 from zteam.simulator.process.open_tick import OpenTick
 
 log = logging.getLogger("zteam")

@@ -12,7 +12,7 @@ import numpy as np
 
 from zteam import names
 from zteam.messages import Done, Tick, Twist, time_from_ns
-from zteam.runtime.tokens import TokenSet
+from zteam.node.tokens import TokenSet
 
 LINK = "router"
 """In `hung`, the router: the simulator has lost its link."""

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 from zteam.clock import monotonic
 from zteam.errors import ZteamError
+from zteam.node.process_node import ProcessNode
 from zteam.numbers import percentile
-from zteam.runtime.process_node import ProcessNode
 
 T = TypeVar("T")
 

@@ -19,12 +19,12 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.router import Router
 from zteam.errors import BusError, UsageError
-from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.node.kinds import KINDS
+from zteam.node.node import Node, stepping
+from zteam.node.process_node import ProcessNode, run_body
+from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.node.shutdown import Stop
 from zteam.robot.process.inputs import TransformInputs
-from zteam.runtime.kinds import KINDS
-from zteam.runtime.node import Node, stepping
-from zteam.runtime.process_node import ProcessNode, run_body
-from zteam.runtime.shutdown import Stop
 from zteam.team.bodies import Part, part_of, printing_monitor, robot_part
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.delivery import marks_owner

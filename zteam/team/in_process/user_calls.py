@@ -13,9 +13,9 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.runtime.faults import frames_text, is_own
-from zteam.runtime.logs import KEEPER, node_of
-from zteam.runtime.step_watch import hanging
+from zteam.node.faults import frames_text, is_own
+from zteam.node.logs import KEEPER, node_of
+from zteam.node.step_watch import hanging
 from zteam.team.in_process.delivery import Delivery, current_owner
 from zteam.team.launch.team_launch import Pace
 

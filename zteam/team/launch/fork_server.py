@@ -16,9 +16,9 @@ from collections.abc import Sequence
 
 import msgspec
 
-from zteam.runtime.faults import shortage_text
-from zteam.runtime.process_name import show_name
-from zteam.runtime.shutdown import PARENT_PIPE
+from zteam.node.faults import shortage_text
+from zteam.node.process_name import show_name
+from zteam.node.shutdown import PARENT_PIPE
 
 MAX_MESSAGE = 1 << 18
 """Bytes."""
@@ -29,8 +29,8 @@ PRELOADS = (
     "zteam.cli.options",
     # argparse imports shutil when it reads a command line.
     "shutil",
-    "zteam.runtime.process_node",
-    "zteam.nodes.router",
+    "zteam.node.process_node",
+    "zteam.node.router",
     "zteam.world",
     "zteam.team.bodies",
     "zteam.transforms.process.node",
@@ -40,7 +40,7 @@ PRELOADS = (
     "zteam.robot.process.node",
     "zteam.robot.behaviors.registry",
     "zteam.messages.team_codecs",
-    "zteam.runtime.node",
+    "zteam.node.node",
 )
 """What the commands of a team import anyway. A missing entry costs the children time and memory, no more."""
 

@@ -14,8 +14,8 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError
+from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
-from zteam.runtime.shutdown import Stop, exit_hard_later
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Supervisor
 

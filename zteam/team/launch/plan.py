@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.process_options import FROM_STDIN, to_line
-from zteam.runtime import kinds
+from zteam.node import kinds
+from zteam.node.process_options import FROM_STDIN, to_line
 from zteam.team.file.entries import NodeEntry
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job

@@ -14,7 +14,7 @@ from typing import IO, Protocol
 
 import msgspec
 
-from zteam.runtime.shutdown import PARENT_PIPE
+from zteam.node.shutdown import PARENT_PIPE
 
 log = logging.getLogger("zteam")
 

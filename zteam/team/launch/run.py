@@ -20,10 +20,10 @@ from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.router import release_port
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
-from zteam.process_options import FROM_STDIN
-from zteam.runtime.kinds import ROUTER, ROUTER_KIND, kind_of
-from zteam.runtime.process_node import LogPublisher
-from zteam.runtime.shutdown import HUNG, Stop
+from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
+from zteam.node.process_node import LogPublisher
+from zteam.node.process_options import FROM_STDIN
+from zteam.node.shutdown import HUNG, Stop
 from zteam.team.launch.plan import plan_team, stop_order
 from zteam.team.launch.process import Process, exit_text, zteam_command
 from zteam.team.launch.progress import Progress, TeamOverview

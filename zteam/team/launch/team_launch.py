@@ -1,4 +1,4 @@
-"""What each kind of process is told of a team, by the kind's name (`zteam.runtime.kinds`)."""
+"""What each kind of process is told of a team, by the kind's name (`zteam.node.kinds`)."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -6,7 +6,9 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.process_options import (
+from zteam.node import kinds
+from zteam.node.kinds import Kind
+from zteam.node.process_options import (
     LOCKSTEP_TIMEOUT,
     AggregatorOptions,
     LockStepOptions,
@@ -19,8 +21,6 @@ from zteam.process_options import (
     SimOptions,
     ViewOptions,
 )
-from zteam.runtime import kinds
-from zteam.runtime.kinds import Kind
 from zteam.team.file.entries import Team, behavior_of, navigation_of, static_transform
 
 

@@ -17,11 +17,11 @@ from zteam.bus import Bus, MemoryHub, NoRequest, Publisher
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.node.node import Node
+from zteam.node.process_node import ClockMode
+from zteam.node.shutdown import Stop
 from zteam.robot.behaviors import View
 from zteam.robot.trials.situations import laser_frame, lookup_in, make_scan
-from zteam.runtime.node import Node
-from zteam.runtime.process_node import ClockMode
-from zteam.runtime.shutdown import Stop
 
 LIMIT = 30.0 * HOST_FACTOR
 """Host seconds for the node's thread to begin or to end: many times what a crowded machine needs."""

@@ -20,10 +20,10 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.process_options import LOCKSTEP_TIMEOUT
+from zteam.node.faults import ENDED
+from zteam.node.kinds import ROUTER
+from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot_ids import format_robot_ids
-from zteam.runtime.faults import ENDED
-from zteam.runtime.kinds import ROUTER
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls

@@ -20,7 +20,7 @@ from zteam.messages import (
     Twist,
     ns_from_time,
 )
-from zteam.runtime.tokens import TokenSet
+from zteam.node.tokens import TokenSet
 
 M = TypeVar("M", bound=Message)
 

@@ -14,10 +14,10 @@ from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
-from zteam.process_options import AggregatorOptions
-from zteam.runtime.lockstep import Participant
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.tokens import GRACE, TokenLossFilter, TokenSet
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import AggregatorOptions
+from zteam.node.tokens import GRACE, TokenLossFilter, TokenSet
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.transforms.merge import Merger, base_stamp
 from zteam.transforms.process.bundle import PATIENCE, Bundle

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Bool, Odometry
-from zteam.runtime.node import Node, run
+from zteam.node.node import Node, run
 
 NAME = "recorder"
 

@@ -25,7 +25,7 @@ from zteam.messages import (
     Quaternion,
     ns_from_time,
 )
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 from zteam.team.in_process.team_run import run_team
 from zteam.team.launch.report import RunReport
 

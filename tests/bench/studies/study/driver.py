@@ -7,7 +7,7 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.counter_random import uniform
 from zteam.messages import Twist, Vector3
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 
 SPEED, TURN = 0.4, 1.0
 """m/s, rad/s."""

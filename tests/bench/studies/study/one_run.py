@@ -18,7 +18,7 @@ from studies.study.cases import CASES
 from studies.study.driver import Driver
 from zteam import names
 from zteam.messages import RobotStatus
-from zteam.runtime.node import Node
+from zteam.node.node import Node
 from zteam.team.in_process.team_run import run_team
 
 HELD = 3.0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from studies.bare_zenoh import START_LIMIT
 from zteam.errors import ZteamError
-from zteam.runtime.kinds import ROUTER
+from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, Usage, zteam_command
 from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Supervisor

@@ -7,8 +7,8 @@ from support.team_facts import nodes, problems, robot_status, sim_status, team_f
 from zteam.messages import RobotState
 from zteam.monitor.doctor.checks import check_elsewhere, check_processes, check_robots_of_world, check_team
 from zteam.monitor.doctor.facts import Facts, Finding
-from zteam.runtime import kinds
-from zteam.runtime.kinds import KINDS, Kind
+from zteam.node import kinds
+from zteam.node.kinds import KINDS, Kind
 
 PLANNER = Kind("planner", "planner", "zteam-planner", 0, "start the planner of {robots} robots")
 

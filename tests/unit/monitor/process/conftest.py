@@ -8,7 +8,7 @@ from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.monitor.process import display, watch
 from zteam.monitor.process.display import Lines
-from zteam.process_options import MonitorOptions
+from zteam.node.process_options import MonitorOptions
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus
 from zteam.monitor.process import watch
 from zteam.monitor.process.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.monitor.process.members import Event
-from zteam.runtime.logs import LogKeeper
+from zteam.node.logs import LogKeeper
 
 
 def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> None:

@@ -12,8 +12,8 @@ from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.monitor.process import display as module
 from zteam.monitor.process.display import Poses
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.team.launch.supervisor import serve_restarts
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 

@@ -18,9 +18,9 @@ from zteam.messages import RobotState, TeamState, TeamStatus
 from zteam.monitor.process import display, view
 from zteam.monitor.process.node import run_monitor
 from zteam.monitor.process.view import FollowedTeam
-from zteam.process_options import MonitorOptions
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import MonitorOptions
+from zteam.node.shutdown import Stop
 
 
 class Second:

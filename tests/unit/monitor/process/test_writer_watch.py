@@ -8,9 +8,9 @@ from zteam.messages import Twist
 from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
-from zteam.runtime.tokens import RECENT, Writers
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
+from zteam.node.tokens import RECENT, Writers
 from zteam.simulator.client import SimStatus
 
 

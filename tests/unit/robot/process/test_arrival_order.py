@@ -34,10 +34,10 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.process_options import RobotOptions
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import RobotOptions
+from zteam.node.shutdown import Stop
 from zteam.robot.process.node import RobotNode
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 
 TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, "orders", "/robot_7/status", "/robot_8/status")
 

@@ -11,10 +11,10 @@ from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
 from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
-from zteam.process_options import RobotOptions
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import RobotOptions
+from zteam.node.shutdown import Stop
 from zteam.robot.process.node import RobotNode
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 
 
 class Seen(Behavior):

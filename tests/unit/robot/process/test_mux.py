@@ -6,9 +6,9 @@ from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.messages import Header, RobotDriver, Twist, TwistStamped, Vector3, time_from_ns
 from zteam.messages.topics import type_of_key
+from zteam.node.tick_messages import HeldMessage, TickMessages
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.process.inputs import SOURCES, Mux
-from zteam.runtime.tick_messages import HeldMessage, TickMessages
 
 TICK = 100_000_000
 TELEOP, NAVIGATION = SOURCES

@@ -9,9 +9,9 @@ from support.limits import LIMIT
 from support.real_time_robot import NEVER, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist
+from zteam.node.process_node import ProcessNode
 from zteam.robot.process import inputs
 from zteam.robot.process import node as robot_module
-from zteam.runtime.process_node import ProcessNode
 
 
 @pytest.fixture

@@ -14,10 +14,10 @@ from zteam.behaviors import Behavior, View
 from zteam.bus import Deferred, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.robot.parameters import SET, ParametersClient, SetRequest
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
 
 NAME = "robot_1"
 

@@ -14,8 +14,8 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import Message, PoseStamped, Twist, TwistStamped
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.simulator.process import commands
 from zteam.simulator.process.commands import RobotCommands
 from zteam.simulator.process.statistics import RunStatistics

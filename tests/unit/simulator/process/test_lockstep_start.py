@@ -18,7 +18,7 @@ from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Odometry
-from zteam.runtime.shutdown import Stop
+from zteam.node.shutdown import Stop
 
 NO_GO = "the monitor's GO"
 

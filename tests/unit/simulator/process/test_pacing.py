@@ -12,8 +12,8 @@ from support.limits import LIMIT
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 from zteam.simulator.process.pacing import MAX_LAG, Pacer, TickBoundary
 
 TICK = 100_000_000

@@ -10,7 +10,7 @@ from support.team_files import WHOLE, load
 from zteam.base import BaseOverride
 from zteam.cli.zteam_robot import main, parse_param, read_base
 from zteam.geometry import yaw_from_quaternion
-from zteam.process_options import RobotOptions, from_line, to_line
+from zteam.node.process_options import RobotOptions, from_line, to_line
 from zteam.team.file.entries import RobotEntry, behavior_of, static_transform
 from zteam.toml_values import toml_text
 

@@ -13,9 +13,9 @@ from zteam.bus.presence import ProcessInfo
 from zteam.errors import BusError
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
+from zteam.node.kinds import KINDS
+from zteam.node.shutdown import Stop
 from zteam.resources import find_world
-from zteam.runtime.kinds import KINDS
-from zteam.runtime.shutdown import Stop
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
 from zteam.team.in_process.run import InProcessRun, open_outside, parts_of

@@ -62,7 +62,7 @@ import time
 from msgspec import Struct
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
-from zteam.runtime import step_watch
+from zteam.node import step_watch
 
 class Naps(Behavior):
     class Params(Struct):

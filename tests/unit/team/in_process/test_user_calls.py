@@ -7,8 +7,8 @@ import pytest
 
 from support.limits import LIMIT
 from support.log_capture import captured_log
-from zteam.runtime import step_watch
-from zteam.runtime.step_watch import StepWatch
+from zteam.node import step_watch
+from zteam.node.step_watch import StepWatch
 from zteam.team.in_process import user_calls
 from zteam.team.in_process.delivery import Delivery, call_as
 from zteam.team.in_process.user_calls import CallWatch

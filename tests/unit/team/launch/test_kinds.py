@@ -6,9 +6,9 @@ import pytest
 
 from zteam import names
 from zteam.cli import main
-from zteam.process_options import MonitorOptions, SimOptions, from_line
-from zteam.runtime import kinds
-from zteam.runtime.kinds import KINDS, Kind, kind_of
+from zteam.node import kinds
+from zteam.node.kinds import KINDS, Kind, kind_of
+from zteam.node.process_options import MonitorOptions, SimOptions, from_line
 from zteam.team.file.entries import NodeEntry, RobotEntry, Team
 from zteam.team.file.rules import check_nodes
 from zteam.team.launch import team_launch

@@ -8,7 +8,7 @@ from support.limits import LIMIT
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
-from zteam.runtime.shutdown import Stop
+from zteam.node.shutdown import Stop
 from zteam.team.launch.run import claim_namespace, refuse_second_team
 
 

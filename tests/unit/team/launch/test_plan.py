@@ -9,7 +9,8 @@ import pytest
 
 from zteam.cli import zteam_robot, zteam_sim
 from zteam.geometry import Pose2
-from zteam.process_options import (
+from zteam.node.kinds import KINDS
+from zteam.node.process_options import (
     AggregatorOptions,
     MapOptions,
     MonitorOptions,
@@ -18,7 +19,6 @@ from zteam.process_options import (
     from_line,
 )
 from zteam.resources import shipped_team
-from zteam.runtime.kinds import KINDS
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
 from zteam.team.file.reading import load_team
 from zteam.team.launch.plan import Plan, plan_team, stop_order

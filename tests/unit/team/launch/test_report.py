@@ -18,7 +18,7 @@ from support.limits import LIMIT
 from zteam.bus import NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.runtime.lockstep import RoundTiming
+from zteam.node.lockstep import RoundTiming
 from zteam.simulator.client import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 from zteam.team.launch.process import Usage
 from zteam.team.launch.report import (

@@ -20,7 +20,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
-from zteam.runtime.shutdown import Stop
+from zteam.node.shutdown import Stop
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch import run as running
 from zteam.team.launch.process import Process

@@ -20,7 +20,7 @@ WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 STUBBORN = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + WAITING
 """A child that SIGTERM does not end."""
 OWN = (
-    "from zteam.runtime.shutdown import Stop\n"
+    "from zteam.node.shutdown import Stop\n"
     "import threading\n"
     "stop, asked = Stop(), threading.Event()\n"
     "stop.install()\n"

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from zteam.names import is_view, view_name
-from zteam.process_options import ViewOptions, from_line
-from zteam.runtime.kinds import kind_of
+from zteam.node.kinds import kind_of
+from zteam.node.process_options import ViewOptions, from_line
 from zteam.team.file.entries import NodeEntry, RobotEntry, Team
 from zteam.team.launch.fork_server import PRELOADS
 from zteam.team.launch.plan import plan_team, stop_order

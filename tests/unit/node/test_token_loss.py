@@ -1,6 +1,6 @@
 """Tokens that vanish: with their process, with the router, or for a moment."""
 
-from zteam.runtime.tokens import GRACE, RETURN_GRACE, TokenLossFilter
+from zteam.node.tokens import GRACE, RETURN_GRACE, TokenLossFilter
 
 
 def test_a_loss_is_told_once_after_the_grace() -> None:

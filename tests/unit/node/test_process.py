@@ -16,9 +16,9 @@ from support.limits import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
-from zteam.runtime import logs, node, process_node, shutdown
-from zteam.runtime.logs import LogKeeper
-from zteam.runtime.process_node import ProcessNode
+from zteam.node import logs, node, process_node, shutdown
+from zteam.node.logs import LogKeeper
+from zteam.node.process_node import ProcessNode
 
 
 @pytest.fixture

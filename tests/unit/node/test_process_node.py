@@ -9,8 +9,8 @@ from support.limits import LIMIT
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import String
-from zteam.runtime.process_node import ProcessNode
-from zteam.runtime.shutdown import Stop
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Point, Pose, PoseStamped, Twist, time_from_ns
-from zteam.runtime.tick_messages import MAX_AHEAD, MOST, HeldMessage, TickMessages, stamp_of, tick_of
+from zteam.node.tick_messages import MAX_AHEAD, MOST, HeldMessage, TickMessages, stamp_of, tick_of
 
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""

@@ -26,7 +26,7 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 

@@ -5,7 +5,7 @@ import pytest
 from support.log_capture import captured_log
 from zteam.errors import UsageError
 from zteam.names import parse_robot_id
-from zteam.runtime.faults import fault_text, log_fault, shortage_text
+from zteam.node.faults import fault_text, log_fault, shortage_text
 
 
 def caught(call: object) -> BaseException:

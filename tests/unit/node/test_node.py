@@ -27,7 +27,7 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.runtime import node as node_module
+from zteam.node import node as node_module
 from zteam.testing import run_node
 
 TICK = 100_000_000

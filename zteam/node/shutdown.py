@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from zteam.clock import HOST_FACTOR
-from zteam.runtime.step_watch import hanging
+from zteam.node.step_watch import hanging
 
 log = logging.getLogger("zteam")
 

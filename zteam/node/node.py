@@ -23,12 +23,12 @@ from zteam.messages import (
 )
 from zteam.messages.message import check_message_type
 from zteam.messages.velocity import checked_command
-from zteam.runtime.lockstep import Participant
-from zteam.runtime.process_node import ClockMode, ProcessNode, run_body
-from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
-from zteam.runtime.shutdown import Stop, stopping_in_order
-from zteam.runtime.step_watch import StepWatch
-from zteam.runtime.tick_messages import HeldMessage, TickInputs, TickMessages, stamp_of_tick
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ClockMode, ProcessNode, run_body
+from zteam.node.robot_status import Readiness, StatusReport, go_epoch
+from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.step_watch import StepWatch
+from zteam.node.tick_messages import HeldMessage, TickInputs, TickMessages, stamp_of_tick
 
 log = logging.getLogger("zteam")
 

@@ -16,10 +16,10 @@ from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
-from zteam.runtime.faults import log_fault
-from zteam.runtime.logs import KEEPER
-from zteam.runtime.shutdown import Stop, exit_hard_later
-from zteam.services.logs import LogLine
+from zteam.node.faults import log_fault
+from zteam.node.log_service import LogLine
+from zteam.node.logs import KEEPER
+from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
 

@@ -14,7 +14,7 @@ from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.messages import Done, Tick, Twist, ns_from_time
-from zteam.runtime.process_node import ProcessNode
+from zteam.node.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 

@@ -9,10 +9,10 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import EncodeError
 from zteam.messages import Log, LogLevel
-from zteam.runtime import process_node
-from zteam.runtime.logs import LogKeeper
-from zteam.runtime.process_node import LogPublisher, message_of
-from zteam.services.logs import LogLine, line_of
+from zteam.node import process_node
+from zteam.node.log_service import LogLine, line_of
+from zteam.node.logs import LogKeeper
+from zteam.node.process_node import LogPublisher, message_of
 
 LOGGER = logging.getLogger("somewhere")
 

@@ -1,6 +1,6 @@
 """Which processes hold their names."""
 
-from zteam.runtime.tokens import TokenSet
+from zteam.node.tokens import TokenSet
 
 
 def test_a_name_lives_from_its_first_token_to_its_last() -> None:

@@ -11,7 +11,7 @@ from support.participant_desk import NAME, Desk
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.messages import Done, Tick, ns_from_time, time_from_ns
-from zteam.runtime import lockstep as module
+from zteam.node import lockstep as module
 from zteam.simulator.client import SimStatus
 
 REFUSED = "dropped a message on sim/tick"

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from zteam.clock import Every, monotonic, pause, thread_time
-from zteam.runtime.logs import KEEPER
+from zteam.node.logs import KEEPER
 
 log = logging.getLogger("zteam")
 

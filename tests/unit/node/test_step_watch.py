@@ -3,8 +3,8 @@
 import pytest
 
 from support.log_capture import captured_log
-from zteam.runtime import step_watch
-from zteam.runtime.step_watch import LONG, LOOK, SLOW_STEPS, StepWatch, hanging
+from zteam.node import step_watch
+from zteam.node.step_watch import LONG, LOOK, SLOW_STEPS, StepWatch, hanging
 
 SECOND = round(1.0 / LOOK)
 

@@ -9,7 +9,7 @@ from support.lockstep_doubles import ScriptedSimulator
 from support.participant_desk import NAME, Desk
 from zteam.bus import MemoryHub
 from zteam.messages import Done
-from zteam.runtime.shutdown import Stop
+from zteam.node.shutdown import Stop
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 
 from support.transforms import S
 from zteam.messages import RobotState, TeamState, TeamStatus, time_from_ns
-from zteam.runtime.robot_status import Readiness, go_epoch
+from zteam.node.robot_status import Readiness, go_epoch
 
 
 def test_it_boots_until_nothing_is_missing() -> None:

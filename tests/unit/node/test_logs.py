@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from zteam.runtime import logs
-from zteam.runtime.logs import LogKeeper, start_logging
+from zteam.node import logs
+from zteam.node.logs import LogKeeper, start_logging
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,7 @@ import logging
 
 from zteam.bus.options import LEASE
 from zteam.bus.router import Router, detach
-from zteam.runtime.shutdown import Stop, exit_hard_later
+from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from support.limits import LIMIT
-from zteam.runtime.logs import KEEPER, MAX_TEXT, LogKeeper
-from zteam.services.logs import KEPT, LogLine
+from zteam.node.log_service import KEPT, LogLine
+from zteam.node.logs import KEEPER, MAX_TEXT, LogKeeper
 
 LOGGER = logging.getLogger("somewhere.deep")
 
@@ -50,7 +50,7 @@ def test_the_newest_lines_are_kept(keeper: LogKeeper) -> None:
 
 def test_times_are_in_order_and_differ(keeper: LogKeeper, monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal lines within one step of the host's clock can be told apart."""
-    monkeypatch.setattr("zteam.runtime.logs.wall_ns", lambda: 5)
+    monkeypatch.setattr("zteam.node.logs.wall_ns", lambda: 5)
     for _ in range(3):
         LOGGER.info("same")
     times = [line.time_ns for line in keeper.kept("p")]

@@ -1,1 +1,0 @@
-"""One file a process, and what every process shares."""

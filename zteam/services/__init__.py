@@ -1,1 +1,0 @@
-"""Requests and replies of the processes' queries, and the clients that ask."""
