@@ -66,12 +66,12 @@ from zteam.version import __version__
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
+    from zteam.config.resources import shipped_team, shipped_world
     from zteam.errors import ZteamError
     from zteam.geometry import Pose2
     from zteam.navigation.basic_navigator import BasicNavigator
     from zteam.navigation.client import TaskResult
     from zteam.node.node import Node, run
-    from zteam.resources import shipped_team, shipped_world
     from zteam.robot.behaviors import Behavior, View
     from zteam.robot.parameters import ParametersClient
     from zteam.simulator.client import SimulatorClient
@@ -139,8 +139,8 @@ _HOMES = {
     "load_team": "team.file.reading",
     "run": "node.node",
     "run_team": "team.in_process.team_run",
-    "shipped_team": "resources",
-    "shipped_world": "resources",
+    "shipped_team": "config.resources",
+    "shipped_world": "config.resources",
 }
 """The module within zteam that defines each name, and its name there where that is another."""
 

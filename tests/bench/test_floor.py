@@ -3,7 +3,7 @@
 import pytest
 
 from studies.floor import measure_floor, measure_floor_of
-from zteam.resources import find_world
+from zteam.config.resources import find_world
 
 
 @pytest.mark.team

@@ -11,9 +11,9 @@ from PIL import Image
 
 from support.recordings import WORLDS
 from support.small_worlds import is_occupied
+from zteam.config.resources import worlds_folder
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
-from zteam.resources import worlds_folder
 from zteam.world import World, add_robot, load_world
 
 

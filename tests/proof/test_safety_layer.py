@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from support.pages import DOCS, find_file
-from zteam.resources import shipped_team
+from zteam.config.resources import shipped_team
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

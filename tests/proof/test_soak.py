@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.resources import shipped_team, shipped_world
+from zteam.config.resources import shipped_team, shipped_world
 from zteam.team.testing.team import TeamFixture
 
 WALLS = """

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from support.flat_floor import TICK, make_view
 from zteam.behaviors import decide, load_behavior, missing
+from zteam.config.resources import teams_folder
 from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
 from zteam.node.process_options import RobotOptions, from_line, to_line
-from zteam.resources import teams_folder
 from zteam.robot.behaviors.scans import first_clear, look_ahead, look_along
 from zteam.team.file.entries import Team, behavior_of, static_transform
 from zteam.team.file.reading import load_team, read_team_file, team_world

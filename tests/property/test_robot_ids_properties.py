@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError
 from zteam.names import MAX_ROBOT_ID
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
 
 id_sets = st.sets(st.integers(0, 40) | st.integers(0, MAX_ROBOT_ID), min_size=1, max_size=30)
 separators = st.sampled_from([" ", ",", ", ", " ,", "  ", "\t"])

@@ -22,10 +22,10 @@ from support.flat_floor import (
     make_scan,
     make_view,
 )
-from zteam.base import Base
 from zteam.behaviors import SafetyLayer
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
+from zteam.messages.base import Base
 from zteam.robot.safety.motion import (
     BaseLimits,
     Motion,

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.problems import Problem
+from zteam.config.problems import Problem
+from zteam.config.toml_values import toml_text
 from zteam.team.file.reading import load_team, read_team_file
 from zteam.team.file.sources import argument_texts
-from zteam.toml_values import toml_text
 
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,5}", fullmatch=True)
 scalars = (

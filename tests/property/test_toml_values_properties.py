@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.toml_values import KeyPath, TooDeepError, key_lines
+from zteam.config.toml_values import KeyPath, TooDeepError, key_lines
 
 words = st.text(string.ascii_letters + string.digits + "_-", min_size=1, max_size=4)
 keys = words | st.sampled_from(["a b", "x.y", "", "ü", 'say "x"', "#", "[t]", "a = 1"])

@@ -14,12 +14,12 @@ from support.limits import ASKED, LIMIT
 from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
 from zteam.bus import Bus, Change, MemoryHub
+from zteam.config.resources import find_world
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.node.shutdown import Stop
-from zteam.resources import find_world
 from zteam.robot.behaviors.registry import find_behavior
 from zteam.robot.process.node import RobotNode
 from zteam.simulator.client import FinishReply, SimReport, SimStatus, StepRequest, WaitRequest

@@ -11,6 +11,7 @@ from zteam import names
 from zteam.behaviors import Behavior
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
+from zteam.config.resources import shipped_world
 from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
@@ -28,7 +29,6 @@ from zteam.messages import (
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
-from zteam.resources import shipped_world
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.parameters import ParametersClient
 from zteam.robot.process.node import RobotNode

@@ -85,7 +85,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "call", "zteam.simulator.client._ask", "sim status"),
         ("start", "import", "zteam.world", "world check arena"),
         ("start", "import", "zteam.team.launch.run", "up"),
-        ("start_simulator", "import", "zteam.simulation_options", "arena"),
+        ("start_simulator", "import", "zteam.config.simulation_options", "arena"),
         ("start_robot", "import", "zteam.behaviors", "--id 0"),
         ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),
         ("start_router", "import", "zteam.node.router", ""),

@@ -5,7 +5,7 @@ import pytest
 
 from studies.chains.figures import measure_tour
 from studies.chains.run import Chain
-from zteam.resources import find_world
+from zteam.config.resources import find_world
 
 pytestmark = pytest.mark.team
 

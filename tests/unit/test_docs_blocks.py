@@ -12,9 +12,9 @@ import pytest
 
 from support.installed_packages import install
 from support.pages import LANGUAGES, NOTES, PAGES, Block, all_blocks, blocks_of
-from zteam import entry_points
 from zteam.behaviors import Behavior
-from zteam.resources import shipped_world
+from zteam.config import entry_points
+from zteam.config.resources import shipped_world
 from zteam.robot.trials.check import run_trials
 from zteam.robot.trials.worlds import PLACES
 from zteam.team.file.reading import read_team_file

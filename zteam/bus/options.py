@@ -11,9 +11,9 @@ import msgspec
 import zenoh
 
 from zteam.clock import HOST_FACTOR, factor_from
+from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError
 from zteam.names import service_key
-from zteam.numbers import parse_number, parse_whole
 from zteam.version import __version__
 
 log = logging.getLogger("zteam.bus")

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from zteam.config.numbers import is_number, parse_number, parse_whole
 from zteam.errors import UsageError
-from zteam.numbers import is_number, parse_number, parse_whole
 
 T = TypeVar("T")
 

@@ -92,7 +92,7 @@ def default_text(parameter: Parameter) -> str:
 
 def value_text(value: Any) -> str:
     """A value on one line, numbers without noise digits; `none` for None."""
-    from zteam.toml_values import toml_text
+    from zteam.config.toml_values import toml_text
 
     if isinstance(value, float):
         return f"{value:g}"

@@ -11,10 +11,10 @@ from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.tables import format_table
+from zteam.config.numbers import MAX_SECONDS, counted
+from zteam.config.resources import find_world
+from zteam.config.simulation_options import PHYSICS, Options
 from zteam.errors import UsageError
-from zteam.numbers import MAX_SECONDS, counted
-from zteam.resources import find_world
-from zteam.simulation_options import PHYSICS, Options
 
 if TYPE_CHECKING:
     from zteam.cli.bench_team import InProcessFigures, SimulationFigures, TeamFigures

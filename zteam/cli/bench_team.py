@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import process_time
+from zteam.config.simulation_options import Options
+from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
@@ -26,7 +28,6 @@ from zteam.navigation.planning.grid import OCCUPIED
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.node.lockstep import RoundTiming
 from zteam.robot.behaviors.polyline import Polyline
-from zteam.simulation_options import Options
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine
 from zteam.simulator.core.casting import is_occupied
@@ -34,7 +35,6 @@ from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world import Ranger, World, add_robot, load_world
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.report import RunReport
-from zteam.toml_values import toml_text
 
 GAP = 0.8
 """Metres along the way between neighbours at the start."""

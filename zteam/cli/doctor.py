@@ -29,6 +29,7 @@ from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import terminal_width
 from zteam.cli.tf import ask_frames
+from zteam.config.numbers import counted
 from zteam.errors import BusError, DecodeError
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
@@ -37,7 +38,6 @@ from zteam.monitor.doctor.checks import check_team
 from zteam.monitor.doctor.facts import Facts, Fault, Finding, Level, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
-from zteam.numbers import counted
 from zteam.simulator.client import MapInfo, find_status
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")

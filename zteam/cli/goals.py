@@ -18,12 +18,12 @@ from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
+from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError
 from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.process_node import run_node
-from zteam.robot_ids import parse_robot_ids
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 

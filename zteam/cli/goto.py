@@ -20,11 +20,11 @@ from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, monotonic, to_seconds, wait_until
+from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Duration, NavigationState
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
-from zteam.numbers import MAX_SECONDS, counted
 from zteam.robot.goal_queries import navigation_query
 from zteam.simulator.client import absence_of
 

@@ -14,11 +14,11 @@ from zteam.bus.transport import Declaration, RawSample, matches, problem_of
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
+from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, type_of_encoding
 from zteam.messages.topics import type_of_key
 from zteam.names import strip_slash
-from zteam.numbers import MAX_SECONDS
 
 _PATIENCE = 0.5
 """Host seconds for processes to tell their names; one that hangs is shown by its session."""

@@ -140,7 +140,7 @@ def _main(arguments: list[str]) -> int:
 
 def _meant(name: str, rest: Sequence[str]) -> str:
     """What a word that is no command may stand for; empty if it is not known to stand for anything."""
-    from zteam.resources import existing_file, shipped_team
+    from zteam.config.resources import existing_file, shipped_team
 
     if name.startswith("-"):
         return "options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"

@@ -14,10 +14,10 @@ from zteam import names
 from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.config.robot_ids import parse_robot_ids
+from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, UsageError, did_you_mean
 from zteam.robot.parameters import DescribeReply, ParametersClient
-from zteam.robot_ids import parse_robot_ids
-from zteam.toml_values import parse_value
 
 Robots = dict[str, DescribeReply]
 """What each robot told, by name."""
@@ -177,7 +177,7 @@ def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
 
 
 def _exact(value: Any) -> str:
-    from zteam.toml_values import toml_text
+    from zteam.config.toml_values import toml_text
 
     return "none" if value is None else toml_text(value)
 

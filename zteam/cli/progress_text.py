@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from zteam.numbers import counted, format_factor
+from zteam.config.numbers import counted, format_factor
 from zteam.team.launch.progress import Overview
 
 _BAR = (8, 40)

@@ -15,10 +15,10 @@ from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import Progress
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import monotonic, to_seconds
+from zteam.config.numbers import parse_number
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
-from zteam.numbers import parse_number
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
 T = TypeVar("T")

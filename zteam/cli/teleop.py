@@ -21,12 +21,12 @@ from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
+from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot.wheels import Wheels
-from zteam.robot_ids import parse_robot_ids
 
 _KEYS_PERIOD = 0.05
 """Host seconds from one command to the next: the robot and the simulator stop when none comes for a while."""

@@ -17,10 +17,10 @@ from zteam.cli.listening import SURVEY, Waiter, add_timeout, find_key_users, lim
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
+from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time, to_json
-from zteam.numbers import MAX_SECONDS, counted, format_rate, is_number
 from zteam.transforms import Buffer, FrameInfo, TransformException
 from zteam.transforms.client import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
 from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree

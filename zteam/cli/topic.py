@@ -39,6 +39,8 @@ from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_opt
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import AutoClock, monotonic, to_seconds
+from zteam.config.numbers import counted, format_rate
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import (
     Message,
@@ -52,8 +54,6 @@ from zteam.messages import (
 )
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
-from zteam.numbers import counted, format_rate
-from zteam.robot_ids import format_robot_ids
 
 
 class _Words:

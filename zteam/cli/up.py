@@ -24,10 +24,10 @@ from zteam.cli.arguments import (
 )
 from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.config.numbers import MAX_SECONDS, counted
+from zteam.config.resources import find_team, find_world, names, teams_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
-from zteam.numbers import MAX_SECONDS, counted
-from zteam.resources import find_team, find_world, names, teams_folder
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions

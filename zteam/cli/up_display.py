@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
-from zteam.numbers import format_factor
+from zteam.config.numbers import format_factor
 from zteam.team.launch.progress import Overview, TeamOverview
 
 log = logging.getLogger("zteam")

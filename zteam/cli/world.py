@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.base import LIMITS
 from zteam.cli.arguments import number, whole
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.config.numbers import counted
+from zteam.config.resources import find_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import to_plain
+from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
-from zteam.numbers import counted
-from zteam.resources import find_world
 from zteam.simulator.world import Ranger, Robot, World, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info

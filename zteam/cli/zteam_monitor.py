@@ -9,9 +9,9 @@ from zteam import names
 from zteam.cli.arguments import add_go_timeout_option, number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
+from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError
 from zteam.node.process_options import MonitorOptions
-from zteam.robot_ids import parse_robot_ids
 
 
 def build_parser() -> Parser:

@@ -10,10 +10,10 @@ from zteam import names
 from zteam.cli.arguments import add_seed_option
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.config.toml_values import parse_value
 from zteam.errors import UsageError
 from zteam.node.process_options import NavigatedRobot, NavigationOptions
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.toml_values import parse_value
 
 
 def build_parser() -> Parser:

@@ -8,14 +8,14 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.base import BaseOverride
 from zteam.cli.arguments import add_path_option, add_seed_option, option_type
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
+from zteam.config.problems import problems_of
+from zteam.config.toml_values import parse_value
 from zteam.errors import UsageError
+from zteam.messages.base import BaseOverride
 from zteam.node.process_options import RobotOptions
-from zteam.problems import problems_of
-from zteam.toml_values import parse_value
 
 _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 

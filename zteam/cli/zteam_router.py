@@ -7,8 +7,8 @@ from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
+from zteam.config.numbers import MAX_SECONDS
 from zteam.node.router import run_router
-from zteam.numbers import MAX_SECONDS
 
 
 def build_parser() -> Parser:

@@ -11,12 +11,12 @@ from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
+from zteam.config.numbers import MAX_SECONDS, parse_number
+from zteam.config.resources import find_world
+from zteam.config.simulation_options import PHYSICS, Options
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.node.process_options import LockStepOptions, SimOptions
-from zteam.numbers import MAX_SECONDS, parse_number
-from zteam.resources import find_world
-from zteam.simulation_options import PHYSICS, Options
 from zteam.simulator.client import MAX_PLACE
 
 
@@ -95,7 +95,7 @@ def _add_time_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_simulation_options(parser: argparse.ArgumentParser) -> None:
-    """One flag for every field of `zteam.simulation_options.Options`."""
+    """One flag for every field of `zteam.config.simulation_options.Options`."""
     group = parser.add_argument_group("contacts and sensors (docs/simulator.md)")
     group.add_argument(
         "--physics", choices=PHYSICS, help="how contacts are simulated (default: what the world says, else dynamic)"

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.entry_points import MESSAGES, load_offered, offered
+from zteam.config.entry_points import MESSAGES, load_offered, offered
 from zteam.errors import UsageError
 
 log = logging.getLogger("zteam")

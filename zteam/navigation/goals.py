@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
+from zteam.config.resources import read_file
 from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
 from zteam.messages import Odometry
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.node.node import Node
-from zteam.resources import read_file
 
 if TYPE_CHECKING:
     import yaml

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from zteam.base import BaseOverride
+from zteam.config.simulation_options import Options
 from zteam.geometry import Pose2
 from zteam.messages import TransformStamped
-from zteam.simulation_options import Options
+from zteam.messages.base import BaseOverride
 
 FROM_STDIN = "-"
 """The only word of a command line whose process reads its options from its standard input."""

@@ -12,11 +12,11 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.clock import monotonic
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
-from zteam.robot_ids import format_robot_ids
 
 log = logging.getLogger("zteam")
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.laser import read_ranges
 from zteam.messages import Header, LaserScan, Point, Pose, Quaternion, Time, Transform, TransformStamped, Twist, Vector3
+from zteam.messages.laser import read_ranges
 
 Array = NDArray[np.float64]
 Floats = tuple[float, float, float, float, float, float, float]

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from zteam.config.resources import read_file
 from zteam.errors import ConfigError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import JointState, Time, TransformStamped
-from zteam.resources import read_file
 from zteam.transforms.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.laser import read_ranges
 from zteam.messages import LaserScan
+from zteam.messages.laser import read_ranges
 
 KIND, VERSION = 1, 1
 POSES, SCAN, DOC, GRID, PATH, POSE_ARRAY, SAMPLES = range(1, 8)

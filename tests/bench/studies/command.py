@@ -27,7 +27,7 @@ from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_log_options, run
-from zteam.resources import find_world
+from zteam.config.resources import find_world
 
 FORMATIONS = "formations"
 """The row of `robots` with all shapes (studies.formations)."""

@@ -15,13 +15,13 @@ from studies.chains.figures import in_children
 from studies.chains.recorder import Tracks
 from studies.chains.run import drive
 from studies.chains.tracks import Walls, count_touches
+from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.robot.behaviors.assignment import assign
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.robot.behaviors.shapes import SHAPES, Shape, slots_of
 from zteam.simulator.world.model import footprint
-from zteam.toml_values import toml_text
 from zteam.world import World, add_robot, load_world
 
 ROBOTS, STARTS, SPACING, SPEED = 5, 12, 0.8, 0.4

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from zteam.cli.bench_team import APART, GAP, find_circuit
+from zteam.config.resources import find_world
 from zteam.errors import UsageError
-from zteam.resources import find_world
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.world import load_world
 

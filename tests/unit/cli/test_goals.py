@@ -8,12 +8,12 @@ import pytest
 from support.fake_navigation import FakeNavigation
 from zteam.bus import MemoryHub
 from zteam.cli import goals
+from zteam.config.resources import teams_folder
 from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
-from zteam.resources import teams_folder
 from zteam.testing import run_node
 
 State = NavigationState

@@ -6,7 +6,7 @@ import pytest
 
 from support.commands import exit_code
 from zteam.cli import up
-from zteam.resources import names, teams_folder, worlds_folder
+from zteam.config.resources import names, teams_folder, worlds_folder
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ import pkgutil
 import numpy as np
 import zteam.planning
 from zteam.geometry import Pose2
-from zteam.resources import find_world
+from zteam.config.resources import find_world
 from zteam.sim import Engine
 from zteam.world import load_world
 seen = Engine(load_world(find_world("office"))).step({})

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from zteam import names
 from zteam.bus.receiving import KeyCount
 from zteam.clock import to_seconds
+from zteam.config.numbers import counted
+from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.monitor.doctor.facts import Facts, Fault, Finding, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
 from zteam.node import kinds
-from zteam.numbers import counted
-from zteam.robot_ids import format_robot_ids
 
 
 def check_world(facts: Facts) -> Iterator[Finding]:

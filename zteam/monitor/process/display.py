@@ -14,6 +14,7 @@ import msgspec
 
 from zteam import names
 from zteam.clock import Every, monotonic
+from zteam.config.numbers import counted
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
@@ -22,7 +23,6 @@ from zteam.monitor.process.watch import TeamWatch
 from zteam.node.log_service import printable
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
-from zteam.numbers import counted
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")

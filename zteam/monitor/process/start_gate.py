@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from zteam import names
+from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.monitor.process.members import Member, WatchedTeam
-from zteam.robot_ids import format_robot_ids
 from zteam.simulator.client import absence_text
 
 _NAMED = 8

@@ -9,6 +9,8 @@ import msgspec
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, wall_ns
+from zteam.config.numbers import counted
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import Display, showing
@@ -16,8 +18,6 @@ from zteam.monitor.process.members import WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
-from zteam.numbers import counted
-from zteam.robot_ids import format_robot_ids
 
 
 class FollowedTeam(WatchedTeam):

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 from msgspec import Meta
 
 from zteam import names
-from zteam.base import Base
 from zteam.errors import UsageError
+from zteam.messages.base import Base
 from zteam.navigation.planning import plugins
 from zteam.navigation.planning.amcl import AmclOptions, check_options
 from zteam.navigation.planning.controller import (

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import msgspec
 
-from zteam.entry_points import load_offered, offered
+from zteam.config.entry_points import load_offered, offered
+from zteam.config.problems import Problem, problems_of
 from zteam.errors import UsageError
 from zteam.navigation.planning.controller import Controller, PursuitOptions, RegulatedPurePursuit
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
-from zteam.problems import Problem, problems_of
 
 T = TypeVar("T", bound=tuple[Any, ...])
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
-from zteam.laser import read_ranges
+from zteam.messages.laser import read_ranges
 from zteam.navigation.planning.grid import Floats
 
 
@@ -15,7 +15,7 @@ class Scan(NamedTuple):
     """What a laser saw (sensor_msgs/LaserScan)."""
 
     ranges: NDArray[np.float32]
-    """Metres, one a beam, as in the message: `zteam.laser` tells what they mean."""
+    """Metres, one a beam, as in the message: `zteam.messages.laser` tells what they mean."""
     angle_min: float
     angle_increment: float
     range_min: float

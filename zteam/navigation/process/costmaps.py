@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from zteam.base import Base
 from zteam.geometry import Pose2
+from zteam.messages.base import Base
 from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
 from zteam.navigation.planning.grid import Frame, GridMap
 from zteam.navigation.planning.parameters import Parameters, WindowOptions, read_outline

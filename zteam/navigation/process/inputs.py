@@ -5,10 +5,10 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from zteam import messages, names
-from zteam.base import DEFAULT_BASE, Base
 from zteam.bus import NoRequest
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
 from zteam.transforms import FrameInfo, TransformException

@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 
 from zteam import messages, names
-from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
 from zteam.errors import DecodeError, UsageError
+from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.grid import GridMap

@@ -9,11 +9,11 @@ from typing import Any, ClassVar, NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.base import DEFAULT_BASE, Base
 from zteam.counter_random import uniform
 from zteam.errors import BehaviorError, UsageError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.message import check_message_type
 
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]

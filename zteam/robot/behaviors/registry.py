@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from zteam.entry_points import BEHAVIORS as GROUP
-from zteam.entry_points import load_offered, offered
+from zteam.config.entry_points import BEHAVIORS as GROUP
+from zteam.config.entry_points import load_offered, offered
+from zteam.config.problems import Problem, problems_of
 from zteam.errors import UsageError, did_you_mean
-from zteam.problems import Problem, problems_of
 from zteam.robot.behaviors.behavior import Behavior, check_inputs
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.formation import Formation

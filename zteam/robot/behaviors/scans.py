@@ -1,6 +1,6 @@
 """Laser scans read with care: which beams say something, and what stands in a cone or a corridor.
 
-`zteam.laser` tells what a range means. A beam that says nothing is neither an obstacle nor free.
+`zteam.messages.laser` tells what a range means. A beam that says nothing is neither an obstacle nor free.
 """
 
 import math
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.kernels import binding as kernels
-from zteam.laser import read_ranges
 from zteam.messages import LaserScan
+from zteam.messages.laser import read_ranges
 
 Floats = NDArray[np.float64]
 Laser = tuple[float, float, int]

@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.clock import monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import (
@@ -22,6 +21,7 @@ from zteam.messages import (
     TwistStamped,
     ns_from_time,
 )
+from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.tick_messages import TickMessages
 from zteam.robot.behaviors.behavior import DeclaredInput, FindPose, View

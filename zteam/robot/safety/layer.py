@@ -6,8 +6,8 @@ with the cause.
 """
 
 from zteam import names
-from zteam.base import Base
 from zteam.messages import Twist, ns_from_time
+from zteam.messages.base import Base
 from zteam.messages.velocity import checked_command
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View
 from zteam.robot.safety.motion import (

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.base import Base
 from zteam.geometry import Point2, Pose2, convex_hull
 from zteam.kernels import binding as kernels
 from zteam.messages import Twist, Vector3
+from zteam.messages.base import Base
 from zteam.robot.behaviors.behavior import View
 
 Floats = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import names
-from zteam.base import DEFAULT_BASE, Base
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
 from zteam.kernels import binding as kernels
 from zteam.messages import LaserScan, Odometry
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.robot.behaviors.behavior import View, own_pose
 from zteam.robot.behaviors.scans import Beams, beams_of
 from zteam.robot.safety.motion import Motion, Outline, limits_of, outline_of, place_after

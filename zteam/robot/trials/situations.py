@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from zteam import names
-from zteam.base import DEFAULT_BASE
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
+from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.behaviors.behavior import Behavior, FindPose, View, declared_inputs
 from zteam.robot.behaviors.registry import parameters_of
 

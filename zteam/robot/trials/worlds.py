@@ -6,11 +6,11 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.base import DEFAULT_BASE
 from zteam.clock import NS_PER_S, to_ns
+from zteam.config.resources import find_world
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.resources import find_world
+from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.straight import Forward, ForwardParams
 from zteam.robot.safety import SafetyLayer, decide

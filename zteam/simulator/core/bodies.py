@@ -37,7 +37,7 @@ class Bodies(Protocol):
 def make_bodies(
     physics: str, robots: Sequence[Robot], poses: Floats, obstacles: Sequence[Obstacle], plans: Plans
 ) -> Bodies:
-    """The bodies of `physics` (`zteam.simulation_options.PHYSICS`), with all movers at `poses` (movers, 3)."""
+    """The bodies of `physics` (`zteam.config.simulation_options.PHYSICS`), with all movers at `poses` (movers, 3)."""
     if physics == "dynamic":
         from zteam.simulator.core.dynamic import DynamicBodies  # pymunk: imported only where it is used
 

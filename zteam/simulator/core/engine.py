@@ -13,11 +13,11 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S, to_ns
+from zteam.config.robot_ids import format_robot_ids
+from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot_ids import format_robot_ids
-from zteam.simulation_options import Options
 from zteam.simulator.core.bodies import Bodies, make_bodies
 from zteam.simulator.core.casting import Plans, Scene, prepare_plans
 from zteam.simulator.core.devices import Devices

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Mapping
 
 from zteam import names
 from zteam.clock import NS_PER_S, Every, monotonic
+from zteam.config.numbers import counted
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Clock, OccupancyGrid, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
-from zteam.numbers import counted
 from zteam.simulator.client import MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest, map_info
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_message, map_metadata

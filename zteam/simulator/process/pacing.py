@@ -10,9 +10,9 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from zteam.clock import monotonic
+from zteam.config.numbers import percentile
 from zteam.errors import ZteamError
 from zteam.node.process_node import ProcessNode
-from zteam.numbers import percentile
 
 T = TypeVar("T")
 

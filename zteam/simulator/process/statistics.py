@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.clock import monotonic
+from zteam.config.numbers import percentile
 from zteam.geometry import Pose2
-from zteam.numbers import percentile
 from zteam.simulator.client import Gap, Latency, RobotReport, Timing
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulation_options import PHYSICS
 from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.images import is_floor_map

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.resources import read_file
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2
-from zteam.resources import read_file
 from zteam.simulator.world.properties import MAX_LENGTH
 
 if TYPE_CHECKING:

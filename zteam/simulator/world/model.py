@@ -171,7 +171,7 @@ class World(msgspec.Struct, eq=False):
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
     physics: str = "dynamic"
-    """The default physics of contacts: one of `zteam.simulation_options.PHYSICS`."""
+    """The default physics of contacts: one of `zteam.config.simulation_options.PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """The file's own robot macros by name, from which `zteam.world.add_robot` makes further robots."""

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from zteam.config.resources import read_file
 from zteam.errors import WorldError
-from zteam.resources import read_file
 from zteam.simulator.world.model import Remark
 
 MAX_FILE_BYTES = 16 * 2**20

@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from zteam import names
-from zteam.base import BaseOverride
+from zteam.config.simulation_options import Options
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
-from zteam.simulation_options import Options
+from zteam.messages.base import BaseOverride
 
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""

@@ -4,8 +4,8 @@ import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError, did_you_mean
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.team.file.sources import KeyPlace, Mistake, Table, merge
 
 PREVIOUS = "previous"

@@ -10,15 +10,15 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from zteam import resources
+from zteam.config import resources
+from zteam.config.problems import Problem, problems_of
+from zteam.config.simulation_options import Options
+from zteam.config.toml_values import toml_text
 from zteam.errors import ConfigError, did_you_mean
-from zteam.problems import Problem, problems_of
-from zteam.simulation_options import Options
 from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
 from zteam.team.file.groups import Expansion
 from zteam.team.file.rules import check_follows, check_nodes, check_robots, check_transforms
 from zteam.team.file.sources import LISTS, Argument, Files, KeyPlace, Mistake, Table, error_of
-from zteam.toml_values import toml_text
 
 S = TypeVar("S", bound=msgspec.Struct)
 

@@ -5,11 +5,11 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 
 from zteam import names
+from zteam.config.problems import Problem
+from zteam.config.robot_ids import format_robot_ids
+from zteam.config.toml_values import KeyPath, toml_text
 from zteam.geometry import turn_problem
-from zteam.problems import Problem
-from zteam.robot_ids import format_robot_ids
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, quaternion
-from zteam.toml_values import KeyPath, toml_text
 
 _NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 _PROCESSES = frozenset(

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from zteam import resources
+from zteam.config import resources
+from zteam.config.problems import Problem
+from zteam.config.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
 from zteam.errors import ConfigError, UsageError, did_you_mean
-from zteam.problems import Problem
-from zteam.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
 
 MAX_BYTES = 2 * 2**20
 """The largest team, 10,000 robots, takes 1 MB."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from zteam.clock import monotonic
+from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop, stopping_in_order
-from zteam.resources import find_team, find_world
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
 from zteam.team.in_process.run import Body, InProcessRun, NodeThread, open_outside

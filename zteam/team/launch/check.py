@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 
 from zteam import names
+from zteam.config.problems import Problem
+from zteam.config.resources import existing_file, is_folder
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import ConfigError, UsageError, WorldError
-from zteam.problems import Problem
-from zteam.resources import existing_file, is_folder
 from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
-from zteam.robot_ids import format_robot_ids
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import Robot, World

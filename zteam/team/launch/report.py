@@ -12,10 +12,10 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
 from zteam.clock import HOST_FACTOR, monotonic
+from zteam.config.numbers import counted, format_factor
+from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
-from zteam.numbers import counted, format_factor
-from zteam.resources import is_folder
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
 

@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 from zteam import names
-from zteam.base import DEFAULT_BASE, Base
 from zteam.bus import Bus, MemoryHub, NoRequest, Publisher
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.node.node import Node
 from zteam.node.process_node import ClockMode
 from zteam.node.shutdown import Stop

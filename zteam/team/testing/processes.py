@@ -19,11 +19,11 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.node.faults import ENDED
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
-from zteam.robot_ids import format_robot_ids
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls

@@ -18,6 +18,8 @@ from msgspec import structs
 from zteam import names
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
+from zteam.config.resources import find_team, find_world
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
 from zteam.node.kinds import kind_of
@@ -25,9 +27,7 @@ from zteam.node.log_service import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop
-from zteam.resources import find_team, find_world
 from zteam.robot.behaviors.registry import look_in
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts

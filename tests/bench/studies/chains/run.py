@@ -12,11 +12,11 @@ import msgspec
 from studies.chains.lectures import LecturesFollow
 from studies.chains.recorder import NAME, Recorder, Tracks, make_tracks, read_tracks
 from studies.chains.tours import LEAD_IN, Tour
+from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.team.in_process.team_run import run_team
 from zteam.team.launch.process import zteam_command
-from zteam.toml_values import toml_text
 
 GAP = 0.8
 """Metres of arc length between neighbours at the start, and afterwards where a law keeps a gap."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from zteam.cli.tables import format_table
-from zteam.numbers import counted
+from zteam.config.numbers import counted
 
 if TYPE_CHECKING:
     from studies.chains.figures import ChainFigures

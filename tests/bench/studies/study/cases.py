@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 
-from zteam.toml_values import toml_text
+from zteam.config.toml_values import toml_text
 
 SPEED = 0.4
 """m/s of each head that wanders."""

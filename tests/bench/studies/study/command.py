@@ -12,9 +12,9 @@ from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.progress_text import bar, duration_text
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
+from zteam.config.numbers import MAX_SECONDS, counted
+from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
-from zteam.numbers import MAX_SECONDS, counted
-from zteam.resources import find_team, find_world
 
 if TYPE_CHECKING:
     from studies.study.figures import CaseFigures

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from zteam.cli.bench import figure
 from zteam.cli.tables import format_table
-from zteam.numbers import counted
+from zteam.config.numbers import counted
 
 if TYPE_CHECKING:
     from studies.view.figures import CostFigures, ViewFigures

@@ -7,8 +7,8 @@ import pytest
 
 from studies.chains.tours import LEAD_IN, Tour, planning, tours_of
 from support.small_worlds import make_maze
+from zteam.config.resources import shipped_world
 from zteam.errors import UsageError
-from zteam.resources import shipped_world
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.world import load_world
 

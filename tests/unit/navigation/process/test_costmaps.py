@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from zteam.base import DEFAULT_BASE
 from zteam.geometry import Pose2
+from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import Parameters, WindowOptions

@@ -9,7 +9,6 @@ import pytest
 from support.goals import make_goal
 from support.installed_packages import install
 from zteam import names
-from zteam.base import DEFAULT_BASE
 from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
@@ -25,6 +24,7 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
+from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.controller import Velocity
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner

@@ -9,11 +9,11 @@ import pytest
 
 from support.flat_floor import TICK, Floor, Segment, clearance, make_scan, make_view
 from support.world_texts import box_points
-from zteam.base import Base
 from zteam.behaviors import Behavior, View, decide, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
+from zteam.messages.base import Base
 
 NOW = 100 * TICK
 STARTS = [Pose2(6.5, 18.5, 0.0), Pose2(4.25, 18.5, 0.0), Pose2(6.5, 16.5, 0.0), Pose2(4.25, 16.5, 0.0)]

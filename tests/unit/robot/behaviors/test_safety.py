@@ -9,11 +9,11 @@ import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
 from support.world_texts import box_points
-from zteam.base import Base
 from zteam.behaviors import Behavior, SafetyLayer, View, decide, load_behavior, make_safe, missing
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
+from zteam.messages.base import Base
 
 FREE = [30.0] * 271
 NOW = 100 * TICK

@@ -8,10 +8,10 @@ import msgspec
 import pytest
 
 from support.flat_floor import Floor, Segment, clearance
-from zteam.base import Base
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
+from zteam.messages.base import Base
 from zteam.robot.behaviors.line import NO_TURNS
 from zteam.robot.behaviors.polyline import Polyline
 

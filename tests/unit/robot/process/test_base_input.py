@@ -5,8 +5,8 @@ import logging
 import pytest
 
 from support.world_texts import box_points
-from zteam.base import DEFAULT_BASE, BaseOverride
 from zteam.messages import BaseInfo, Point32, Polygon
+from zteam.messages.base import DEFAULT_BASE, BaseOverride
 from zteam.robot.process import inputs as module
 from zteam.robot.process.inputs import RobotInputs
 

@@ -8,11 +8,11 @@ import pytest
 from msgspec.structs import replace
 
 from support.small_worlds import LASER, drive, make_robot, make_world
-from zteam.base import Base, base_of
 from zteam.behaviors import SafetyLayer, View
 from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist
+from zteam.messages.base import Base, base_of
 from zteam.robot.safety import LimitsOnly
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message

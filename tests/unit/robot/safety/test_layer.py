@@ -7,10 +7,10 @@ import pytest
 
 from support.flat_floor import LASER, TICK, Segment, cast, drive, make_odometry, make_scan, make_view
 from zteam import names
-from zteam.base import Base
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
+from zteam.messages.base import Base
 from zteam.robot.safety.motion import BRAKING, outline_of
 
 FRONT, REAR = 0.125, 0.225

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from support.flat_floor import TICK, make_odometry, make_scan, make_view
-from zteam.base import DEFAULT_BASE, Base
 from zteam.behaviors import SafetyLayer, View
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
+from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.robot.safety.motion import outline_of
 from zteam.robot.safety.surroundings import FOLLOWING_GAP, GAP, MAX_GROWTH, NearTeammate, TeammateTracker
 

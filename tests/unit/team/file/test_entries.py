@@ -7,12 +7,12 @@ import msgspec
 import pytest
 
 from support.team_files import WHOLE, load
-from zteam.base import BaseOverride
 from zteam.cli.zteam_robot import main, parse_param, read_base
+from zteam.config.toml_values import toml_text
 from zteam.geometry import yaw_from_quaternion
+from zteam.messages.base import BaseOverride
 from zteam.node.process_options import RobotOptions, from_line, to_line
 from zteam.team.file.entries import RobotEntry, behavior_of, static_transform
-from zteam.toml_values import toml_text
 
 
 def test_static_transforms_become_messages(tmp_path: Path) -> None:

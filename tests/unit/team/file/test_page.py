@@ -9,11 +9,11 @@ import msgspec
 import pytest
 
 from support.pages import DOCS, blocks_of
-from zteam.simulation_options import Options
+from zteam.config.simulation_options import Options
+from zteam.config.toml_values import parse_value
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, TeamSection
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import KEYS
-from zteam.toml_values import parse_value
 
 PATH = DOCS / "team-files.md"
 KINDS: Mapping[str, type[msgspec.Struct]] = {

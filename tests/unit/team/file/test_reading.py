@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from support.team_files import WHOLE, error_of, load
-from zteam import resources
+from zteam.config import resources
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2
 from zteam.team.file.entries import RobotEntry

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from zteam.config.resources import shipped_world
 from zteam.errors import ConfigError
-from zteam.resources import shipped_world
 from zteam.team.file.entries import navigation_of
 from zteam.team.file.reading import load_team, read_team_file, team_world
 from zteam.team.file.sources import MAX_FILES

@@ -10,12 +10,12 @@ from support.transports import RouterProcess
 from zteam import names
 from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
+from zteam.config.resources import find_world
 from zteam.errors import BusError
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
 from zteam.node.kinds import KINDS
 from zteam.node.shutdown import Stop
-from zteam.resources import find_world
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
 from zteam.team.in_process.run import InProcessRun, open_outside, parts_of

@@ -9,8 +9,8 @@ import pytest
 
 from support.limits import LIMIT
 from zteam import run_team
+from zteam.config.resources import find_world, shipped_world
 from zteam.errors import ConfigError
-from zteam.resources import find_world, shipped_world
 from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
 from zteam.team.file.reading import load_team, read_team_file
 from zteam.team.launch.check import check_team, random_parts

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from zteam.cli import zteam_robot, zteam_sim
+from zteam.config.resources import shipped_team
 from zteam.geometry import Pose2
 from zteam.node.kinds import KINDS
 from zteam.node.process_options import (
@@ -18,7 +19,6 @@ from zteam.node.process_options import (
     SimOptions,
     from_line,
 )
-from zteam.resources import shipped_team
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
 from zteam.team.file.reading import load_team
 from zteam.team.launch.plan import Plan, plan_team, stop_order

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.chains.tours import LEAD_IN, Tour
+from zteam.config.resources import find_world
 from zteam.counter_random import uniform
-from zteam.resources import find_world
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.world import World, load_world
 

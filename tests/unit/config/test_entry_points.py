@@ -14,7 +14,7 @@ from zteam.bus import MemoryHub
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import kind_of
 from zteam.cli.tables import format_message
-from zteam.entry_points import load_offered
+from zteam.config.entry_points import load_offered
 from zteam.errors import UsageError
 from zteam.messages import decode, encode, encoding_of, from_text, message_type, to_json, type_of_encoding
 from zteam.messages.message import REGISTERED

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import msgspec
 
+from zteam.config.problems import problems_of
 from zteam.geometry import Point2
 from zteam.messages import BaseInfo
-from zteam.problems import problems_of
 
 MAX_EXTENT = 100.0
 """Metres: no outline reaches further from the base's origin."""

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from zteam import resources
 from zteam.behaviors import load_behavior
+from zteam.config import resources
 from zteam.errors import UsageError
 from zteam.team.file.reading import load_team
 

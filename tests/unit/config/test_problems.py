@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import msgspec
 import pytest
 
-from zteam.problems import problems_of
+from zteam.config.problems import problems_of
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, get_args
 
 import msgspec
 
+from zteam.config.toml_values import KeyPath
 from zteam.errors import did_you_mean
-from zteam.toml_values import KeyPath
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")

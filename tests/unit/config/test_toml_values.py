@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from zteam.toml_values import MAX_DEPTH, TooDeepError, key_lines, line_of, parse_value, toml_text
+from zteam.config.toml_values import MAX_DEPTH, TooDeepError, key_lines, line_of, parse_value, toml_text
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterable, Sequence
 
 from zteam import names
+from zteam.config.numbers import shown
 from zteam.errors import UsageError
-from zteam.numbers import shown
 
 _SEPARATOR = re.compile(r"\s*,\s*|\s+")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from zteam.config.numbers import counted, format_factor, format_rate, is_number, parse_number, parse_whole, percentile
 from zteam.errors import UsageError
-from zteam.numbers import counted, format_factor, format_rate, is_number, parse_number, parse_whole, percentile
 
 
 def test_the_bounds_belong_to_the_range() -> None:

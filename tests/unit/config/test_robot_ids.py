@@ -2,8 +2,8 @@
 
 import pytest
 
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError
-from zteam.robot_ids import format_robot_ids, parse_robot_ids
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import pytest
 from studies.view.frames import decode_frame
 from zteam.behaviors import read_beams
 from zteam.geometry import Pose2
-from zteam.laser import read_ranges
 from zteam.messages import LaserScan
+from zteam.messages.laser import read_ranges
 from zteam.navigation.planning.scans import Scan, find_ends
 from zteam.transforms.rigid import scan_points
 from zteam.view import frames

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from zteam.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
+from zteam.config.problems import problems_of
 from zteam.messages import BaseInfo, Point32, Polygon, decode, encode
-from zteam.problems import problems_of
+from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 
 CART = BaseInfo(
     model="cart",
