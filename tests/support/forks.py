@@ -21,7 +21,14 @@ from zteam.clock import HOST_FACTOR
 
 _LONGEST = 60.0 * HOST_FACTOR
 """Host seconds of one command: support.limits.LIMIT, which the program that this file is cannot import."""
-_PRELOADED = ("zteam.cli", "zteam.team.launch", "zteam.team.file", "zteam.world", "zteam.behaviors", "zteam.services")
+_PRELOADED = (
+    "zteam.cli",
+    "zteam.team.launch",
+    "zteam.team.file",
+    "zteam.simulator",
+    "zteam.simulator.world",
+    "zteam.robot.behaviors",
+)
 
 
 class Ended(NamedTuple):

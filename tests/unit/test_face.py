@@ -76,7 +76,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     """As of any module, so that `hasattr` works."""
     assert not hasattr(zteam, "Robot")
     with pytest.raises(ImportError):
-        importlib.import_module("zteam.robot")
+        importlib.import_module("zteam.robots")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from zteam.errors import UsageError, did_you_mean
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def _folder(inside_wheel: str, in_checkout: str) -> Path:

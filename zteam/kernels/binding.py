@@ -63,7 +63,7 @@ class Bitmap(NamedTuple):
     """A bitmap that rays and bodies meet."""
 
     sides: NDArray[np.uint8]
-    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`zteam.simulator.core.casting`)."""
+    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`simulator.core.casting`)."""
     rows: int
     columns: int
     cell_x: float

@@ -6,7 +6,7 @@
 
 #define LEAST(a, b) ((a) < (b) ? (a) : (b))
 #define MOST(a, b) ((a) > (b) ? (a) : (b))
-enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.planning.costs */
+enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.navigation.planning.costmap */
 #define MARGIN 0.05 /* cells that an outline keeps from lethal ones, for what happens between two poses */
 #define FAR 1e9     /* cells; what is farther away, or not a number, is outside of every grid */
 

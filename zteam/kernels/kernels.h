@@ -3,7 +3,7 @@
 #define ZTEAM_KERNELS_H
 #include <stdint.h>
 
-/* A bitmap: the largest empty square at every cell, for each quadrant of directions (zteam.sim.fields). */
+/* A bitmap: the largest empty square at every cell, for each quadrant of directions (zteam.simulator.core.casting). */
 typedef struct {
     const uint8_t *sides; /* (4, rows * columns + 1) */
     int64_t rows, columns;

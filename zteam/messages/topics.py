@@ -43,7 +43,7 @@ SENSORS: dict[str, type[messages.Message]] = {
     names.SONAR: messages.Range,
     names.STALL: messages.Bool,
 }
-"""What is measured of a robot; the second laser scans on `base_scan_1`. `zteam.simulator.world.devices` has a row for each."""
+"""What is measured of a robot; a second laser scans on `base_scan_1`. `simulator.world.devices` has a row for each."""
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
 _LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}

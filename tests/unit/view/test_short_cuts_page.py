@@ -6,7 +6,7 @@ from pathlib import Path
 import zteam
 from support.pages import DOCS
 
-SCRIPTS = Path(zteam.__file__).parent / "nodes/web/page/js"
+SCRIPTS = Path(zteam.__file__).parent / "view/page/js"
 ROW = re.compile(r'\{ keys: "([^"]+)", text: "([^"]+)", group: "([^"]+)" \}')
 
 

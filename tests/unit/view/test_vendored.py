@@ -7,7 +7,7 @@ import pytest
 
 import zteam
 
-VENDOR = Path(zteam.__file__).parent / "nodes/web/page/vendor"
+VENDOR = Path(zteam.__file__).parent / "view/page/vendor"
 
 PUBLISHED = {
     "uplot/LICENSE": "8f989229699b4fe2f1a0432d0e9edc338a8a911e250e2d1b01ecd770a5f5b1bd",

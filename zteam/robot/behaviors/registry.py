@@ -100,7 +100,7 @@ def _type_text(annotation: Any) -> str:
     return "..." if annotation is ... else getattr(annotation, "__name__", str(annotation))
 
 
-_ZTEAM = str(Path(__file__).parents[1])
+_ZTEAM = str(Path(__file__).parents[2])
 _OF_ROS = {
     **dict.fromkeys(("rospy", "rclpy"), "a behaviour has step(view), a node of your own runs by zteam.run"),
     **dict.fromkeys(("tf", "tf2_ros", "tf_transformations"), "zteam.TransformListener and zteam.Pose2 do its work"),

@@ -31,7 +31,7 @@ PRELOADS = (
     "shutil",
     "zteam.node.process_node",
     "zteam.node.router",
-    "zteam.world",
+    "zteam.simulator.world",
     "zteam.team.bodies",
     "zteam.transforms.process.node",
     "zteam.team.file.reading",
