@@ -78,7 +78,7 @@ def _filled(roll: float) -> tuple[Buffer, _TellingLock]:
 
 
 def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object, object] | None:
-    """Interrupt the call `outer` at its `line`-th line in zteam.tf by `inner` in another thread; return both results.
+    """Interrupt the call `outer` at its `line`-th line in zteam.transforms by `inner` in another thread; return both results.
 
     `outer` continues when `inner` has ended or waits for the lock. None if `outer` runs fewer lines than `line`.
     """
@@ -96,7 +96,7 @@ def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object
 
     def trace(frame: FrameType, event: str, _argument: object) -> object:
         nonlocal lines
-        if not frame.f_globals["__name__"].startswith("zteam.tf"):
+        if not frame.f_globals["__name__"].startswith("zteam.transforms"):
             return None
         lines += event == "line"
         if lines == line and thread.ident is None:

@@ -31,7 +31,7 @@ print(digest.hexdigest())
 
 def run(order: str, ticks: int) -> str:
     """What a fresh process prints."""
-    code = RUN.format(tests=str(Path(__file__).resolve().parents[2]), order=order, ticks=ticks)
+    code = RUN.format(tests=str(Path(__file__).resolve().parents[3]), order=order, ticks=ticks)
     done = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=3 * LIMIT, check=False
     )

@@ -9,7 +9,7 @@ import pytest
 from zteam.team.launch import warm_parent
 from zteam.team.launch.warm_parent import WarmParent
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[3]
 
 
 @pytest.fixture
