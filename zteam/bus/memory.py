@@ -34,7 +34,7 @@ from zteam.messages import Message, decode, encode
 from zteam.messages.cdr import adopt
 
 
-class Receiver(NamedTuple):
+class HubReceiver(NamedTuple):
     """What a hub delivers to."""
 
     owner: str
@@ -42,10 +42,10 @@ class Receiver(NamedTuple):
     take: Callable[[Any], object]
 
 
-Deliver = Callable[[Sequence[Receiver], Any], None]
+Deliver = Callable[[Sequence[HubReceiver], Any], None]
 
 
-def deliver_now(receivers: Sequence[Receiver], news: Any) -> None:
+def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
     """Call every receiver in this thread."""
     for _, take in receivers:
         take(news)
@@ -54,7 +54,7 @@ def deliver_now(receivers: Sequence[Receiver], news: Any) -> None:
 class _Subscriber(NamedTuple):
     session: str
     key_expr: str
-    receiver: Receiver
+    receiver: HubReceiver
 
 
 class _Queryable(NamedTuple):
@@ -115,7 +115,7 @@ class MemoryHub:
             if alive == (before > 0):
                 return
             told = [
-                Receiver(owner, partial(call, handler, key))
+                HubReceiver(owner, partial(call, handler, key))
                 for owner, expr, handler in self.watchers.values()
                 if matches(expr, key)
             ]
@@ -150,7 +150,7 @@ class MemoryTransport:
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
         check_use("subscribe to", key_expr, self._closed)
-        hub, number, receiver = self._hub, self._hub.new_id(), Receiver(self._owner, handler)
+        hub, number, receiver = self._hub, self._hub.new_id(), HubReceiver(self._owner, handler)
         with hub.lock:
             hub.change_subscriber(number, _Subscriber(self.instance, key_expr, receiver))
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
@@ -201,7 +201,7 @@ class MemoryTransport:
             hub.watchers[number] = self._owner, key_expr, handler
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
-            hub.deliver([Receiver(self._owner, partial(call, handler, key))], True)
+            hub.deliver([HubReceiver(self._owner, partial(call, handler, key))], True)
         return self._keep(lambda: hub.watchers.pop(number, None))
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
@@ -245,10 +245,10 @@ class MemoryPublisher:
         self._latched = latched
         self._passed_over = session if to_others else None
         self._closed = False
-        self._matching: tuple[int, list[Receiver]] = (-1, [])
+        self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
 
-    def _receivers(self) -> list[Receiver]:
+    def _receivers(self) -> list[HubReceiver]:
         version, receivers = self._matching
         hub, but = self._hub, self._passed_over
         if version != hub.version:

@@ -35,7 +35,7 @@ from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, deco
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Fault, Finding, Level, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, Level, UnusableMessages, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, find_status
@@ -145,7 +145,7 @@ def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
 
 def _decode(
     heard: Mapping[str, Sequence[RawSample]], name_of: Callable[[RawSample], str]
-) -> tuple[list[Fault], dict[str, tuple[RawSample, Message]]]:
+) -> tuple[list[UnusableMessages], dict[str, tuple[RawSample, Message]]]:
     """What is wrong with samples of zteam's own keys, and the newest sample of each that is right, with its message."""
     faults, newest = [], dict[str, tuple[RawSample, Message]]()
     for key, samples in heard.items():
@@ -155,12 +155,12 @@ def _decode(
         for sample in samples:
             given = type_of_encoding(sample.encoding)
             if given is not None and given is not due:
-                faults.append(Fault(key, name_of(sample), f"{given.ros_type}, {due.ros_type} is due"))
+                faults.append(UnusableMessages(key, name_of(sample), f"{given.ros_type}, {due.ros_type} is due"))
                 continue
             try:
                 message = decode(due, sample.payload)
             except DecodeError as error:
-                faults.append(Fault(key, name_of(sample), f"bytes that are no {due.ros_type}: {error}"))
+                faults.append(UnusableMessages(key, name_of(sample), f"bytes that are no {due.ros_type}: {error}"))
                 continue
             if key not in newest or sample.timestamp > newest[key][0].timestamp:
                 newest[key] = sample, message

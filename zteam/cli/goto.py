@@ -14,7 +14,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import PERIOD, Progress
+from zteam.cli.live_line import PERIOD, ProgressLine
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
@@ -92,7 +92,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     clock, waiter = open_clock(bus, args.clock), Waiter()
     client = NavigationClient(bus, args.robot, clock.now, on_change=waiter.notify)
     begin, watch = clock.steady(), client.send(goal_message(args.pose))
-    with Progress() as progress:
+    with ProgressLine() as progress:
         try:
             _follow(args, client, watch, waiter, clock, progress)
         except KeyboardInterrupt:
@@ -115,7 +115,7 @@ def _follow(
     watch: GoalWatch,
     waiter: Waiter,
     clock: AutoClock,
-    progress: Progress,
+    progress: ProgressLine,
 ) -> None:
     """Wait for the end of the goal; with --no-wait until it is sent."""
     begin, told, waited_for = monotonic(), False, ""

@@ -105,7 +105,7 @@ class LiveLine:
             return True
 
 
-class Progress:
+class ProgressLine:
     """How far something is, on standard error: a live line, or a line now and then. A context manager."""
 
     def __init__(self) -> None:
@@ -114,7 +114,7 @@ class Progress:
         """Whether a line is rewritten."""
         self._due = Every(PERIOD)
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> "ProgressLine":
         if self._live is not None:
             self._live.__enter__()
         return self

@@ -12,7 +12,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import option_type, parse_speed, whole
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import Progress
+from zteam.cli.live_line import ProgressLine
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
@@ -135,7 +135,7 @@ def _resume(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
 
 def _step(client: SimulatorClient, args: argparse.Namespace) -> Answer:
     begin, first, last = monotonic(), None, None
-    with Progress() as progress:
+    with ProgressLine() as progress:
 
         def report(status: SimStatus) -> None:
             nonlocal first, last

@@ -25,7 +25,7 @@ from zteam.transforms import Buffer, FrameInfo, TransformException
 from zteam.transforms.client import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
 from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
 from zteam.transforms.merge import TEAM_FILE
-from zteam.transforms.statistics import Watch
+from zteam.transforms.statistics import TransformWatch
 
 NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
 
@@ -248,7 +248,7 @@ def _show_tree(args: argparse.Namespace) -> int:
 
 def _show_figures(args: argparse.Namespace) -> int:
     """Print rates, delays and jitter of every moving frame, and conflicts."""
-    watch = Watch()
+    watch = TransformWatch()
     with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
         bus.subscribe(names.TF, TFMessage, lambda _, message: watch.take(message.transforms, listener.now))

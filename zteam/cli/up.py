@@ -31,7 +31,7 @@ from zteam.names import VIEW
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
-    from zteam.cli.up_display import Display
+    from zteam.cli.up_display import RunDisplay
     from zteam.node.shutdown import Stop
     from zteam.team.launch.report import RunReport
     from zteam.team.launch.run import TeamRun
@@ -272,7 +272,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     return _conclude(team_run.failed, report, stop, launch.has_end, args.report)
 
 
-def _give_terminal_to_debugger(display: "Display") -> None:
+def _give_terminal_to_debugger(display: "RunDisplay") -> None:
     """Draw no live line from the first `breakpoint()` on. A hook of `breakpoint` itself would show up in its stack."""
 
     def hear(event: str, _arguments: object) -> None:
@@ -283,7 +283,7 @@ def _give_terminal_to_debugger(display: "Display") -> None:
 
 
 def _run(
-    team_run: "TeamRun", display: "Display", args: argparse.Namespace, members: str, place: str = ""
+    team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, members: str, place: str = ""
 ) -> "RunReport | None":
     from zteam.team.launch.run import warn_of_endpoint
 

@@ -42,7 +42,7 @@ class Printer:
             self._write(f"{prefix} {text.replace(f' [{name}]', '', 1)}")
 
 
-class Display:
+class RunDisplay:
     """Prints the lines of the processes and tells how the team does: a log line on every tenth of a run with an end,
     but not too often. `run_for` is simulated seconds from GO."""
 
@@ -79,7 +79,7 @@ class Display:
             log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
 
 
-class _Live(Display):
+class _Live(RunDisplay):
     """Lines with the live line below them."""
 
     def __init__(self, line: LiveLine, run_for: float | None) -> None:
@@ -103,13 +103,13 @@ class _Live(Display):
 
 
 @contextmanager
-def open_display(log_format: str, run_for: float | None) -> Iterator[Display]:
+def open_display(log_format: str, run_for: float | None) -> Iterator[RunDisplay]:
     """The display for this standard output."""
     if log_format == "text" and has_live_line(sys.stdout):
         with LiveLine(sys.stdout) as line:
             yield _Live(line, run_for)
     else:
-        yield Display(run_for)
+        yield RunDisplay(run_for)
 
 
 @contextmanager

@@ -89,7 +89,7 @@ class Readiness:
         self.state, self.reason = RobotState.STOPPED, "stopped"
 
 
-class Driving(Protocol):
+class StatusSource(Protocol):
     """What a status tells of what drives the robot: a behaviour has it."""
 
     leader: int | None
@@ -139,7 +139,7 @@ class StatusReport:
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
-        self.tells_of: Driving = OwnStep()
+        self.tells_of: StatusSource = OwnStep()
         """Whose place in a line, goal and rest it tells."""
         self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None

@@ -63,7 +63,7 @@ class _Stream:
         )
 
 
-class Watch:
+class TransformWatch:
     """Computes figures of the transforms that `take` gets. Its memory does not grow with their number."""
 
     def __init__(self) -> None:

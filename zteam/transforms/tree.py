@@ -118,7 +118,7 @@ class TimeCache:
         return FrameInfo(self.parent, self.authority, self.static, rate, oldest, newest, count)
 
 
-class Path:
+class FramePath:
     """A path from a source up to the common ancestor and down to a target, with its static transforms composed.
 
     It holds as long as every edge on it keeps its parent.
@@ -208,7 +208,7 @@ class Tree:
         """By child frame."""
         self.duplicates = 0
         """Samples that their edges had already."""
-        self._paths: dict[tuple[str, str], Path] = {}
+        self._paths: dict[tuple[str, str], FramePath] = {}
         """By target and source; cleared if a frame, a parent or a static transform changes."""
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
@@ -291,7 +291,7 @@ class Tree:
         """The newest time that all moving edges between two frames have; raises where they are not connected."""
         path = self._paths.get((target, source)) or self._prepare(target, source)
         if path is None:
-            return self._newest(target) if target == source else Path(*self._find_edges(target, source)).newest
+            return self._newest(target) if target == source else FramePath(*self._find_edges(target, source)).newest
         return path.newest
 
     def _newest(self, frame: str) -> int:
@@ -323,11 +323,11 @@ class Tree:
         if target == source:
             return (time, *IDENTITY)
         # The parents at that time may differ from the newest ones. Where an edge has no data, this raises.
-        answer = Path(*self._find_edges(target, source, time)).solve(time)
+        answer = FramePath(*self._find_edges(target, source, time)).solve(time)
         assert answer is not None
         return answer
 
-    def _prepare(self, target: str, source: str, time: int = 0) -> Path | None:
+    def _prepare(self, target: str, source: str, time: int = 0) -> FramePath | None:
         """The path by the newest parents; None if it does not hold at every time, or if there is one at times only."""
         if target == source:
             return None
@@ -340,7 +340,7 @@ class Tree:
             return None
         if any(edge.is_mixed for edge in (*up, *down)):
             return None
-        path = self._paths[target, source] = Path(up, down)
+        path = self._paths[target, source] = FramePath(up, down)
         return path
 
     def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:

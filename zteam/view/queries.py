@@ -87,7 +87,7 @@ KEYS_PERIOD = 2.0
 PATIENCE = 1.0
 
 
-class Queries:
+class TeamQueries:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
     def __init__(self, node: ProcessNode, received: Received, on_news: Callable[[], None]) -> None:

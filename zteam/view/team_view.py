@@ -9,7 +9,7 @@ from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
 from zteam.transforms import Buffer, TransformException
-from zteam.view.queries import ASK_PERIOD, Queries
+from zteam.view.queries import ASK_PERIOD, TeamQueries
 from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,
@@ -133,7 +133,7 @@ class TeamView:
         self.received = Received(lambda: self.on_news())
         self.drawables = Drawables(self.received)
         self.places = Places(self.received)
-        self.queries = Queries(node, self.received, lambda: self.on_news())
+        self.queries = TeamQueries(node, self.received, lambda: self.on_news())
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
         """The viewer that drives a robot."""

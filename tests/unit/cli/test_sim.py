@@ -12,7 +12,7 @@ from support.limits import ASKED
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import sim
-from zteam.cli.live_line import Progress
+from zteam.cli.live_line import ProgressLine
 from zteam.simulator import client as simulator
 from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
 from zteam.simulator.process.pacing import Pacer
@@ -214,14 +214,14 @@ def test_a_long_step_reports_its_progress(
     monkeypatch.setattr(simulator, "LOOK", 0.01)
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
-    show = Progress.show
+    show = ProgressLine.show
 
-    def show_and_free(progress: Progress, text: str) -> None:
+    def show_and_free(progress: ProgressLine, text: str) -> None:
         show(progress, text)
         if desk.world.tick > 1:
             desk.free.set()
 
-    monkeypatch.setattr(Progress, "show", show_and_free)
+    monkeypatch.setattr(ProgressLine, "show", show_and_free)
     assert zteam.main(["sim", "step", "400", "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["tick"] == 401
@@ -237,7 +237,7 @@ def test_an_interrupted_step_pauses_the_world(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
-    monkeypatch.setattr(Progress, "show", interrupt)
+    monkeypatch.setattr(ProgressLine, "show", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
     status = SimulatorClient(desk.bus).stand(ASKED).status

@@ -17,7 +17,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli import listening, tf
 from zteam.messages import TFMessage, time_from_ns
-from zteam.transforms.statistics import FrameFigures, Watch
+from zteam.transforms.statistics import FrameFigures, TransformWatch
 
 START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
 
@@ -104,7 +104,7 @@ def test_figures_fit_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
         FrameFigures("robot_0/odom", "robot_0/base_footprint", 9, 10.0, 0.00012, 0.0, 0.0),
         FrameFigures("robot_10/odom", "robot_10/base_footprint", 9, 9.5, 0.012, 0.1, 0.25),
     ]
-    monkeypatch.setattr(Watch, "figures", lambda _watch: figures)
+    monkeypatch.setattr(TransformWatch, "figures", lambda _watch: figures)
     assert tf.main(["monitor", "--for", "0.01"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80

@@ -5,12 +5,12 @@ import tracemalloc
 import pytest
 
 from support.transforms import S, stamped
-from zteam.transforms.statistics import WINDOW, Watch
+from zteam.transforms.statistics import WINDOW, TransformWatch
 
 
 def test_a_watch_measures_rate_jitter_and_delay() -> None:
     """Stamps with gaps of 0.1, 0.1 and 0.4 s give 5 Hz, the jitter of the gaps, and delays by the team's clock."""
-    watch = Watch()
+    watch = TransformWatch()
     for stamp, now in ((S, 0), (S + S // 10, S + S // 5), (S + S // 5, S + S // 5), (S + 3 * S // 5, S)):
         watch.take([stamped("odom", "base", stamp)], now)
     (figures,) = watch.figures()
@@ -26,7 +26,7 @@ def test_a_watch_measures_rate_jitter_and_delay() -> None:
 
 def test_samples_in_any_order_give_the_same_figures() -> None:
     """The order of arrival does not change the figures."""
-    watches = Watch(), Watch()
+    watches = TransformWatch(), TransformWatch()
     stamps = [S + i * i * S // 100 for i in range(20)]
     for watch, order in zip(watches, (stamps, sorted(stamps, key=lambda stamp: stamp % 7)), strict=True):
         for stamp in order:
@@ -38,7 +38,7 @@ def test_samples_in_any_order_give_the_same_figures() -> None:
 
 def test_the_memory_of_a_watch_is_bounded() -> None:
     """Count, rate and delays cover the whole stream, and ten times the samples take no more memory."""
-    watch, transform = Watch(), stamped("odom", "base", 0)
+    watch, transform = TransformWatch(), stamped("odom", "base", 0)
 
     def take(ticks: range) -> int:
         for tick in ticks:

@@ -8,7 +8,7 @@ from zteam.clock import to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
-from zteam.monitor.doctor.facts import Facts, Fault, Finding, note, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
 from zteam.node import kinds
 
@@ -298,7 +298,7 @@ def _lacks_its_robot(facts: Facts, key: str) -> bool:
     return target is not None and target[0] in facts.robots and facts.lacks(target[0])
 
 
-def _of_fault(fault: Fault, receivers: list[str]) -> Finding:
+def _of_fault(fault: UnusableMessages, receivers: list[str]) -> Finding:
     by = f"; refused by {', '.join(receivers)}" if receivers else ""
     text = f"{fault.key}: {fault.writer} sends {fault.reason}{by}"
     return problem("refusals", text, "end or mend what sends it: 'zteam node list' has the processes")

@@ -42,7 +42,7 @@ def problem(what: str, text: str, next_step: str = "") -> Finding:
     return Finding(what, False, text, next_step, "problem")
 
 
-class Fault(msgspec.Struct, frozen=True):
+class UnusableMessages(msgspec.Struct, frozen=True):
     """Messages that no process of zteam can use."""
 
     key: str
@@ -59,7 +59,7 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Every process with a presence token; one that does not answer has pid 0."""
     writers: Mapping[str, Sequence[str]] = {}
     """The processes that published on each key, by name."""
-    faults: Sequence[Fault] = ()
+    faults: Sequence[UnusableMessages] = ()
     counts: Mapping[str, Mapping[str, KeyCount]] = {}
     """What each process received and refused, by process and key."""
     statuses: Mapping[int, RobotStatus] = {}

@@ -18,7 +18,7 @@ from zteam.config.numbers import counted
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.monitor.process.members import Event, Member, WatchedTeam
+from zteam.monitor.process.members import Event, KnownRobot, WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.log_service import printable
 from zteam.node.process_node import ProcessNode
@@ -105,7 +105,7 @@ class Row(msgspec.Struct):
     """How often its process was started again."""
 
 
-class Line(NamedTuple):
+class TableLine(NamedTuple):
     """One line of the table."""
 
     text: str
@@ -118,7 +118,7 @@ def make_rows(team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[s
     return [_row(names.robot_name(i), m, poses.get(i), restarts, now) for i, m in sorted(team.members.items())]
 
 
-def _row(name: str, member: Member, pose: Pose2 | None, restarts: Mapping[str, int], now: float) -> Row:
+def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[str, int], now: float) -> Row:
     row = Row(name, _state(member), pose=pose, restarts=restarts.get(name, 0))
     status = member.status
     if status is None:
@@ -139,7 +139,7 @@ def _row(name: str, member: Member, pose: Pose2 | None, restarts: Mapping[str, i
     return row
 
 
-def _state(member: Member) -> str:
+def _state(member: KnownRobot) -> str:
     if member.was_lost:
         return "stopped" if member.stopped else "lost"
     if member.silent:
@@ -152,20 +152,20 @@ def _behavior(behavior: str, leader: int, driver: str) -> str:
     return text if driver in (RobotDriver.BEHAVIOR, RobotDriver.NONE, "") else f"{driver} ({text})"
 
 
-def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[Line]:
+def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[TableLine]:
     """The table in lines of at most `width` characters; `notes` stand below it."""
     cells = [_HEAD, *(_cells(row) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     form = (" " * _GAP).join(f"{{:{'<' if column < _LEFT else '>'}{size}}}" for column, size in enumerate(widths))
     head, *texts = (form.format(*line).rstrip() for line in cells)
-    lines = [Line(head)]
+    lines = [TableLine(head)]
     for row, text in zip(rows, texts, strict=True):
         if row.reason and len(text) + _GAP + len(row.reason) <= width:
-            lines.append(Line(f"{text}{' ' * _GAP}{row.reason}", row.state))
+            lines.append(TableLine(f"{text}{' ' * _GAP}{row.reason}", row.state))
             continue
-        lines.append(Line(text, row.state))
-        lines += [Line(part) for part in _wrap(row.reason, width, " " * (widths[0] + _GAP))]
-    return lines + [Line(part) for note in notes for part in _wrap(printable(note), width, "")]
+        lines.append(TableLine(text, row.state))
+        lines += [TableLine(part) for part in _wrap(row.reason, width, " " * (widths[0] + _GAP))]
+    return lines + [TableLine(part) for note in notes for part in _wrap(printable(note), width, "")]
 
 
 def _cells(row: Row) -> tuple[str, ...]:
@@ -255,7 +255,7 @@ def showing(options: MonitorOptions) -> Iterator[Lines]:
             yield table
 
 
-class Display:
+class TeamDisplay:
     """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
 
     def __init__(

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from zteam.monitor.process.display import Line, Lines, Row, format_table
+from zteam.monitor.process.display import Lines, Row, TableLine, format_table
 from zteam.monitor.process.members import Event
 
 _COLORS = {
@@ -39,7 +39,7 @@ class LiveTable(Lines):
         self._console.print(Text(event.sentence, _EVENTS.get(event.kind, "")))
 
 
-def _colored(line: Line, *, bold: bool) -> Text:
+def _colored(line: TableLine, *, bold: bool) -> Text:
     text = Text(line.text, "bold" if bold else "")
     if line.state:
         start = line.text.index(line.state)

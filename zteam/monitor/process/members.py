@@ -27,7 +27,7 @@ class Event(NamedTuple):
         return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
 
 
-class Member(msgspec.Struct):
+class KnownRobot(msgspec.Struct):
     """What is known of one robot."""
 
     alive: bool = False
@@ -80,7 +80,7 @@ class WatchedTeam:
         """Whether GO is out."""
         self.epoch = 0
         """Of the standing GO."""
-        self.members: dict[int, Member] = {}
+        self.members: dict[int, KnownRobot] = {}
         """By the robot's id."""
         self._events: list[Event] = []
         self._tokens = TokenSet()
@@ -101,9 +101,9 @@ class WatchedTeam:
         there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
         return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
 
-    def get(self, robot_id: int) -> Member:
+    def get(self, robot_id: int) -> KnownRobot:
         """The robot's member, which is made at its first mention."""
-        return self.members.setdefault(robot_id, Member())
+        return self.members.setdefault(robot_id, KnownRobot())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
         """Add an event."""
@@ -138,7 +138,7 @@ class WatchedTeam:
             member.was_lost = member.told_go = False
             self.tell("back", robot_id, "is back")
 
-    def _lose(self, robot_id: int, member: Member) -> None:
+    def _lose(self, robot_id: int, member: KnownRobot) -> None:
         member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
         # A process that comes later under this name speaks for itself.
         member.status = None

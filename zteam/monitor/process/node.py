@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 from zteam import names
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.monitor.process.display import Display, Lines, showing
+from zteam.monitor.process.display import Lines, TeamDisplay, showing
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.view import run_view
 from zteam.monitor.process.watch import TeamWatch
@@ -37,7 +37,7 @@ class Monitor:
 
     def run(self, output: Lines) -> None:
         """Gate and watch until the process is asked to stop, or until GO with `exit_on_go`."""
-        Display(self._node, self.gate, self.watch, self._options, output).run(self._decide, self._is_complete)
+        TeamDisplay(self._node, self.gate, self.watch, self._options, output).run(self._decide, self._is_complete)
 
     def _decide(self) -> None:
         if self.watch.simulator_came and self.gate.expected is None:

@@ -11,7 +11,7 @@ import numpy as np
 from zteam import names
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.monitor.process.members import Member, WatchedTeam
+from zteam.monitor.process.members import KnownRobot, WatchedTeam
 from zteam.simulator.client import absence_text
 
 _NAMED = 8
@@ -96,7 +96,7 @@ class Gate(WatchedTeam):
             self.gone = True
             self.tell("adopted", None, f"the team is running already (epoch {epoch})")
 
-    def _tell_late(self, robot_id: int, member: Member) -> None:
+    def _tell_late(self, robot_id: int, member: KnownRobot) -> None:
         if not member.ready or member.told_go or member.status is None:
             return
         member.told_go = True

@@ -13,7 +13,7 @@ from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState, TeamStatus
-from zteam.monitor.process.display import Display, showing
+from zteam.monitor.process.display import TeamDisplay, showing
 from zteam.monitor.process.members import WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.process_node import ProcessNode
@@ -103,7 +103,7 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     with showing(options) as output:
         # A table without the running monitor's robots would say nothing.
         node.wait(lambda: team.status is not None, LOOK_FOR)
-        Display(node, team, watch, options, output).run()
+        TeamDisplay(node, team, watch, options, output).run()
 
 
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:

@@ -35,7 +35,7 @@ OWN = "navigation"
 _PARAMETERS = "ros__parameters"
 
 
-class InitialPose(NamedTuple):
+class FirstPose(NamedTuple):
     """Where a robot is at first, in amcl's own parameters."""
 
     set_initial_pose: bool = False
@@ -98,7 +98,7 @@ class Parameters(NamedTuple):
 
     localizer: Localizer = "amcl"
     amcl: AmclOptions = AmclOptions()
-    initial_pose: InitialPose = InitialPose()
+    initial_pose: FirstPose = FirstPose()
     fake: FakeOptions = FakeOptions()
     controller: ControllerOptions = ControllerOptions()
     controller_plugin: Plugin = Plugin(PURSUIT)
@@ -153,7 +153,7 @@ _RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "y
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
 
-class Reading(NamedTuple):
+class ReadParameters(NamedTuple):
     """Parameters, and what was not understood."""
 
     parameters: Parameters
@@ -161,7 +161,7 @@ class Reading(NamedTuple):
     """Names that have no effect, `node.name` each, sorted."""
 
 
-def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> Reading:
+def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> ReadParameters:
     """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
 
     Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
@@ -184,7 +184,7 @@ def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, s
     return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
 
 
-def _read_parameters(tables: Tables, source: str) -> Reading:
+def _read_parameters(tables: Tables, source: str) -> ReadParameters:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
     found: dict[str, Any] = {}
     taken = {(OWN, "localizer")}
@@ -214,7 +214,7 @@ def _read_parameters(tables: Tables, source: str) -> Reading:
     if problems := problems or list(_contradictions(parameters)):
         raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
     every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
-    return Reading(parameters, tuple(sorted(f"{node}.{name}" for node, name in every - taken)))
+    return ReadParameters(parameters, tuple(sorted(f"{node}.{name}" for node, name in every - taken)))
 
 
 def _contradictions(parameters: Parameters) -> Iterator[str]:
@@ -270,7 +270,7 @@ def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> 
     for name in table:
         if section.anywhere:
             own = name.rpartition(".")[2]
-        elif kind is InitialPose:
+        elif kind is FirstPose:
             own = name if name == "set_initial_pose" else _RENAMED.get(name, "")
         else:
             own = name.removeprefix(prefix) if name.startswith(prefix) else ""

@@ -25,13 +25,13 @@ from zteam.robot.trials.situations import (
     given_params,
 )
 from zteam.robot.trials.subject import (
-    Answer,
     Candidate,
     Fault,
     HeardCalls,
-    StepWatch,
+    StepAnswer,
     Subject,
     TrialOver,
+    TrialWatch,
     place_of_step,
     shared_state,
     velocity_text,
@@ -42,7 +42,7 @@ from zteam.robot.trials.worlds import PLACES, SECONDS, Start, TrialDrive
 class TrialRun:
     """One run of a trial: makes its subjects, and keeps what it came to."""
 
-    def __init__(self, candidate: Candidate, watch: StepWatch, blame: Callable[[Fault], None]) -> None:
+    def __init__(self, candidate: Candidate, watch: TrialWatch, blame: Callable[[Fault], None]) -> None:
         self.candidate, self.blame, self._watch = candidate, blame, watch
         self.moment = ViewMaker(candidate.kind.inputs)
         self.note = ""
@@ -52,7 +52,7 @@ class TrialRun:
         """A new object of the behaviour, with these parameters besides."""
         return Subject(self.candidate, self._watch, self.blame, **params)
 
-    def look(self, views: Iterable[View]) -> list[Answer]:
+    def look(self, views: Iterable[View]) -> list[StepAnswer]:
         """What a new object answers to these views."""
         subject, answers = self.make(), []
         for view in views:
@@ -61,7 +61,7 @@ class TrialRun:
         return answers
 
 
-Trial = Callable[[TrialRun], list[Answer]]
+Trial = Callable[[TrialRun], list[StepAnswer]]
 
 
 def all_trials(candidate: Candidate) -> dict[str, Trial]:
@@ -76,11 +76,11 @@ def all_trials(candidate: Candidate) -> dict[str, Trial]:
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
-def _look(views: Callable[[ViewMaker], Iterable[View]], run: TrialRun) -> list[Answer]:
+def _look(views: Callable[[ViewMaker], Iterable[View]], run: TrialRun) -> list[StepAnswer]:
     return run.look(views(run.moment))
 
 
-def _before_anything(run: TrialRun) -> list[Answer]:
+def _before_anything(run: TrialRun) -> list[StepAnswer]:
     """No robot asks for a step before its first scan, so an error there is a remark."""
     view, subject = run.moment.view(1.0, 0.0, None, {}, has_odom=False), run.make()
     subject.prepare(view)
@@ -88,7 +88,7 @@ def _before_anything(run: TrialRun) -> list[Answer]:
     return []
 
 
-def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> list[Answer]:
+def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> list[StepAnswer]:
     """Robots that differ in nothing but old poses: if they drive differently, they drive by these.
 
     One that drives without these poses too is not meant: to keep clear of where another robot was is no fault.
@@ -107,7 +107,7 @@ def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> list[Answer]
 
 def _stands_without(run: TrialRun, *, own: bool) -> bool:
     """Whether it stands, or fails, while the others' poses are unknown, and its `own` one if asked for."""
-    unwatched = TrialRun(run.candidate, StepWatch(run.candidate.kind), lambda _: None)
+    unwatched = TrialRun(run.candidate, TrialWatch(run.candidate.kind), lambda _: None)
     try:
         answers = unwatched.look(run.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
     except TrialOver:
@@ -115,11 +115,11 @@ def _stands_without(run: TrialRun, *, own: bool) -> bool:
     return not any(any(answer.motion) for answer in answers)
 
 
-def _motions(answers: list[Answer]) -> list[Motion]:
+def _motions(answers: list[StepAnswer]) -> list[Motion]:
     return [answer.motion for answer in answers]
 
 
-def _try_bounds(run: TrialRun) -> list[Answer]:
+def _try_bounds(run: TrialRun) -> list[StepAnswer]:
     answers = []
     for name, value in bounds(run.candidate.kind):
         try:
@@ -134,7 +134,7 @@ def _try_bounds(run: TrialRun) -> list[Answer]:
     return answers
 
 
-def _drive(place: Start, run: TrialRun) -> list[Answer]:
+def _drive(place: Start, run: TrialRun) -> list[StepAnswer]:
     drive = TrialDrive(run.make(), place, run.moment.messages())
     try:
         drive.run()
@@ -232,7 +232,7 @@ class _Judge:
     """Runs each trial twice with new objects, as after a reset, and compares."""
 
     def __init__(self, candidate: Candidate) -> None:
-        self.watch = StepWatch(candidate.kind)
+        self.watch = TrialWatch(candidate.kind)
         self._candidate = candidate
         self._name = ""
         self._faults: dict[tuple[str, str], Fault] = {}
@@ -288,7 +288,7 @@ class _Judge:
         return Fault("random", text, hint, step)
 
 
-def _difference(first: list[Answer], second: list[Answer]) -> str:
+def _difference(first: list[StepAnswer], second: list[StepAnswer]) -> str:
     """Where two runs differ first, for people; empty where they do not."""
     for step, (one, other) in enumerate(zip(first, second, strict=True), 1):
         # As text, because nan is not equal to itself.

@@ -156,7 +156,7 @@ HANGS_AFTER = 5.0
 """Seconds after which a step counts as one that does not return."""
 
 
-class StepWatch:
+class TrialWatch:
     """Watches the thread that steps a behaviour, from another one."""
 
     def __init__(self, kind: type[Behavior]) -> None:
@@ -224,7 +224,7 @@ class TrialOver(Exception):  # noqa: N818 - it is no error
     """The behaviour cannot go on in this trial."""
 
 
-class Answer(NamedTuple):
+class StepAnswer(NamedTuple):
     """What a step answered."""
 
     wanted: Twist
@@ -247,7 +247,7 @@ class Candidate(NamedTuple):
 class Subject:
     """An object of the behaviour. Its faults go to `blame`; it raises TrialOver after one that ends a robot."""
 
-    def __init__(self, candidate: Candidate, watch: StepWatch, blame: Callable[[Fault], None], **params: Any) -> None:
+    def __init__(self, candidate: Candidate, watch: TrialWatch, blame: Callable[[Fault], None], **params: Any) -> None:
         """With these `params` besides those of the candidate. Raises UsageError if it does not take them."""
         self._candidate, self._watch, self._blame = candidate, watch, blame
         self._label = ""
@@ -281,18 +281,18 @@ class Subject:
             place = place_in(traceback.extract_tb(error.__traceback__), self._candidate.kind)
             self._blame(Fault("raises", text, _hint(error), place, is_remark=True))
 
-    def step(self, view: View) -> Answer:
+    def step(self, view: View) -> StepAnswer:
         """Ask for a velocity."""
         before = _bytes_of(view)
         with self._watch.step():
-            answer = self._guarded("step", lambda: Answer(*ask(self._behavior, view)))
+            answer = self._guarded("step", lambda: StepAnswer(*ask(self._behavior, view)))
         for what, content in _bytes_of(view).items():
             if content != before[what]:
                 self._accuse("changed", f"step changed view.{what}", f"copy it first: copy.deepcopy(view.{what})")
         self._check(answer, view)
         return answer
 
-    def _check(self, answer: Answer, view: View) -> None:
+    def _check(self, answer: StepAnswer, view: View) -> None:
         wanted, motion = answer.wanted, answer.motion
         if not isinstance(answer.reason, str):
             self._accuse("type", f"self.reason is {answer.reason!r}", 'it is a text: "" while the robot drives')

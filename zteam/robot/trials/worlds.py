@@ -15,7 +15,7 @@ from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.straight import Forward, ForwardParams
 from zteam.robot.safety import SafetyLayer, decide
 from zteam.robot.trials.situations import LEADER, ROBOT, lookup_in
-from zteam.robot.trials.subject import Answer, Subject
+from zteam.robot.trials.subject import StepAnswer, Subject
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world import World, add_robot, load_world
@@ -55,7 +55,7 @@ class TrialDrive:
         self._layers = {i: SafetyLayer() for i in robots}
         self._other = Forward(ForwardParams(place.speed))
         self._at = place.own
-        self.answers: list[Answer] = []
+        self.answers: list[StepAnswer] = []
         self.travelled = 0.0
         """Metres."""
         self.cut = 0.0

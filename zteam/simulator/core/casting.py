@@ -199,7 +199,7 @@ class Caster:
         return fans.ranges, fans.hits
 
 
-class Scene:
+class SensedWorld:
     """What devices sense: the robots, all else, and casters of rays at both."""
 
     def __init__(self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], plans: Plans) -> None:

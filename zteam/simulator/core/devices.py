@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import BeamTable, Fans, Rays
 from zteam.messages import Blob, ColorRGBA, Fiducial, Message
-from zteam.simulator.core.casting import NO_MOVER, Caster, Scene, mount_devices, rays_of
+from zteam.simulator.core.casting import NO_MOVER, Caster, SensedWorld, mount_devices, rays_of
 from zteam.simulator.world.colors import find_color
 from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
 from zteam.simulator.world.model import FiducialMarker
@@ -45,7 +45,7 @@ class Sensor(NamedTuple):
     kind: DeviceKind
     message: Callable[["Observation", int, int], Message]
     """The message of a robot (by id) of a number, of one tick."""
-    prepare: Callable[[Scene, Sequence[tuple[int, Any]]], Sense] | None = None
+    prepare: Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense] | None = None
     """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
 
 
@@ -77,7 +77,7 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
 class FiducialFinders:
     """All fiducial finders of all robots."""
 
-    def __init__(self, scene: Scene, owned: Sequence[tuple[int, Finder]]) -> None:
+    def __init__(self, scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> None:
         self._visible = scene.visible
         self._finders = owned
         self._at = mount_devices(owned)
@@ -127,7 +127,7 @@ class FiducialFinders:
         )
 
 
-def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
+def prepare_bumpers(scene: SensedWorld, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
     at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])
@@ -141,7 +141,7 @@ def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, BumperPiece]]) -> S
     return sense
 
 
-def prepare_blobfinders(scene: Scene, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
+def prepare_blobfinders(scene: SensedWorld, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
     visible = scene.visible
     return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
 
@@ -168,7 +168,7 @@ def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> t
 class Devices:
     """All devices of all robots, but for rangers."""
 
-    def __init__(self, scene: Scene, sensors: Iterable[Sensor]) -> None:
+    def __init__(self, scene: SensedWorld, sensors: Iterable[Sensor]) -> None:
         self._senses: list[tuple[str, list[int], Sense]] = []
         for kind, _, prepare in sensors:
             owned = [(i, device) for i, robot in enumerate(scene.robots) for device in kind.of(robot)]

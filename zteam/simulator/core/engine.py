@@ -19,10 +19,10 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.simulator.core.bodies import Bodies, make_bodies
-from zteam.simulator.core.casting import Plans, Scene, prepare_plans
+from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Devices
 from zteam.simulator.core.lasers import Lasers, Scans
-from zteam.simulator.core.motion import Odometry, keep_what_is_left, make_bases
+from zteam.simulator.core.motion import WheelOdometry, keep_what_is_left, make_bases
 from zteam.simulator.core.observation import Observation, RobotObservation, Snapshot, pose_of
 from zteam.simulator.core.to_messages import SENSORS
 from zteam.simulator.world.model import Obstacle, Robot, World
@@ -62,13 +62,13 @@ class RobotArrays:
         self.commands = np.zeros((count, 3))
         self.commanded = np.full(count, -WATCHDOG, np.int64)
         self.bases, self._wheels = make_bases(self._robots)
-        self.odometry = Odometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        self.odometry = WheelOdometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world.obstacles, plans)
         if old is not None:
             self.bodies.adopt(old.bodies, kept)
-        self._scene = Scene(self._robots, world.obstacles, plans)
+        self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
         self._devices = Devices(self._scene, SENSORS.values())
 

@@ -84,7 +84,7 @@ def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocit
     setpoint[met] = made
 
 
-class Odometry:
+class WheelOdometry:
     """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames.
 
     Without errors they are the true poses, seen from the place where odometry is zero.
@@ -139,7 +139,7 @@ class Odometry:
         cos, sin = np.cos(odom[:, 2] + first), np.sin(odom[:, 2] + first)
         odom += np.stack((cos * forward - sin * left, sin * forward + cos * left, first + second), axis=1)
 
-    def adopt(self, old: "Odometry", kept: Sequence[tuple[int, int]]) -> None:
+    def adopt(self, old: "WheelOdometry", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's state, for pairs (index here, index there)."""
         for here, there in kept:
             self.poses[here], self._start[here] = old.poses[there], old._start[there]

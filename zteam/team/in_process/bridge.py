@@ -13,7 +13,7 @@ from collections.abc import Callable
 import msgspec
 
 from zteam.bus import Bus, MemoryHub
-from zteam.bus.memory import MemoryTransport, Receiver
+from zteam.bus.memory import HubReceiver, MemoryTransport
 from zteam.bus.transport import (
     Closeable,
     Handle,
@@ -51,7 +51,7 @@ class Bridge:
 
     def from_others(self, owner: str, handler: SampleHandler) -> SampleHandler:
         """Has `handler(sample)` called for samples of others than the nodes, which get those on the hub."""
-        instances, receivers = self.instances, [Receiver(owner, handler)]
+        instances, receivers = self.instances, [HubReceiver(owner, handler)]
 
         def hear(sample: RawSample) -> None:
             if sample.source not in instances:

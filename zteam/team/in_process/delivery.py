@@ -18,7 +18,7 @@ from threading import get_ident
 from types import CodeType, FrameType
 from typing import Any, TypeVar
 
-from zteam.bus.memory import Receiver
+from zteam.bus.memory import HubReceiver
 from zteam.bus.transport import QueryHandler
 
 log = logging.getLogger("zteam")
@@ -52,9 +52,9 @@ class Delivery:
     def __init__(self) -> None:
         self.direct = 0
         """The thread that calls handlers itself; 0 = none."""
-        self._posted: deque[tuple[Sequence[Receiver], Any]] = deque()
+        self._posted: deque[tuple[Sequence[HubReceiver], Any]] = deque()
         """What the other threads put. The first one is being handled."""
-        self._following: deque[tuple[Sequence[Receiver], Any]] = deque()
+        self._following: deque[tuple[Sequence[HubReceiver], Any]] = deque()
         """What handlers put that the direct thread called."""
         self._delivering = False
         """Whether the direct thread calls handlers."""
@@ -68,7 +68,7 @@ class Delivery:
         self.direct = get_ident()
 
     @marks_owner
-    def deliver(self, receivers: Sequence[Receiver], news: Any) -> None:
+    def deliver(self, receivers: Sequence[HubReceiver], news: Any) -> None:
         """Call the receivers, or have them called. The hub calls this in the thread that puts a message."""
         following = self._following
         if get_ident() != self.direct:
@@ -91,7 +91,7 @@ class Delivery:
             finally:
                 self._delivering = False
 
-    def _post(self, news: list[tuple[Sequence[Receiver], Any]]) -> None:
+    def _post(self, news: list[tuple[Sequence[HubReceiver], Any]]) -> None:
         with self._changed:
             self._posted += news
             self._changed.notify()

@@ -45,7 +45,7 @@ PRELOADS = (
 """What the commands of a team import anyway. A missing entry costs the children time and memory, no more."""
 
 
-class Start(msgspec.Struct, array_like=True, frozen=True):
+class StartChild(msgspec.Struct, array_like=True, frozen=True):
     """Start a child: what `python -P -m module …` would run. The reply is its process id.
 
     Along come its descriptors.
@@ -56,14 +56,14 @@ class Start(msgspec.Struct, array_like=True, frozen=True):
     environment: dict[bytes, bytes]
 
 
-Order = Start | int
+Order = StartChild | int
 """A number is the process id of a child that has ended: end the rest of its group, release the number, and reply with
 the exit code, negative for a signal."""
 Reply = int | str
 """A text says why there is no number."""
 
 
-def serve(control: socket.socket) -> Start | None:
+def serve(control: socket.socket) -> StartChild | None:
     """Obey the orders of `control`. Returns in a child what it is to run; None when the other end is gone."""
     orders: msgspec.msgpack.Decoder[Order] = msgspec.msgpack.Decoder(Order)
     while True:
@@ -109,7 +109,7 @@ def _fork(module: str) -> Reply:
     return pid
 
 
-def _become(start: Start, descriptors: Sequence[int]) -> None:
+def _become(start: StartChild, descriptors: Sequence[int]) -> None:
     """Change in a child what a new program would find otherwise."""
     *streams, lifeline, folder = descriptors
     os.fchdir(folder)

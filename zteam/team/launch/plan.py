@@ -15,7 +15,7 @@ from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import TeamLaunch, options_of
 
 
-class Plan(msgspec.Struct):
+class LaunchPlan(msgspec.Struct):
     """Jobs by process name, in the order of starting, without the router."""
 
     own: dict[str, Job]
@@ -44,7 +44,7 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
     return list(groups.values())
 
 
-def plan_team(launch: TeamLaunch) -> Plan:
+def plan_team(launch: TeamLaunch) -> LaunchPlan:
     """The processes of a team."""
     team = launch.team
     restarting = {names.robot_name(robot.id) for robot in team.robots if team.restarts(robot)}
@@ -63,7 +63,7 @@ def plan_team(launch: TeamLaunch) -> Plan:
     }
     awaited = launch.participants if launch.pace.lockstep else ()
     optional = frozenset({**beside, **nodes}).difference(awaited)
-    return Plan(own, {**beside, **nodes}, optional, frozenset(beside))
+    return LaunchPlan(own, {**beside, **nodes}, optional, frozenset(beside))
 
 
 def node_command(node: NodeEntry) -> list[str]:

@@ -21,7 +21,7 @@ from typing import IO
 import msgspec
 
 from zteam.clock import HOST_FACTOR
-from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, Start
+from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
 from zteam.team.launch.process import Child, environment_of, spawn
 
 log = logging.getLogger("zteam")
@@ -81,7 +81,7 @@ class _Server:
         """Whether it can be asked."""
         return self._end.fileno() >= 0 and self.process.poll() is None
 
-    def fork(self, start: Start, descriptors: Sequence[int]) -> "ForkedChild":
+    def fork(self, start: StartChild, descriptors: Sequence[int]) -> "ForkedChild":
         """A child with this standard input, output, error and lifeline. Raises OSError."""
         folder = os.open(".", os.O_PATH)
         try:
@@ -222,7 +222,7 @@ class WarmParent:
 
     def _fork(self, command: Sequence[str], lifeline: int, environment: Mapping[str, str]) -> ForkedChild:
         given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
-        start = Start(command[3], list(command[4:]), given)
+        start = StartChild(command[3], list(command[4:]), given)
         with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
             stdin, writer = os.pipe()
             theirs.callback(os.close, stdin)

@@ -33,7 +33,7 @@ from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import GRACE, Job, Supervisor
 from zteam.team.launch.team_launch import Pace
 from zteam.team.launch.warm_parent import WarmParent
-from zteam.team.testing.view import RobotView, TeamView
+from zteam.team.testing.view import ObservedTeam, RobotView
 
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
@@ -76,7 +76,7 @@ class TeamProcesses:
         self._endpoint = ""
         self._lease: float | None = None
         """Of the sessions of a team that was started, in host seconds."""
-        self._seen: TeamView
+        self._seen: ObservedTeam
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
         self._in_process_ends = ExitStack()
@@ -112,7 +112,7 @@ class TeamProcesses:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease)
         self._bus = connect(options, patience=START_LIMIT)
-        self._seen = TeamView(self._bus, self._repeat)
+        self._seen = ObservedTeam(self._bus, self._repeat)
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -154,7 +154,7 @@ class TeamProcesses:
         return self._endpoint
 
     @property
-    def _view(self) -> TeamView:
+    def _view(self) -> ObservedTeam:
         self._open()
         return self._seen
 

@@ -33,11 +33,11 @@ from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.in_process.run import Body, InProcessRun
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import Plan, plan_team
+from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
-from zteam.team.testing.view import TeamView
+from zteam.team.testing.view import ObservedTeam
 
 log = logging.getLogger("zteam")
 
@@ -125,7 +125,7 @@ class TeamFixture(TeamProcesses):
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
-    def _start_processes(self, launch: TeamLaunch, plan: Plan) -> list[str]:
+    def _start_processes(self, launch: TeamLaunch, plan: LaunchPlan) -> list[str]:
         self._need_processes("start")
         self._lease = lease_for(launch.pace, LEASE)
         self._open()
@@ -147,7 +147,7 @@ class TeamFixture(TeamProcesses):
         self._supervisor.close()
         self._supervisor = run.supervisor
         self._bus = run.sessions.bus("test")
-        self._seen = TeamView(self._bus, self._repeat)
+        self._seen = ObservedTeam(self._bus, self._repeat)
         for name in run.parts:
             run.start_node(name)
         return [*run.parts]
@@ -347,7 +347,7 @@ class TeamFixture(TeamProcesses):
                 raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
 
 
-def _not_true(within: float, now: float, view: TeamView) -> TeamTimeout:
+def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")

@@ -31,7 +31,7 @@ _DESCRIBED = 4
 class RobotView:
     """The newest messages of one robot; None (or NaN) before the first."""
 
-    def __init__(self, robot_id: int, team: "TeamView") -> None:
+    def __init__(self, robot_id: int, team: "ObservedTeam") -> None:
         self.id = robot_id
         self._team = team
         self.truth: Odometry | None = None
@@ -114,7 +114,7 @@ class RobotView:
             self.distance_travelled += step
 
 
-class TeamView:
+class ObservedTeam:
     """Subscribes to the whole team; `changed` is notified with every message."""
 
     def __init__(self, bus: Bus, repeat: Callable[[Callable[[], bool]], None]) -> None:

@@ -5,7 +5,7 @@ import pytest
 from support.team_facts import problems, sim_status, team_facts
 from zteam.bus.receiving import KeyCount
 from zteam.monitor.doctor.checks import HISTORY_AFTER, check_refusals, check_team, format_refusals, is_recent
-from zteam.monitor.doctor.facts import Facts, Fault
+from zteam.monitor.doctor.facts import Facts, UnusableMessages
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,9 @@ def test_nothing_was_refused() -> None:
 
 def test_a_fault_names_its_writer_and_the_processes_that_refuse_it() -> None:
     """What is wrong now is told with its cause, once for each key."""
-    fault = Fault("robot_0/base_scan", "session 1f", "sensor_msgs/msg/Range, sensor_msgs/msg/LaserScan is due")
+    fault = UnusableMessages(
+        "robot_0/base_scan", "session 1f", "sensor_msgs/msg/Range, sensor_msgs/msg/LaserScan is due"
+    )
     counts = {"robot_0": {fault.key: KeyCount(9, 3, 0.1, "wrong type")}}
     ((what, text, step),) = problems(check_refusals(team_facts(counts=counts, faults=[fault])))
     assert what == "refusals"
@@ -53,7 +55,9 @@ def test_a_fault_names_its_writer_and_the_processes_that_refuse_it() -> None:
 
 def test_a_fault_that_no_process_receives_is_told_too() -> None:
     """A message of the wrong type is a mistake before anything subscribes to it."""
-    ((_, text, _),) = problems(check_refusals(Facts(faults=[Fault("map", "mapper", "bytes that are no map")])))
+    ((_, text, _),) = problems(
+        check_refusals(Facts(faults=[UnusableMessages("map", "mapper", "bytes that are no map")]))
+    )
     assert text == "map: mapper sends bytes that are no map"
 
 

@@ -13,7 +13,7 @@ from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.safety import ask
 from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
-from zteam.robot.trials.subject import Answer
+from zteam.robot.trials.subject import StepAnswer
 from zteam.robot.trials.worlds import PLACES, TrialDrive
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
@@ -60,15 +60,15 @@ class _Asked:
     def _begin(self, where: str) -> None:
         self._where, self._behavior = where, load_behavior(self._name, self._params)
 
-    def step(self, view: View) -> Answer:
+    def step(self, view: View) -> StepAnswer:
         """As `Subject.step`."""
         return self._note(*ask(self._behavior, view))
 
-    def _note(self, command: Twist, reason: str) -> Answer:
+    def _note(self, command: Twist, reason: str) -> StepAnswer:
         self.steps += 1
         if not command.linear.x and not command.angular.z:
             self.told.append((self._where, reason or self._behavior.why_it_rests()))
-        return Answer(command, reason)
+        return StepAnswer(command, reason)
 
     def run(self) -> None:
         """Step it everywhere."""

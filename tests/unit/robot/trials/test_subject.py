@@ -115,7 +115,7 @@ def test_steps_that_wait_are_the_machines(
     time = [0.0]
     monkeypatch.setattr(subject, "monotonic", lambda: time[0])
     monkeypatch.setattr(subject, "WAIT", patience)
-    clock = subject.StepWatch(Behavior)
+    clock = subject.TrialWatch(Behavior)
     for _ in range(steps):
         with clock.step():
             time[0] += 0.03

@@ -15,7 +15,7 @@ from zteam.messages.topics import type_of_key
 from zteam.sim import Engine, Observation
 from zteam.simulator.core import devices as sensing
 from zteam.simulator.core import to_messages
-from zteam.simulator.core.casting import Scene
+from zteam.simulator.core.casting import SensedWorld
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.world import devices as parsing
 from zteam.simulator.world.model import Device
@@ -38,7 +38,7 @@ def read_thermometer(reader: Reader, name: str, seat: Pose3) -> list[Thermometer
     return [Thermometer(name, *seat, reader.number("offset", 0.0))]
 
 
-def prepare(scene: Scene, owned: Sequence[tuple[int, Thermometer]]) -> sensing.Sense:
+def prepare(scene: SensedWorld, owned: Sequence[tuple[int, Thermometer]]) -> sensing.Sense:
     """Sensing: 20 degrees, one more for each metre along x."""
     return lambda poses: [20.0 + float(poses[i, 0]) + thermometer.offset for i, thermometer in owned]
 

@@ -21,7 +21,7 @@ from zteam.node.process_options import (
 )
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
 from zteam.team.file.reading import load_team
-from zteam.team.launch.plan import Plan, plan_team, stop_order
+from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
@@ -39,7 +39,7 @@ TEAM = Team(
 )
 
 
-def told(plan: Plan, name: str, kind: type[T]) -> T:
+def told(plan: LaunchPlan, name: str, kind: type[T]) -> T:
     """What a process of the plan reads from its standard input."""
     found, options = from_line(plan.own[name].words, kind)
     assert found == name
