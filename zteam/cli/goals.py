@@ -42,10 +42,7 @@ _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "g
 def build_parser() -> Parser:
     """The command line."""
     parser = Parser(
-        prog="zteam goals",
-        description=__doc__,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("file", metavar="FILE", help="the goals")
     parser.add_argument(

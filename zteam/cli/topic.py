@@ -42,16 +42,7 @@ from zteam.clock import AutoClock, monotonic, to_seconds
 from zteam.config.numbers import counted, format_rate
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError, ZteamError
-from zteam.messages import (
-    Message,
-    Time,
-    decode,
-    encoding_of,
-    message_type,
-    time_from_ns,
-    to_json,
-    type_of_encoding,
-)
+from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
 

@@ -77,14 +77,7 @@ KINDS: tuple[Kind, ...] = (
         stop_rank=1,
         # Without a hint, because few teams need one: `zteam doctor` names it where the map is missing.
     ),
-    Kind(
-        title="transforms",
-        name=names.AGGREGATOR,
-        command="zteam-tf",
-        stop_rank=1,
-        hint="zteam-tf",
-        in_lockstep=True,
-    ),
+    Kind(title="transforms", name=names.AGGREGATOR, command="zteam-tf", stop_rank=1, hint="zteam-tf", in_lockstep=True),
     Kind(
         title="monitor",
         name=names.MONITOR,
@@ -109,14 +102,7 @@ KINDS: tuple[Kind, ...] = (
         in_lockstep=True,
         robot_id_of=names.robot_id_of,
     ),
-    Kind(
-        title="view",
-        name=names.VIEW,
-        command="zteam-view",
-        stop_rank=0,
-        beside=True,
-        is_one=names.is_view,
-    ),
+    Kind(title="view", name=names.VIEW, command="zteam-view", stop_rank=0, beside=True, is_one=names.is_view),
 )
 """In the order of starting."""
 

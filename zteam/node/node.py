@@ -11,16 +11,7 @@ from zteam.bus import Bus, BusOptions, Publisher, connect
 from zteam.bus.transport import Closeable
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.messages import (
-    Message,
-    NavigationStatus,
-    RobotDriver,
-    RobotStatus,
-    TeamStatus,
-    Tick,
-    Twist,
-    ns_from_time,
-)
+from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist, ns_from_time
 from zteam.messages.message import check_message_type
 from zteam.messages.velocity import checked_command
 from zteam.node.lockstep import Participant

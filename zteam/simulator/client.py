@@ -324,11 +324,7 @@ class SimulatorClient:
         self._answer_limit = answer_limit
 
     def _ask(
-        self,
-        service: str,
-        reply_type: type[T],
-        request: msgspec.Struct | None = None,
-        timeout: float | None = None,
+        self, service: str, reply_type: type[T], request: msgspec.Struct | None = None, timeout: float | None = None
     ) -> T:
         timeout = self._answer_limit if timeout is None else timeout
         key = names.service_key(names.SIMULATOR, service)

@@ -60,15 +60,7 @@ def invert(a_from_b: Floats) -> Floats:
     cx = j * z - k * y + w * x
     cy = k * x - i * z + w * y
     cz = i * y - j * x + w * z
-    return (
-        -x - 2.0 * (j * cz - k * cy),
-        -y - 2.0 * (k * cx - i * cz),
-        -z - 2.0 * (i * cy - j * cx),
-        i,
-        j,
-        k,
-        w,
-    )
+    return (-x - 2.0 * (j * cz - k * cy), -y - 2.0 * (k * cx - i * cz), -z - 2.0 * (i * cy - j * cx), i, j, k, w)
 
 
 def interpolate(a: Floats, b: Floats, fraction: float) -> Floats:

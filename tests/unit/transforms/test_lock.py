@@ -78,7 +78,7 @@ def _filled(roll: float) -> tuple[Buffer, _TellingLock]:
 
 
 def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object, object] | None:
-    """Interrupt the call `outer` at its `line`-th line in the package by `inner` in another thread; return both results.
+    """Interrupt the call `outer` at its `line`-th line in zteam by `inner` in another thread. Return both results.
 
     `outer` continues when `inner` has ended or waits for the lock. None if `outer` runs fewer lines than `line`.
     """

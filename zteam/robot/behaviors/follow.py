@@ -37,8 +37,7 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     max_angular: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad/s")] = 3.14
     stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
     hand_over: Annotated[
-        bool,
-        Meta(description="whether the line may be led from its other end where its head is stuck; law trail"),
+        bool, Meta(description="whether the line may be led from its other end where its head is stuck; law trail")
     ] = True
     on_leader_lost: Annotated[
         OnLeaderLost, Meta(description="what it does when a robot in front is gone, see below")

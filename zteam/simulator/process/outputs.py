@@ -93,12 +93,7 @@ class TeamOutputs(dict[int, RobotOutputs]):
             _send(self[robot_id].odom, observation, robot_id, again)
 
     def put_scans(
-        self,
-        robot_ids: Iterable[int],
-        observation: Observation,
-        on_scan: Callable[[int], None],
-        *,
-        again: bool = False,
+        self, robot_ids: Iterable[int], observation: Observation, on_scan: Callable[[int], None], *, again: bool = False
     ) -> None:
         """Send these robots' scans; `again` as with `put_odometry`.
 

@@ -57,7 +57,7 @@ _DISPLAY = {
 }
 SILENT: dict[str, set[str]] = {
     "world": {
-        *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test"),
+        *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test")
     },
     "sensor": {"color", "color_rgba"},
     "block": {"color", "color_rgba"},

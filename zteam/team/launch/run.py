@@ -288,12 +288,7 @@ class ProcessRun(TeamRun):
     """A run whose members are processes."""
 
     def __init__(
-        self,
-        launch: TeamLaunch,
-        bus: BusOptions,
-        stop: Stop,
-        on_line: Callable[[str, str], None],
-        warm: WarmParent,
+        self, launch: TeamLaunch, bus: BusOptions, stop: Stop, on_line: Callable[[str, str], None], warm: WarmParent
     ) -> None:
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
         self._options = bus

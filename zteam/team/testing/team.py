@@ -354,10 +354,7 @@ def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
 
 
 def _tables(
-    robots: int | str | Sequence[int],
-    behavior: str,
-    follow: Mapping[int, int],
-    params: Mapping[int, Mapping[str, Any]],
+    robots: int | str | Sequence[int], behavior: str, follow: Mapping[int, int], params: Mapping[int, Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
     """The robots of `start` as tables of a team file. Raises UsageError."""
     ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots

@@ -9,17 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.clock import monotonic, wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import (
-    Bool,
-    Clock,
-    LaserScan,
-    Message,
-    Odometry,
-    RobotStatus,
-    TeamStatus,
-    Twist,
-    ns_from_time,
-)
+from zteam.messages import Bool, Clock, LaserScan, Message, Odometry, RobotStatus, TeamStatus, Twist, ns_from_time
 from zteam.node.tokens import TokenSet
 
 M = TypeVar("M", bound=Message)
