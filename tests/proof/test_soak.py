@@ -22,9 +22,10 @@ erratic ( name "robot_3" pose [-3.6 -2.5 0 0] )
 """A way of 12 m with three bays, each 4 m wide and 5 m deep."""
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_line_drives_among_dead_ends(team: TeamFixture, tmp_path: Path, seed: int) -> None:
-    """With each of three seeds the shipped line drives a minute among dead ends: no robot collides or falls behind."""
+    """With each seed the shipped line drives a minute among dead ends: no robot collides or falls behind."""
     arena, line = shipped_world("arena"), shipped_team("line")
     assert arena is not None and line is not None
     (tmp_path / "bays.world").write_text(arena.read_text().partition("wall (")[0] + WALLS)

@@ -32,6 +32,7 @@ def test_a_circuit_is_found(name: str, robots: int) -> None:
     assert abs(headings[-1] - headings[0]) == pytest.approx(math.tau, abs=0.8)
 
 
+@pytest.mark.ci
 def test_a_world_without_room_is_refused() -> None:
     """The text has the world and the length that is needed."""
     with pytest.raises(UsageError, match=r"world arena has no way round of 87\.2 m"):

@@ -268,6 +268,7 @@ class TakenAway(Behavior):
         return Twist(Vector3(speed), Vector3(z=turn))
 
 
+@pytest.mark.ci
 def test_a_robot_behind_a_wall_goes_back_over_its_own_way() -> None:
     """It was driven to the other side of a long wall beside its trail: it comes back round the wall to its place."""
     quarter = [(0.0, math.pi / 2)] * 10
@@ -338,6 +339,7 @@ def test_a_head_that_drives_back_past_its_line_is_followed_by_the_last_robot() -
     assert apart == pytest.approx([GAP] * 4, abs=0.15)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "commands", [[(-0.2, 0.0)] * 150, [(0.0, 1.0)] * 31 + [(0.2, 0.0)] * 150], ids=["backs up", "turns round"]
 )
@@ -372,6 +374,7 @@ def test_a_robot_does_not_wait_for_one_that_waits_itself() -> None:
     assert floor.poses[0].x - floor.poses[1].x < 1.5
 
 
+@pytest.mark.ci
 def test_a_robot_that_was_passed_does_not_wait_for_the_one_that_passed_it() -> None:
     """The last of three has come past the second: the second passes it again, and the line drives on in its order."""
     floor = Chain(in_line(3))

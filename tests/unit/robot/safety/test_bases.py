@@ -83,6 +83,7 @@ def test_beams_that_fall_silent_keep_what_they_saw_where_it_was() -> None:
     assert 0.0 < 3.0 - loop.x - FRONT < 0.95
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("angle", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize(
     ("wall_at", "yaw", "straight"), [(2.0, 0.6, 0.0), (2.0, 0.0, 1.0), (3.0, 0.0, 1.0), (3.0, 0.6, 0.0)]
@@ -98,6 +99,7 @@ def test_a_cars_own_wheelbase_counts(angle: float, wall_at: float, yaw: float, s
     assert loop.driven > 1.0
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("angle", [0.2, 0.5, 0.8])
 @pytest.mark.parametrize(
     ("wall_at", "yaw", "straight"), [(2.0, 0.0, 0.0), (2.0, 0.0, 1.0), (3.0, 0.6, 0.0), (3.0, 0.6, 1.0)]
@@ -124,6 +126,7 @@ def test_backwards_the_bound_for_braking_backwards_counts(speed: float) -> None:
     assert 0.1 < 3.0 - loop.x - FRONT < 0.4
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("tick", [0.6, 1.0, 2.0])
 @pytest.mark.parametrize("speed", [0.3, 0.5, 0.7, 1.0])
 @pytest.mark.parametrize("wall_at", [2.0, 3.1, 4.0])

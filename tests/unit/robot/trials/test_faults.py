@@ -140,7 +140,7 @@ FAULTY = {
 """By what is wrong: the fault's kind, the body of `step`, the line that is named, and how the text begins."""
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("what", FAULTY)
 def test_a_fault_is_found(what: str, folder: Path) -> None:
     """A behaviour with one fault: that is found and nothing else, with the student's line and in these words."""

@@ -25,6 +25,7 @@ class Carrot:
         self._tf.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", stamp, 1.0)]))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("first", ["carrot", "aggregator"])
 def test_it_travels_in_the_bundle_of_the_next_tick(first: str) -> None:
     """Each tick has one bundle, which holds the frame as of the tick before, whichever process hears the tick first."""
