@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from zteam.navigation.client import TaskResult
     from zteam.node.node import Node, run
     from zteam.robot.behaviors import Behavior, View
-    from zteam.robot.parameters import ParametersClient
+    from zteam.robot.client import ParametersClient
     from zteam.simulator.client import SimulatorClient
     from zteam.team.file.entries import Team
     from zteam.team.file.reading import load_team
@@ -124,7 +124,7 @@ _HOMES = {
     "Lookup": "transforms.client",
     "NoRequest": "bus.queries",
     "Node": "node.node",
-    "ParametersClient": "robot.parameters",
+    "ParametersClient": "robot.client",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "RunReport": "team.launch.report",

@@ -7,7 +7,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.messages import Duration, Header, NavigationState, NavigationStatus, PoseStamped
-from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 
 class _Info(msgspec.Struct):

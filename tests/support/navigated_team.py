@@ -6,7 +6,7 @@ from support.goals import make_goal
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.messages import Message, NavigationState, NavigationStatus
-from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.team.testing.team import TeamFixture
 
 FAKE = """

@@ -30,7 +30,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.follow import Follow
-from zteam.robot.parameters import ParametersClient
+from zteam.robot.client import ParametersClient
 from zteam.robot.process.node import RobotNode
 from zteam.simulator.client import SimStatus
 from zteam.simulator.core import to_messages

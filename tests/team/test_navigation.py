@@ -20,7 +20,7 @@ from zteam.messages import (
 from zteam.messages import Path as PathMessage
 from zteam.messages.topics import is_latched
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
-from zteam.robot.goal_queries import navigation_query
+from zteam.robot.client import navigation_query
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

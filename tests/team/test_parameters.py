@@ -4,7 +4,7 @@ import pytest
 
 from zteam import names
 from zteam.messages import RobotStatus
-from zteam.robot.parameters import ParametersClient
+from zteam.robot.client import ParametersClient
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

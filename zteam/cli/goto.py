@@ -25,7 +25,7 @@ from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Duration, NavigationState
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
-from zteam.robot.goal_queries import navigation_query
+from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"

@@ -19,7 +19,7 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
-from zteam.node.log_service import LogLine, LogReader, level_name
+from zteam.node.log_client import LogLine, LogReader, level_name
 from zteam.node.logs import LEVELS
 
 _MAX_LINES = 1_000_000

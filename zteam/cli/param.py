@@ -17,7 +17,7 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, UsageError, did_you_mean
-from zteam.robot.parameters import DescribeReply, ParametersClient
+from zteam.robot.client import DescribeReply, ParametersClient
 
 Robots = dict[str, DescribeReply]
 """What each robot told, by name."""

@@ -19,7 +19,7 @@ from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.navigation.maps import pose_message
-from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")
 

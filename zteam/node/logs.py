@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from zteam.clock import local_time_text, wall_ns
-from zteam.node.log_service import KEPT, LogLine
+from zteam.node.log_client import KEPT, LogLine
 
 LEVELS = ("debug", "info", "warning", "error")
 MAX_TEXT = 8192

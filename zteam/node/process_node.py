@@ -17,7 +17,7 @@ from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.faults import log_fault
-from zteam.node.log_service import LogLine
+from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
 

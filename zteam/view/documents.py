@@ -28,7 +28,7 @@ from zteam.messages import (
     ns_from_time,
     to_plain,
 )
-from zteam.node.log_service import HOLD, LogLine, LogOrder, level_name, line_of, printable
+from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of, printable
 from zteam.view.received import Arrival
 from zteam.view.team_view import TeamView, pose2_of
 

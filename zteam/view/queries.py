@@ -15,7 +15,7 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.messages.topics import type_of_key
-from zteam.node.log_service import LogLine
+from zteam.node.log_client import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenSet
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status

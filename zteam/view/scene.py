@@ -22,7 +22,7 @@ from zteam.messages import (
     TeamStatus,
     ns_from_time,
 )
-from zteam.node.log_service import printable
+from zteam.node.log_client import printable
 from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames
 from zteam.view.commands import Tile, make_tiles

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from zteam.node.log_service import KEPT, LogLine, LogOrder, level_name
+from zteam.node.log_client import KEPT, LogLine, LogOrder, level_name
 
 
 def line(time_ns: int, process: str = "sim", text: str = "x") -> LogLine:

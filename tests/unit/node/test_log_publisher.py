@@ -10,7 +10,7 @@ from zteam.bus import Bus, MemoryHub
 from zteam.errors import EncodeError
 from zteam.messages import Log, LogLevel
 from zteam.node import process_node
-from zteam.node.log_service import LogLine, line_of
+from zteam.node.log_client import LogLine, line_of
 from zteam.node.logs import LogKeeper
 from zteam.node.process_node import LogPublisher, message_of
 

@@ -8,7 +8,7 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import monotonic
 from zteam.messages import Log, Time
-from zteam.node.log_service import HOLD, LogLine, LogReader
+from zteam.node.log_client import HOLD, LogLine, LogReader
 
 
 class Talker:
@@ -98,14 +98,14 @@ def test_the_key_tells_the_process(hub: MemoryHub) -> None:
 def test_a_new_line_is_ready_after_a_while(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """A new line waits for older ones of other processes, and the reader tells how long."""
     start = monotonic()
-    monkeypatch.setattr("zteam.node.log_service.monotonic", lambda: start)
+    monkeypatch.setattr("zteam.node.log_client.monotonic", lambda: start)
     robot = Talker(hub, "robot_0")
     reader = read(hub)
     assert reader.left() == 0.0
     robot.say(1, "now")
     assert reader.left() == pytest.approx(HOLD)
     assert reader.ready() == []
-    monkeypatch.setattr("zteam.node.log_service.monotonic", lambda: start + HOLD)
+    monkeypatch.setattr("zteam.node.log_client.monotonic", lambda: start + HOLD)
     assert [line.text for line in reader.ready()] == ["now"]
 
 

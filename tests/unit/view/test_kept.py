@@ -1,7 +1,7 @@
 """What is kept of the messages that come: the newest of each key, and all of some topics for a while."""
 
 from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
-from zteam.node.log_service import LogLine
+from zteam.node.log_client import LogLine
 from zteam.view.documents import LogTail
 from zteam.view.plots import MOST, samples_since
 from zteam.view.received import KEPT, KEPT_BYTES, Received
@@ -99,7 +99,7 @@ def test_log_lines_come_in_order_of_time_and_once() -> None:
 
 def test_a_line_of_a_message_is_the_line_of_the_query() -> None:
     """Both ways of a line give equal ones, so the tail knows the second."""
-    from zteam.node.log_service import line_of
+    from zteam.node.log_client import line_of
 
     message = Log(time_from_ns(5), LogLevel.INFO, "sim", "ready", "f.py", "g", 3)
     assert line_of("sim", message) == LogLine(5, "sim", LogLevel.INFO, "ready", "f.py", "g", 3)

@@ -20,7 +20,7 @@ from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
 from zteam.monitor.process.members import Event, KnownRobot, WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
-from zteam.node.log_service import printable
+from zteam.node.log_client import printable
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.transforms.client import Lookup, TransformClient

@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.messages import RobotState, RobotStatus
-from zteam.node.log_service import printable
+from zteam.node.log_client import printable
 from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0

@@ -25,7 +25,7 @@ from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
 from zteam.navigation.process.robot import RobotNavigation
 from zteam.node.node import Node
-from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")
 

@@ -35,7 +35,7 @@ from zteam.node.tick_messages import HeldMessage, stamp_of
 from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.behavior import declared_inputs
-from zteam.robot.goal_queries import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.robot.process.driver import ALONE, Driver, StepInput
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.robot.process.parameters import BehaviorParameters

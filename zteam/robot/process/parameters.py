@@ -9,7 +9,7 @@ from zteam.errors import UsageError
 from zteam.node.process_node import ProcessNode
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import parameters_of, read_params, values_of
-from zteam.robot.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
+from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 
 log = logging.getLogger("zteam")
 

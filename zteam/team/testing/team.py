@@ -23,7 +23,7 @@ from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
 from zteam.node.kinds import kind_of
-from zteam.node.log_service import LogLine
+from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop

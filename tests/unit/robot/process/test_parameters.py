@@ -16,7 +16,7 @@ from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.robot.parameters import SET, ParametersClient, SetRequest
+from zteam.robot.client import SET, ParametersClient, SetRequest
 from zteam.robot.process.parameters import BehaviorParameters
 
 NAME = "robot_1"

@@ -1,4 +1,7 @@
-"""The parameters of robots: the queries, which have the names of ROS's services, and their calls."""
+"""What other processes ask of a robot: its parameters, and to give its goal up. The queries have the names of ROS's.
+
+The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
+"""
 
 from typing import Any, TypeVar
 
@@ -11,6 +14,7 @@ from zteam.robot.behaviors.registry import Parameter
 
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
+CANCEL = "cancel"
 
 
 class DescribeReply(msgspec.Struct):
@@ -98,3 +102,19 @@ class ParametersClient:
         if not known:
             return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
         return BusError(f"no process {robot} with parameters; there is {', '.join(known)}")
+
+
+def navigation_query(robot_id: int, service: str) -> str:
+    """Key of a query of the navigation of robot `robot_id`; `info` tells which process it is."""
+    return names.service_key(names.robot_key(robot_id, names.NAVIGATION), service)
+
+
+class CancelRequest(Change):
+    """Give up the goal: the robot stops."""
+
+
+class CancelReply(msgspec.Struct):
+    """What became of the request. It counts from the next step on; the status then says `canceled`."""
+
+    canceled: bool
+    """Whether there was a goal to give up."""

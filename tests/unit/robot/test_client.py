@@ -8,7 +8,7 @@ from zteam.errors import BusError
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.straight import Forward
-from zteam.robot.parameters import DESCRIBE, ParametersClient
+from zteam.robot.client import DESCRIBE, ParametersClient
 from zteam.robot.process.parameters import BehaviorParameters
 
 NAME = "robot_1"
