@@ -16,7 +16,7 @@ from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
 from zteam.node.logs import LEVELS, start_logging
-from zteam.node.process_name import show_name
+from zteam.node.ps_name import show_name
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -242,7 +242,7 @@ def run_process(
 def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
     from zteam.node.faults import log_fault
     from zteam.node.process_node import run_node
-    from zteam.team.bodies import part_of
+    from zteam.team.parts import part_of
 
     # Report a mistake before waiting for the router.
     try:

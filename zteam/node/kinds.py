@@ -1,8 +1,8 @@
 """The kinds of process that make a team: one table, one row per kind.
 
 The plan, the launcher, the `team` fixture and `zteam doctor` read it. A new kind of process needs its options
-(`process_options`) and its body (`nodes.bodies`), its command under `cli/`, its row here, and in `launch.team_launch`
-what it is told of a team.
+(`process_options`) and its part (`team.parts`), its command under `cli/`, its row here, and what it is told of a team
+(`team.launch.team_launch`).
 """
 
 from collections.abc import Callable

@@ -7,7 +7,7 @@ import pytest
 
 from zteam.cli import zteam_nav
 from zteam.errors import UsageError
-from zteam.team.bodies import part_of
+from zteam.team.parts import part_of
 
 
 def read(*arguments: str):  # type: ignore[no-untyped-def]

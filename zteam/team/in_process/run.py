@@ -25,7 +25,6 @@ from zteam.node.process_node import ProcessNode, run_body
 from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.process.inputs import TransformInputs
-from zteam.team.bodies import Part, part_of, printing_monitor, robot_part
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.delivery import marks_owner
 from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
@@ -40,6 +39,7 @@ from zteam.team.launch.run import (
 )
 from zteam.team.launch.supervisor import Again, Member, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
+from zteam.team.parts import Part, part_of, printing_monitor, robot_part
 
 log = logging.getLogger("zteam")
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import msgspec
 
 from zteam.node.faults import shortage_text
-from zteam.node.process_name import show_name
+from zteam.node.ps_name import show_name
 from zteam.node.shutdown import PARENT_PIPE
 
 MAX_MESSAGE = 1 << 18
@@ -32,7 +32,7 @@ PRELOADS = (
     "zteam.node.process_node",
     "zteam.node.router",
     "zteam.simulator.world",
-    "zteam.team.bodies",
+    "zteam.team.parts",
     "zteam.transforms.process.node",
     "zteam.team.file.reading",
     "zteam.transforms.urdf",
