@@ -31,7 +31,6 @@ CI_FOLDERS = [TESTS / name for name in ("bench", "team")]
 FOLDERS = {
     "proof": "teams of processes, as a user starts them",
     "golden": "recordings of Stage and tf2 come out again",
-    "property": "what holds for whatever is drawn",
     "unit": "each part by itself",
 }
 """What the default run runs."""
@@ -39,7 +38,7 @@ PROVES = "proves"
 """Key of a report's property: the title of a file of tests/proof, and the sentence of the test."""
 ONLY_CI = """only .ci/run proves (README, "Tests"):
   tests/team, tests/bench: everything else that teams do, each failure of a process, speed as ratios
-  tests marked `ci`, twenty times the examples of tests/property, the page in a browser and its JavaScript
+  tests/property: what holds for whatever is drawn; tests marked `ci`; the page in a browser and its JavaScript
   a wheel, containers, each Python from 3.11 to 3.13, style, types, layers"""
 
 

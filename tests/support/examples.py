@@ -4,7 +4,7 @@ import os
 
 from hypothesis import HealthCheck, settings
 
-SHARE = float(os.environ.get("ZTEAM_EXAMPLES", "0.05"))
+SHARE = float(os.environ.get("ZTEAM_EXAMPLES", "0.1"))
 """Times the examples that each test names; `.ci/run` sets 1. More than 1 is a search: it draws new ones in each run."""
 
 
