@@ -1,7 +1,7 @@
 """Sensors of robots: one row each for its place in world files, its key, its message and its frame.
 
 `KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`;
-`zteam.messages.topics` has the types of their messages. How a sensor senses is a row of `zteam.simulator.core.devices`.
+`zteam.messages.topics` has the types of their messages. How a sensor senses and its message are a row of `zteam.simulator.core.to_messages`.
 The defaults are Stage's.
 """
 
