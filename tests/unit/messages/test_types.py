@@ -179,6 +179,7 @@ def test_json_round_trip() -> None:
     assert from_text(LaserScan, to_json(scan).decode()) == scan
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("text", ["[" * 5000, '{"linear":' * 5000])
 def test_deeply_nested_text_is_refused(text: str) -> None:
     """One line, however it is nested."""

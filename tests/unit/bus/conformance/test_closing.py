@@ -45,7 +45,7 @@ def test_declarations_may_close_after_their_session(sessions: Sessions) -> None:
         closeable.close()
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_closed_declarations_are_forgotten(sessions: Sessions) -> None:
     """However often a session declares and closes, it holds as many objects as before."""
     bus = sessions()

@@ -190,6 +190,7 @@ def trajectory_of(order: tuple[str, ...]) -> str:
         return team.finish().trajectory_sha256
 
 
+@pytest.mark.ci
 def test_a_team_drives_alike_whoever_hears_a_tick_first() -> None:
     """Two senders that contradict each other, and robots, in four orders: one trajectory, other than without them."""
     parts = ("left", "robots", "right")

@@ -61,6 +61,7 @@ def test_the_pace_does_not_matter(usual: SimReport, pace: float) -> None:
     assert run(pace=pace).trajectory_sha256 == usual.trajectory_sha256
 
 
+@pytest.mark.ci
 def test_spectators_do_not_matter(usual: SimReport) -> None:
     """Subscribers of data on which no command depends make no difference."""
     with InProcessTeam() as team:
@@ -117,6 +118,7 @@ def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> Non
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
 
+@pytest.mark.ci
 def test_the_seed_matters(usual: SimReport) -> None:
     """The wanderer turns elsewhere, and the others follow it."""
     assert run(seed=2).trajectory_sha256 != usual.trajectory_sha256

@@ -57,6 +57,7 @@ def test_a_reset_starts_the_same_run_again() -> None:
     assert report.trajectory_sha256 == run().trajectory_sha256
 
 
+@pytest.mark.ci
 def test_a_robot_may_be_moved() -> None:
     """It drives on from its new place, and its follower turns to it there."""
     report = steps(lambda team: team.ask("move", SimStatus, MoveRequest(0, 0.0, -1.5, -math.pi / 2)))
@@ -96,6 +97,7 @@ def test_a_robot_may_be_added_and_driven() -> None:
         assert team.report().hung == []
 
 
+@pytest.mark.ci
 def test_the_aggregator_may_end_and_come_back() -> None:
     """Without transforms the followers stop; with the new aggregator they follow again."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
@@ -110,6 +112,7 @@ def test_the_aggregator_may_end_and_come_back() -> None:
         assert math.dist(position(team.report(), 1), stood) > 0.1
 
 
+@pytest.mark.ci
 def test_a_repeat_changes_nothing() -> None:
     """Data that is sent again while the world stands still arrives, and moves no robot."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
