@@ -207,7 +207,7 @@ def test_a_new_gap_and_a_new_law_hold_at_once() -> None:
     assert floor.poses[0].x - floor.poses[1].x == pytest.approx(0.8, abs=0.05)
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("turn", [math.pi / 2, -math.pi / 2])
 def test_a_line_that_is_led_from_its_other_end_goes_back_over_its_own_way(turn: float) -> None:
     """In two bends the last of four begins to lead: the others turn round, keep to their way, and end in order."""
@@ -327,6 +327,7 @@ def driven(commands: Sequence[tuple[float, float]]) -> Behavior:
     return head
 
 
+@pytest.mark.ci
 def test_a_head_that_drives_back_past_its_line_is_followed_by_the_last_robot() -> None:
     """The head was set down behind its line and drives on: the last robot follows it, the others that one."""
     floor = Chain([Pose2(-3.6, 0.6, math.pi), *in_line(5)[1:]])

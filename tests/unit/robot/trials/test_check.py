@@ -17,7 +17,7 @@ GIVEN: dict[str, dict[str, Any]] = {"path": {"waypoints": [[0.0, 0.0], [2.0, 0.0
 """Parameters that a shipped behaviour cannot do without, by its name."""
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("name", BEHAVIORS)
 def test_a_shipped_behaviour_passes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is wrong with any behaviour that comes with zteam, in more than twenty trials, not even a remark."""
