@@ -45,7 +45,7 @@ def draw() -> Freeze:
 
 FREEZES = [draw() for _ in range(DRAWS)] or [Freeze(("router",), 30, 2.5), Freeze((names.SIMULATOR,), 20, 0.3)]
 LAUNCHES = [(CHANCE.randrange(3, 23), *draw()) for _ in range(DRAWS // 5)] or [(20, PROCESSES, 0, 2.5)]
-"""The line of the launcher's output after which the freeze comes, and the freeze."""
+"""The line of the launcher's output after which the freeze comes (a robot's GO at the latest), and the freeze."""
 
 
 def run_with(team: TeamFixture, given: Freeze | None) -> str:
@@ -103,7 +103,10 @@ def test_a_freeze_of_a_launch_does_not_change_the_run(
     ) as launcher:
         try:
             assert launcher.stdout is not None
-            said = [launcher.stdout.readline() for _ in range(line)]
+            said = [launcher.stdout.readline()]
+            # How many lines come before GO is chance, and after it few come until the end.
+            while len(said) < line and "GO: driving" not in said[-1]:
+                said.append(launcher.stdout.readline())
             family = [launcher.pid, *descendants_of(launcher.pid)]
             assert launcher.poll() is None, said
             freeze(family if len(stopped) > 1 else [family[tick % len(family)]], seconds)
