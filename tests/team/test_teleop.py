@@ -194,6 +194,9 @@ def test_a_script_drives_the_base(team: TeamFixture) -> None:
     team.spawn("zteam-sim", "arena", "--paused", name=names.SIMULATOR)
     team.wait_for_processes(names.SIMULATOR)
     robot = team.robot(0)
+    # The first tick may have left before its subscriber was known.
+    team.sim.repeat()
+    team.wait_for(lambda: robot.speed == 0.0)
     team.spawn("zteam", "teleop", "--id", "0", "--script", "i*600", name="teleop")
     team.wait_for(lambda: heard(team) >= 1)
     team.sim.step()
