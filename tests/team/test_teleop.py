@@ -194,9 +194,12 @@ def test_a_script_drives_the_base(team: TeamFixture) -> None:
     team.spawn("zteam-sim", "arena", "--paused", name=names.SIMULATOR)
     team.wait_for_processes(names.SIMULATOR)
     robot = team.robot(0)
-    # The first tick may have left before its subscriber was known.
-    team.sim.repeat()
-    team.wait_for(lambda: robot.speed == 0.0)
+
+    def stands() -> bool:
+        # The first tick may have left before its subscriber was known.
+        return robot.speed == 0.0 or bool(team.sim.repeat() and robot.speed == 0.0)
+
+    team.wait_for(stands)
     team.spawn("zteam", "teleop", "--id", "0", "--script", "i*600", name="teleop")
     team.wait_for(lambda: heard(team) >= 1)
     team.sim.step()
