@@ -122,7 +122,8 @@ class DeclaredInputs:
 class TransformInputs:
     """What `tf` and `tf_static` have brought. The robots of one process share one, as all get the same messages.
 
-    Sharing, and keeping the answers until the next message, is a third of the work of 20 robots in one process.
+    For 20 robots in one process that drive, sharing saves 18 % of the user time, and of that which is left, keeping the
+    answers until the next message about a tenth (four pairs of runs each).
     """
 
     def __init__(self) -> None:
