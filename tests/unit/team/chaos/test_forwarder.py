@@ -1,0 +1,227 @@
+"""Links through a forwarder: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
+
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from support.limits import LIMIT
+from zteam.clock import monotonic
+from zteam.team.chaos.forwarder import Forwarder, Link, Wire
+
+
+class Ends:
+    """A listening socket in the router's place, and connections to it through a forwarder."""
+
+    def __init__(self) -> None:
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.server.settimeout(LIMIT)
+        self.forwarder = Forwarder()
+        self.opened: list[socket.socket] = []
+
+    def link(self) -> Link:
+        """A link to the server."""
+        return self.forwarder.open(*self.server.getsockname())
+
+    def near(self, link: Link) -> socket.socket:
+        """A new connection to a link."""
+        host, _, port = link.endpoint.removeprefix("tcp/").rpartition(":")
+        end = socket.create_connection((host, int(port)), LIMIT)
+        self.opened.append(end)
+        return end
+
+    def connect(self, link: Link) -> tuple[socket.socket, socket.socket]:
+        """A new connection: its end at the process, its end at the router."""
+        near, far = self.near(link), self.server.accept()[0]
+        far.settimeout(LIMIT)
+        self.opened.append(far)
+        return near, far
+
+    def close(self) -> None:
+        """Close all of it."""
+        self.forwarder.close()
+        for end in (self.server, *self.opened):
+            end.close()
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    """Both ends of links."""
+    found = Ends()
+    yield found
+    found.close()
+
+
+def read(end: socket.socket, count: int) -> bytes:
+    """Exactly this many bytes."""
+    data = b""
+    while len(data) < count:
+        part = end.recv(count - len(data))
+        assert part, f"the connection ended after {len(data)} of {count} bytes"
+        data += part
+    return data
+
+
+def is_silent(end: socket.socket) -> bool:
+    """Whether nothing has come."""
+    end.setblocking(False)
+    try:
+        end.recv(1)
+    except BlockingIOError:
+        return True
+    finally:
+        end.settimeout(LIMIT)
+    return False
+
+
+def has_ended(end: socket.socket) -> bool:
+    """Whether the next thing that comes is the end of the connection, with a reset or without."""
+    try:
+        return end.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+def pass_by(ends: Ends) -> None:
+    """Return when the forwarder has had time for all that was sent before: a good link has passed bytes twice."""
+    near, far = ends.connect(ends.link())
+    for _ in range(2):
+        near.sendall(b"x")
+        assert read(far, 1) == b"x"
+
+
+def test_a_good_link_passes_all_bytes_both_ways_and_its_end(ends: Ends) -> None:
+    """Megabytes come out as they went in, in both directions at once, and so does the end of each."""
+    near, far = ends.connect(ends.link())
+    sent = bytes(range(256)) * 40_000
+    writers = [threading.Thread(target=end.sendall, args=(sent,), daemon=True) for end in (near, far)]
+    got: dict[socket.socket, bytes] = {}
+    readers = [
+        threading.Thread(target=lambda end=end: got.update({end: read(end, len(sent))}), daemon=True)
+        for end in (near, far)
+    ]
+    for thread in (*writers, *readers):
+        thread.start()
+    for thread in (*writers, *readers):
+        thread.join(LIMIT)
+    assert got == {near: sent, far: sent}
+    near.shutdown(socket.SHUT_WR)
+    assert far.recv(1) == b""
+    far.sendall(b"last")
+    assert read(near, 4) == b"last"
+    far.close()
+    assert near.recv(1) == b""
+
+
+def test_a_delay_holds_one_direction_and_keeps_the_order(ends: Ends) -> None:
+    """Bytes take the delay of their direction; those of the other direction do not wait for them."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.change(up=Wire(delay=0.3))
+    pass_by(ends)
+    before = monotonic()
+    near.sendall(b"first")
+    near.sendall(b"second")
+    far.sendall(b"back")
+    assert read(near, 4) == b"back"
+    assert is_silent(far) or monotonic() >= before + 0.3
+    assert read(far, 11) == b"firstsecond"
+    assert monotonic() >= before + 0.3
+
+
+def test_the_end_of_a_delay_frees_what_is_held(ends: Ends) -> None:
+    """When a link becomes good again, its bytes do not wait for a delay that is over."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.change(up=Wire(delay=10.0 * LIMIT))
+    near.sendall(b"held")
+    pass_by(ends)
+    assert is_silent(far)
+    link.change()
+    assert read(far, 4) == b"held"
+
+
+def test_a_cut_link_passes_nothing_and_loses_nothing(ends: Ends) -> None:
+    """While a link is cut no byte and no new connection passes; afterwards all of them do."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.cut()
+    pass_by(ends)
+    near.sendall(b"up")
+    far.sendall(b"down")
+    late = ends.near(link)
+    late.sendall(b"late")
+    pass_by(ends)
+    assert is_silent(near) and is_silent(far)
+    link.change()
+    assert read(far, 2) == b"up" and read(near, 4) == b"down"
+    came = ends.server.accept()[0]
+    ends.opened.append(came)
+    assert read(came, 4) == b"late"
+
+
+def test_a_reset_link_ends_its_connections_and_refuses_new_ones(ends: Ends) -> None:
+    """Both ends of a connection hear of a reset, a new connection ends at once, and after it the link connects."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.reset()
+    assert all(has_ended(end) for end in (near, far, ends.near(link)))
+    link.change()
+    near, far = ends.connect(link)
+    near.sendall(b"again")
+    assert read(far, 5) == b"again"
+
+
+def test_a_rate_slows_a_direction_and_makes_its_sender_wait(ends: Ends) -> None:
+    """100 kB take a second at 100 kB/s less what may pass at once, and a sender of many more is held up."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    link.change(up=Wire(rate=100_000.0))
+    pass_by(ends)
+    before = monotonic()
+    near.setblocking(False)
+    sent = 0
+    with pytest.raises(BlockingIOError):
+        while sent < 1 << 28:
+            sent += near.send(bytes(1 << 16))
+    assert len(read(far, 50_000)) == 50_000
+    assert monotonic() - before >= 0.4
+
+
+def test_a_router_that_is_away_ends_the_connection(ends: Ends) -> None:
+    """A process that connects while the router does not listen hears the end at once, and gets through later."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = free.getsockname()
+    link = ends.forwarder.open(*address)
+    away = ends.near(link)
+    assert has_ended(away)
+    with socket.create_server(address) as back:
+        back.settimeout(LIMIT)
+        near, far = ends.near(link), back.accept()[0]
+        ends.opened.append(far)
+        near.sendall(b"now")
+        assert read(far, 3) == b"now"
+
+
+def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
+    """What a process sent before its end arrives, also while the router sends to it what nobody reads any more."""
+    near, far = ends.connect(ends.link())
+    far.sendall(bytes(1 << 20))
+    near.sendall(b"stop")
+    near.shutdown(socket.SHUT_WR)
+    near.close()
+    assert read(far, 4) == b"stop"
+    assert far.recv(1) == b""
+
+
+def test_a_forwarder_leaves_nothing_open(ends: Ends) -> None:
+    """`close` ends its thread, its connections and its ports."""
+    link = ends.link()
+    near, far = ends.connect(link)
+    endpoint = link.endpoint
+    ends.forwarder.close()
+    assert [thread.name for thread in threading.enumerate() if thread.name == "forwarder"] == []
+    assert has_ended(near) and has_ended(far)
+    with pytest.raises(OSError):
+        socket.create_connection(("127.0.0.1", int(endpoint.rpartition(":")[2])), LIMIT)
