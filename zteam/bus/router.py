@@ -14,7 +14,7 @@ import zenoh
 
 from zteam.bus.options import LEASE, RELEASE, BusOptions, host_port, open_session, port_accepts, router_config, try_open
 from zteam.clock import monotonic, pause
-from zteam.errors import BusError
+from zteam.errors import BusError, UsageError
 
 log = logging.getLogger("zteam.router")
 
@@ -24,6 +24,8 @@ IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
 _RELEASE_DEADLINE = 5.0
 """Seconds until a router that gives its port up must have ended."""
+_CONFIG_PERIOD = 0.25
+"""Seconds between looks at the file of settings."""
 
 
 class RouterMetadata(msgspec.Struct):
@@ -66,22 +68,19 @@ class Router:
     """An open router; `endpoint` is where it really listens (port 0 becomes the port it got)."""
 
     def __init__(self, listen: str, config: str | None = None, lease: float = LEASE) -> None:
-        try:
-            self._session = open_session(router_config(listen, config, lease), "router")
-        except zenoh.ZError as error:
-            text = str(error)
-            if "Address already in use" in text:
-                raise BusError(
-                    f"{listen} is in use: another router is there (use it), or choose another port with --listen"
-                ) from None
-            raise BusError(f"cannot listen at {listen}: {text.splitlines()[0]}") from None
+        self._file, self._lease = config, lease
+        self._version = _version_of(config)
+        self._config = router_config(listen, config, lease)
         self._clients: set[str] = set()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
         self._idle_exit: float | None = None
-        self._events = self._session.info.declare_transport_events_listener(self._on_transport, history=True)
+        self._session = self._open(self._config, listen)
         record = _read_record(self._session, str(self._session.zid()))
         self.endpoint = record.locators[0] if record and record.locators else listen
+        address = host_port(listen)
+        # An endpoint with a host such as 0.0.0.0 stands for several, of which `endpoint` is one.
+        self._listen = self.endpoint if address is not None and address[1] == 0 else listen
         self._note = _state_file(self.endpoint, _NOTE)
         self._made = [folder for folder in self._note.parents if not folder.exists()]
         """Folders that are removed with the note, the innermost first."""
@@ -90,6 +89,54 @@ class Router:
             self._note.write_text(self.endpoint)
         except OSError as error:
             log.debug("the router is found by its endpoint only: %s", error)
+
+    def _open(self, config: zenoh.Config, listen: str) -> zenoh.Session:
+        """A session that routes and counts its clients. Raises BusError."""
+        try:
+            session = open_session(config, "router")
+        except zenoh.ZError as error:
+            text = str(error)
+            if "Address already in use" in text:
+                raise BusError(
+                    f"{listen} is in use: another router is there (use it), or choose another port with --listen"
+                ) from None
+            # What follows is the line in Zenoh's own source.
+            raise BusError(f"cannot listen at {listen}: {text.splitlines()[0].partition(' at /')[0]}") from None
+        with self._changed:
+            self._clients.clear()
+            self._idle_since = monotonic()
+        self._events = session.info.declare_transport_events_listener(self._on_transport, history=True)
+        if self._idle_exit is not None:
+            self._serve_release(session)
+        return session
+
+    def _serve_release(self, session: zenoh.Session) -> None:
+        callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
+        session.declare_queryable(RELEASE, callback)
+
+    def _take_changed_file(self) -> None:
+        """Open the session again where its file of settings has changed, with all links; clients come back.
+
+        Zenoh applies an access control when it opens, and only so is a certificate that was taken back out. A file
+        that Zenoh does not take changes nothing.
+        """
+        version = _version_of(self._file)
+        if version == self._version:
+            return
+        self._version = version
+        try:
+            config = router_config(self._listen, self._file, self._lease)
+        except UsageError as error:
+            log.error("%s; the router keeps the settings it has", error)
+            return
+        self._session.close()  # type: ignore[no-untyped-call]
+        try:
+            self._session, self._config = self._open(config, self._listen), config
+        except BusError as error:
+            log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
+            self._session = self._open(self._config, self._listen)
+        else:
+            log.info("%s has changed: the router has taken it and opened all links again", self._file)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         zid = str(event.transport.zid)
@@ -113,17 +160,23 @@ class Router:
         """Route until `stopping()`, checked when `wake` is called, or until no client was there for `idle_exit` s."""
         self._idle_exit = idle_exit
         if idle_exit is not None:
-            callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
-            self._session.declare_queryable(RELEASE, callback)
-        with self._changed:
-            while not stopping():
+            self._serve_release(self._session)
+        while True:
+            with self._changed:
+                if stopping():
+                    return
                 left = None
                 if self._idle_exit is not None and not self._clients:
                     left = self._idle_since + self._idle_exit - monotonic()
                     if left <= 0:
                         log.info("no client for %g s: the router ends", self._idle_exit)
                         return
+                if self._file is not None:
+                    left = _CONFIG_PERIOD if left is None else min(_CONFIG_PERIOD, left)
                 self._changed.wait(left)
+            # Without the lock: closing a session ends links, which `_on_transport` counts.
+            if self._file is not None:
+                self._take_changed_file()
 
     def wake(self) -> None:
         """Let `run` look at `stopping` again."""
@@ -139,6 +192,16 @@ class Router:
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _version_of(config: str | None) -> tuple[int, ...]:
+    """Changes with each new content of the file, also where a link to it leads elsewhere; empty without one."""
+    try:
+        found = Path(config).stat() if config is not None else None
+    except OSError:
+        # It is about to be replaced, or router_config says why it cannot be read.
+        found = None
+    return (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found is not None else ()
 
 
 def detach() -> None:

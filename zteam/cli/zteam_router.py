@@ -17,7 +17,9 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--listen", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="listen here (default: %(default)s)"
     )
-    parser.add_argument("--config", metavar="FILE.json5", help="read Zenoh settings from this file first")
+    parser.add_argument(
+        "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
+    )
     parser.add_argument("--announce", action="store_true", help="print the endpoint on stdout once it listens")
     parser.add_argument(
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS

@@ -1,12 +1,18 @@
 """The routers of this machine."""
 
+import json
+import logging
+import threading
+from collections.abc import Callable
+from contextlib import closing
+from itertools import count
 from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
-from support.transports import RouterProcess
-from zteam.bus import BusOptions, connect
+from support.transports import RouterProcess, wait_until_true
+from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.router import Router, find_local_routers
 
 
@@ -36,3 +42,73 @@ def test_a_router_works_without_a_folder_for_its_state(
     finally:
         router.close()
     assert find_local_routers() == []
+
+
+def _session(router: Router) -> Bus:
+    return connect(BusOptions(connect=router.endpoint), patience=LIMIT)
+
+
+_CLOSED = {"enabled": True, "default_permission": "deny", "rules": [], "subjects": [], "policies": []}
+_OPEN = {**_CLOSED, "default_permission": "allow"}
+
+
+@pytest.fixture
+def mounted(tmp_path: Path) -> Callable[[str], Path]:
+    """Gives the file of settings a new content, as a mounted secret gets one: its folder is a link that moves."""
+    versions = count()
+
+    def write(text: str) -> Path:
+        folder = tmp_path / f"version-{next(versions)}"
+        folder.mkdir()
+        (folder / "access.json5").write_text(text)
+        link = tmp_path / "new"
+        link.symlink_to(folder)
+        link.replace(tmp_path / "data")
+        return tmp_path / "data" / "access.json5"
+
+    return write
+
+
+def test_a_router_takes_a_changed_file_of_settings(
+    mounted: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    """What it says holds for sessions that are open; one that Zenoh does not take changes nothing, and is told once."""
+
+    def access(section: object) -> str:
+        return json.dumps({"access_control": section})
+
+    caplog.set_level(logging.INFO)
+    file = mounted(access(_CLOSED))
+    router = Router("tcp/127.0.0.1:0", str(file))
+    stop = threading.Event()
+    thread = threading.Thread(target=router.run, args=(stop.is_set,))
+    thread.start()
+
+    def said(text: str) -> int:
+        return sum(text in record.message for record in caplog.records)
+
+    try:
+        with closing(_session(router)) as server, closing(_session(router)) as client:
+            server.serve("word", NoRequest, lambda _: "heard")
+
+            def is_heard() -> bool:
+                return client.query("word", str) == [("word", "heard")]
+
+            assert not is_heard()
+            mounted(access(_OPEN))
+            wait_until_true(is_heard)
+            mounted("{")
+            wait_until_true(lambda: said("keeps the settings it has") == 1)
+            assert is_heard()
+            mounted(access({**_OPEN, "policies": None}))
+            wait_until_true(lambda: said("keeps the settings it had") == 1)
+            wait_until_true(is_heard)
+            mounted(access(_CLOSED))
+            wait_until_true(lambda: said("has taken it") == 2)
+            wait_until_true(lambda: client.transport.up and server.transport.up)
+            assert not is_heard()
+    finally:
+        stop.set()
+        router.wake()
+        thread.join(LIMIT)
+        router.close()
