@@ -54,6 +54,14 @@ def wall_ns() -> int:
     return time.time_ns()
 
 
+_EPOCH_NS = time.time_ns() - time.monotonic_ns()
+
+
+def stamp_ns() -> int:
+    """Nanoseconds since the Unix epoch by the host's clock as it was at the start of this process: never set back."""
+    return _EPOCH_NS + time.monotonic_ns()
+
+
 def pause(seconds: float) -> None:
     """Sleep on the host's clock. Use it only between attempts at something that gives no sign when it is ready."""
     time.sleep(seconds)

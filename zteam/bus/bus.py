@@ -173,11 +173,18 @@ class Bus:
         return self._subscribe(key_expr, handler, latched, latched)
 
     def subscribe_from(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, M, str], None]
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M, str], None],
+        problem: Callable[[RawSample], str] | None = None,
     ) -> Closeable:
-        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it."""
+        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it.
+
+        `problem(sample)` says why a sample is dropped, and is empty for those that are not.
+        """
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages(message_type, callback, with_source=True)
+        handler = self._receiver.messages(message_type, callback, with_source=True, problem=problem)
         return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(

@@ -141,11 +141,18 @@ class Receiver:
             return None
 
     def messages(
-        self, message_type: type[M], callback: Callable[..., None], *, latched: bool = False, with_source: bool = False
+        self,
+        message_type: type[M],
+        callback: Callable[..., None],
+        *,
+        latched: bool = False,
+        with_source: bool = False,
+        problem: Callable[[RawSample], str] | None = None,
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        With `latched`, not for a message that is not newer than one of its key that was handled before.
+        With `latched`, not for a message that is not newer than one of its key that was handled before. A sample with
+        which `problem` finds one is dropped.
         """
         due = encoding_of(message_type)
         newest: dict[str, int] = {}
@@ -155,6 +162,9 @@ class Receiver:
         def handle(sample: RawSample) -> None:
             key, message = sample.key, sample.content
             if latched and 0 < sample.timestamp <= newest.get(key, 0):
+                return
+            if problem is not None and (why := problem(sample)):
+                self._counters.drop(key, why)
                 return
             count = known.get(key)
             if count is not None and type(message) is message_type and sample.encoding == due:

@@ -69,6 +69,9 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     source: str = ""
     """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
     router."""
+    delay: float = 0.0
+    """Host seconds from its stamp to its arrival by the clocks of two hosts, which may differ; 0 where there is no
+    stamp, and in memory."""
 
     @property
     def payload(self) -> bytes:

@@ -28,7 +28,7 @@ from zteam.bus.transport import (
     check_use,
     first_line,
 )
-from zteam.clock import monotonic
+from zteam.clock import NS_PER_S, monotonic, stamp_ns, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 
@@ -110,7 +110,9 @@ def sample_callback(handler: SampleHandler, stamped: bool) -> Any:
             return
         # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
         time, _, source = str(sample.timestamp or "").partition("/")
-        handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
+        stamp = int(time) if time else 0
+        delay = to_seconds(stamp_ns() - (stamp * NS_PER_S >> 32)) if stamp else 0.0
+        handler(RawSample(key, payload, encoding, stamp, source, delay))
 
     # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
     return zenoh.handlers.Callback(on_sample, indirect=False)

@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
-from zteam.bus.transport import Closeable
+from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
@@ -195,10 +195,17 @@ class ProcessNode:
         return self.bus.subscribe(key_expr, message_type, self._handler(callback), latched=latched)
 
     def subscribe_from(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, M, str], None]
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M, str], None],
+        problem: Callable[[RawSample], str] | None = None,
     ) -> Closeable:
-        """As `subscribe`, but call `callback(key, message, source)`, with the id of the sender's session."""
-        return self.bus.subscribe_from(key_expr, message_type, self._handler(callback))
+        """As `subscribe`, but call `callback(key, message, source)`, with the id of the sender's session.
+
+        `problem(sample)`, which is not called under `changed`, says why a sample is dropped; empty if it is not.
+        """
+        return self.bus.subscribe_from(key_expr, message_type, self._handler(callback), problem)
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""

@@ -268,6 +268,8 @@ class RobotReport(msgspec.Struct):
     scans: int
     late_steps: int
     """Ticks without a command of the robot until the next tick."""
+    late_commands: int = 0
+    """Commands that were refused because they came too late (real time)."""
 
 
 class Latency(msgspec.Struct):

@@ -18,7 +18,7 @@ from zteam.config.numbers import counted
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.monitor.process.members import Event, KnownRobot, WatchedTeam
+from zteam.monitor.process.members import Event, EventLimit, KnownRobot, WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.log_client import printable
 from zteam.node.process_node import ProcessNode
@@ -266,6 +266,7 @@ class TeamDisplay:
         self._watch = watch
         self._options = options
         self._output = output
+        self._limit = EventLimit()
         self._leave_at: float | None = None
         self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout
         self._nag = Every(5.0)
@@ -311,7 +312,8 @@ class TeamDisplay:
             events = self._team.take_events()
             gone, running = self._team.gone, self._team.all_running()
             waiting_for = self._team.waiting_for()
-        for event in events:
+            limited = [self._limit.admit(e, e.robot is None or self._team.counts(e.robot), monotonic()) for e in events]
+        for event in filter(None, limited):
             _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", event.sentence)
             self._output.show(event)
         if self._poses and monotonic() >= self._table_from and self._table.due():

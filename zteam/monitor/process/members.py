@@ -14,6 +14,17 @@ SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer."""
 
 
+_WHILE = 10.0
+"""Host seconds within which events of one kind are counted."""
+_MOST_EVENTS = 8
+"""Of one kind and robot that are shown within a while."""
+_MOST_OF_STRANGERS = 16
+"""As many of all robots that do not count."""
+_STRANGER = -1
+_MOST_LOST = 64
+"""Robots that do not count and are gone are remembered up to this number."""
+
+
 class Event(NamedTuple):
     """Something to tell: `robot` is None for the team as a whole."""
 
@@ -25,6 +36,29 @@ class Event(NamedTuple):
     def sentence(self) -> str:
         """As a line for a user."""
         return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
+
+
+class EventLimit:
+    """Which events are shown. Any process can make events, with forged statuses and names of robots that it invents.
+
+    Of one kind and robot a few are shown within a while. Robots that do not count share theirs.
+    """
+
+    def __init__(self) -> None:
+        self._shown: dict[tuple[str, int | None], tuple[float, int]] = {}
+        """By kind and robot: the host time of the first event of a while, and how many were shown since."""
+
+    def admit(self, event: Event, counts: bool, now: float) -> Event | None:
+        """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
+        known = event.robot is None or counts
+        key, most = (event.kind, event.robot if known else _STRANGER), _MOST_EVENTS if known else _MOST_OF_STRANGERS
+        since, count = self._shown.get(key, (now, 0))
+        if now - since >= _WHILE:
+            since, count = now, 0
+        self._shown[key] = since, count + 1
+        if count + 1 == most:
+            return event._replace(text=f"{event.text} (further lines of this kind are left out for {_WHILE:g} s)")
+        return event if count < most else None
 
 
 class KnownRobot(msgspec.Struct):
@@ -146,6 +180,8 @@ class WatchedTeam:
         member.was_lost = True
         kind = "stopped" if member.stopped else "lost"
         self.tell(kind, robot_id, kind)
+        if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
+            del self.members[robot_id]
 
     def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""

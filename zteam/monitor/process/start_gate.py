@@ -88,7 +88,8 @@ class Gate(WatchedTeam):
 
     def _adopt(self, robot_id: int) -> None:
         """The newest GO that a robot of this team obeys is the team's."""
-        epoch = self.get(robot_id).obeyed
+        member = self.members.get(robot_id)
+        epoch = 0 if member is None else member.obeyed
         if epoch <= self.epoch or not self.counts(robot_id):
             return
         self.epoch = epoch

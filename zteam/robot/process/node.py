@@ -11,6 +11,8 @@ from itertools import count
 from typing import Any
 
 from zteam import names
+from zteam.bus.lateness import Lateness
+from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic, to_ns
 from zteam.errors import BusError
 from zteam.messages import (
@@ -141,6 +143,8 @@ class RobotNode:
         parameters = BehaviorParameters(node, kind, options.behavior, options.params)
         self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team)
         self._heartbeat = Every(_HEARTBEAT)
+        self._lateness = Lateness()
+        """Of velocities that others send."""
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self._alive: TokenSet | None = None
@@ -169,7 +173,7 @@ class RobotNode:
         node.subscribe(names.TF_STATIC, TFMessage, take_static, latched=True)
         for source in SOURCES:
             velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
-            node.subscribe_from(key(source.topic), source.type, velocity)
+            node.subscribe_from(key(source.topic), source.type, velocity, self._lateness_of)
         for declared in self._inputs.declared.declared:
             take = partial(self._on_sent, next(numbers), partial(self._inputs.declared.take, declared))
             if is_latched(declared.key):
@@ -177,6 +181,10 @@ class RobotNode:
                 node.subscribe(declared.key, declared.type, take, latched=True)
             else:
                 node.subscribe_from(declared.key, declared.type, take)
+
+    def _lateness_of(self, sample: RawSample) -> str:
+        """Why a velocity comes too late to be obeyed; empty if it does not. In lock-step the world waits."""
+        return "" if self._part.active else self._lateness.problem(sample)
 
     def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
         with self._node.changed:

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Container
 
 from zteam import names
+from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
@@ -18,11 +19,14 @@ _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names
 class RobotCommands:
     """The newest command of every robot since the last tick. The bus's threads fill it, the main loop empties it."""
 
-    def __init__(self, node: ProcessNode, robots: Container[int], statistics: RunStatistics) -> None:
-        """`robots` are those in the world, which come and go."""
+    def __init__(
+        self, node: ProcessNode, robots: Container[int], statistics: RunStatistics, *, lockstep: bool = False
+    ) -> None:
+        """`robots` are those in the world, which come and go. In lock-step no command is late: the world waits."""
         self._node = node
         self._robots = robots
         self._statistics = statistics
+        self._lateness = None if lockstep else Lateness()
         self._changed = threading.Condition()
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
@@ -49,10 +53,14 @@ class RobotCommands:
         if target is None or target[0] not in self._robots:
             self._node.bus.counters.drop(sample.key, "the world has no such robot")
             return
+        robot_id = target[0]
+        if self._lateness is not None and (problem := self._lateness.problem(sample)):
+            self._node.bus.counters.drop(sample.key, problem)
+            self._statistics.add_late_command(robot_id)
+            return
         command = self._node.bus.decode(sample, Twist)
         if command is None:
             return
-        robot_id = target[0]
         with self._changed:
             if sample.source not in self._own.get(robot_id, ()):
                 self._statistics.add_external_command()

@@ -48,7 +48,7 @@ class Simulation:
         self.profile = TickProfile()
         self.statistics = RunStatistics(options.follows)
         self.outputs = TeamOutputs(node.bus, self.engine, lockstep=options.lockstep is not None)
-        self.commands = RobotCommands(node, self.outputs, self.statistics)
+        self.commands = RobotCommands(node, self.outputs, self.statistics, lockstep=options.lockstep is not None)
         self.lockstep: LockStep | None = None
         if options.lockstep is not None:
             self.lockstep = LockStep(node, options.lockstep, self.commands.answered)

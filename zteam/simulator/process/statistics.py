@@ -39,6 +39,7 @@ _SUMS = np.dtype(
         ("stalled", "?"),
         ("scans", "<i8"),
         ("late_steps", "<i8"),
+        ("late_commands", "<i8"),
         ("gap_sum", "<f8"),
         ("gap_max", "<f8"),
         ("gap_end", "<f8"),
@@ -133,6 +134,12 @@ class RunStatistics:
         with self._lock:
             self._sums["late_steps"][[self._rows[i] for i in robot_ids if i in self._rows]] += 1
 
+    def add_late_command(self, robot_id: int) -> None:
+        """Count a command that came too late to be obeyed."""
+        if self.go_stamp is not None and robot_id in self._rows:
+            with self._lock:
+                self._sums["late_commands"][self._rows[robot_id]] += 1
+
     def add_latency(self, seconds: float) -> None:
         """Count a command that came this long after its robot's scan was sent."""
         if self.go_stamp is not None:
@@ -167,6 +174,7 @@ class RunStatistics:
                 gap_m=_gap(own),
                 scans=int(own["scans"]),
                 late_steps=int(own["late_steps"]),
+                late_commands=int(own["late_commands"]),
             )
             for robot_id, own in ((robot_id, sums[row]) for robot_id, row in rows)
         ]

@@ -2,16 +2,20 @@
 
 import queue
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from support.in_process_team import InProcessTeam, TeamOptions
 from support.limits import LIMIT
 from support.lockstep_doubles import LONG
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.bus.memory import HubReceiver, deliver_now
+from zteam.bus.transport import RawSample
 from zteam.clock import wait_until
 from zteam.messages import Message, PoseStamped, Twist, TwistStamped
 from zteam.node.process_node import ProcessNode
@@ -130,3 +134,25 @@ def test_what_comes_from_outside_is_counted(topic: str, message: Message) -> Non
         outside.publisher(names.robot_key(9, topic), type(message)).put(message)
         team.nodes["robot_0"].bus.publisher(key, type(message)).put(message)
         assert (before, team.report().external_commands) == (0, 2)
+
+
+def test_late_commands_are_refused_and_counted() -> None:
+    """What comes more than 0.5 s later than the robot's quickest one moves nothing, and is in the report from GO on."""
+    delays = [0.0, 1.6, 0.1]
+
+    def deliver(receivers: Sequence[HubReceiver], news: Any) -> None:
+        deliver_now(receivers, replace(news, delay=delays.pop(0)) if isinstance(news, RawSample) else news)
+
+    harness = CommandsHarness(MemoryHub(deliver), 0, 1)
+    try:
+        harness.statistics.start(0, 1, (0, 1), np.zeros((2, 3)))
+        taken = []
+        while delays:
+            harness.publishers[1].put(Twist())
+            taken.append([*harness.commands.take()])
+        assert taken == [[1], [], [1]]
+        assert [robot.late_commands for robot in harness.statistics.robots()] == [0, 1]
+        refused = harness.commands._node.bus.counters.snapshot()["robot_1/cmd_vel"]
+        assert (refused.received, refused.dropped, "1.6 s late" in refused.last_drop_reason) == (2, 1, True)
+    finally:
+        harness.close()

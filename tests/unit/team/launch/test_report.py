@@ -208,7 +208,7 @@ def test_a_report_can_be_read_back() -> None:
 
 def test_every_row_of_a_robot_has_its_keys() -> None:
     """The gap is null for a robot that follows none, and the pose is x, y, yaw."""
-    promised = {"id", "follow", "pose", "distance_m", "stalls", "gap_m", "scans", "late_steps"}
+    promised = {"id", "follow", "pose", "distance_m", "stalls", "gap_m", "scans", "late_steps", "late_commands"}
     leader, follower = written()["robots"]
     assert set(leader) == set(follower) == promised
     assert leader["gap_m"] is None
