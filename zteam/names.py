@@ -75,6 +75,7 @@ BASE_LASER_LINK = "base_laser_link"
 ALL_ROBOTS = "robot_$*"
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
+_BASE = "base_"
 _ID = re.compile(r"[0-9]+", re.ASCII)
 
 
@@ -122,6 +123,16 @@ def navigation_name(robot_id: int) -> str:
 def navigated_robot_of(name: str) -> int | None:
     """The robot's id in `nav_N`, or None if `name` is not that of a navigation process."""
     return robot_id_of(f"robot_{name.removeprefix(_NAVIGATION)}") if name.startswith(_NAVIGATION) else None
+
+
+def base_name(robot_id: int) -> str:
+    """`base_N`: the name of the base driver of robot N, and of its certificate."""
+    return f"{_BASE}{robot_id}"
+
+
+def base_robot_of(name: str) -> int | None:
+    """The robot's id in `base_N`, or None if `name` is not that of a base driver."""
+    return robot_id_of(f"robot_{name.removeprefix(_BASE)}") if name.startswith(_BASE) else None
 
 
 def robot_key(robot_id: int, topic: str) -> str:

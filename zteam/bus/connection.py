@@ -62,11 +62,15 @@ def _read_endpoint(stopping: Callable[[], bool]) -> str:
 def connect(options: BusOptions, *, patience: float | None = None, stopping: Callable[[], bool] = lambda: False) -> Bus:
     """A bus on an open session.
 
-    Without `--connect` the local router is started if there is none. With it, this waits for the router, for ever
-    or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no session.
+    Without `--connect` and certificates the local router is started if there is none. Otherwise this waits for the
+    router, for ever or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no
+    session.
     """
     if options.connect == FROM_STDIN:
         options = msgspec.structs.replace(options, connect=_read_endpoint(stopping))
+    if options.tls is not None:
+        # A router on demand would have none of its own.
+        options = msgspec.structs.replace(options, connect=options.endpoint)
     if options.connect is None:
         session = _open_on_demand(options, stopping)
     else:

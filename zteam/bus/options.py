@@ -19,6 +19,7 @@ from zteam.version import __version__
 log = logging.getLogger("zteam.bus")
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+DEFAULT_TLS_ENDPOINT = "tls/127.0.0.1:7447"
 
 FROM_STDIN = "-"
 """`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
@@ -48,11 +49,64 @@ two for receiving, so that one that waits for a slow client does not hold the ot
 """
 
 
+class TlsFiles(msgspec.Struct, frozen=True):
+    """The PEM files with which a process speaks mutual TLS, and nothing else."""
+
+    ca: str
+    """The certificate of the team's authority."""
+    certificate: str
+    key: str
+
+    @classmethod
+    def from_environment(cls) -> "TlsFiles | None":
+        """What ZTEAM_TLS_CA, ZTEAM_TLS_CERT and ZTEAM_TLS_KEY say; None without them. Raises UsageError."""
+        given = [os.environ.get(name) for name in TLS_VARIABLES]
+        missing = [name for name, value in zip(TLS_VARIABLES, given, strict=True) if not value]
+        if len(missing) == len(given):
+            return None
+        if missing:
+            raise UsageError(f"{' and '.join(missing)}: set {', '.join(TLS_VARIABLES)}, or none of them")
+        return cls(*map(str, given))
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The variables that say it."""
+        return dict(zip(TLS_VARIABLES, (self.ca, self.certificate, self.key), strict=True))
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Of Zenoh, for a client and for a router, which may call other routers. Raises UsageError."""
+        for variable, path in self.environment.items():
+            try:
+                Path(path).read_bytes()
+            except OSError as error:
+                raise UsageError(f"{variable} {path}: {error.strerror}") from None
+        return {
+            "transport/link/protocols": ["tls"],
+            "transport/link/tls": {
+                "root_ca_certificate": self.ca,
+                "listen_certificate": self.certificate,
+                "listen_private_key": self.key,
+                "connect_certificate": self.certificate,
+                "connect_private_key": self.key,
+                "enable_mtls": True,
+                "verify_name_on_connect": True,
+                # Otherwise a link outlives the certificates that it was opened with.
+                "close_link_on_expiration": True,
+            },
+        }
+
+
+TLS_VARIABLES = ("ZTEAM_TLS_CA", "ZTEAM_TLS_CERT", "ZTEAM_TLS_KEY")
+"""In the order of the fields of TlsFiles."""
+
+
 class BusOptions(msgspec.Struct, frozen=True):
     """Connection options, the same for every command."""
 
     connect: str | None = None
-    """Endpoint of the router; None = the one at DEFAULT_ENDPOINT, started on demand."""
+    """Endpoint of the router; None = the one at DEFAULT_ENDPOINT, started on demand. With `tls` it is the one at
+    DEFAULT_TLS_ENDPOINT, and none is started."""
     namespace: str | None = None
     """Prefix that isolates a team from others on the same router."""
     config: str | None = None
@@ -62,6 +116,8 @@ class BusOptions(msgspec.Struct, frozen=True):
     lease: float = LEASE
     """Host seconds of silence after which this process counts as gone. Make it longer than the patience of lock-step if
     lock-step shall report a hung process first."""
+    tls: TlsFiles | None = None
+    """With it this process speaks mutual TLS only."""
 
     @classmethod
     def from_environment(cls) -> "BusOptions":
@@ -78,15 +134,21 @@ class BusOptions(msgspec.Struct, frozen=True):
             factor_from(given("PATIENCE") or "")
         except ValueError:
             raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {given('PATIENCE')!r}") from None
-        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease)
+        tls = TlsFiles.from_environment()
+        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease, tls=tls)
 
     @property
     def endpoint(self) -> str:
         """Where the router is, or is to be. Raises UsageError."""
-        return check_endpoint(self.connect or DEFAULT_ENDPOINT)
+        return check_endpoint(self.connect or default_endpoint(self.tls), self.tls)
 
 
-def check_endpoint(endpoint: str) -> str:
+def default_endpoint(tls: TlsFiles | None) -> str:
+    """Where a router listens, and a client looks for it, unless told otherwise."""
+    return DEFAULT_ENDPOINT if tls is None else DEFAULT_TLS_ENDPOINT
+
+
+def check_endpoint(endpoint: str, tls: TlsFiles | None = None) -> str:
     """The endpoint itself, if it can be one. Raises UsageError: to Zenoh an impossible one only is not there yet."""
     protocol, slash, address = endpoint.partition("/")
     if not (protocol and slash and address):
@@ -97,6 +159,8 @@ def check_endpoint(endpoint: str) -> str:
             parse_whole(port if colon else "", 0, 65535, "a port")
         except UsageError as error:
             raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
+    if tls is not None and protocol != "tls":
+        raise UsageError(f"endpoint {endpoint!r}: with {TLS_VARIABLES[0]} it must be tls/{address}")
     return endpoint
 
 
@@ -185,15 +249,20 @@ def client_config(options: BusOptions) -> zenoh.Config:
         # Something that holds the port and says nothing would block the default of 10 s.
         "transport/unicast/open_timeout": 2000,
     }
+    if options.tls is not None:
+        settings |= options.tls.settings
     if options.namespace:
         settings["namespace"] = options.namespace
     return _build(options.config, settings)
 
 
-def router_config(listen: str, config: str | None = None, lease: float = LEASE) -> zenoh.Config:
+def router_config(
+    listen: str, config: str | None = None, lease: float = LEASE, tls: TlsFiles | None = None
+) -> zenoh.Config:
     """Configuration of the router: it listens on one endpoint and tells its user id and process id.
 
-    `lease` is that of BusOptions, for the router: each side of a link says how long the other is to bear its silence.
+    `lease` and `tls` are those of BusOptions, for the router: each side of a link says how long the other is to bear
+    its silence.
     """
     return _build(
         config,
@@ -201,10 +270,11 @@ def router_config(listen: str, config: str | None = None, lease: float = LEASE) 
             **_COMMON,
             "transport/link/tx/lease": round(lease * 1e3),
             "mode": "router",
-            "listen/endpoints": [check_endpoint(listen)],
+            "listen/endpoints": [check_endpoint(listen, tls)],
             # With the default of 100, a few hundred connections that say nothing keep all others out.
             "transport/unicast/accept_pending": 1000,
             "adminspace/enabled": True,
             "metadata": {"name": "zteam-router", "uid": os.getuid(), "pid": os.getpid(), "version": __version__},
+            **(tls.settings if tls is not None else {}),
         },
     )

@@ -12,7 +12,17 @@ from typing import Any
 import msgspec
 import zenoh
 
-from zteam.bus.options import LEASE, RELEASE, BusOptions, host_port, open_session, port_accepts, router_config, try_open
+from zteam.bus.options import (
+    LEASE,
+    RELEASE,
+    BusOptions,
+    TlsFiles,
+    host_port,
+    open_session,
+    port_accepts,
+    router_config,
+    try_open,
+)
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError, UsageError
 
@@ -67,10 +77,12 @@ def read_admin(options: BusOptions) -> RouterRecord | None:
 class Router:
     """An open router; `endpoint` is where it really listens (port 0 becomes the port it got)."""
 
-    def __init__(self, listen: str, config: str | None = None, lease: float = LEASE) -> None:
-        self._file, self._lease = config, lease
+    def __init__(
+        self, listen: str, config: str | None = None, lease: float = LEASE, tls: TlsFiles | None = None
+    ) -> None:
+        self._file, self._lease, self._tls = config, lease, tls
         self._version = _version_of(config)
-        self._config = router_config(listen, config, lease)
+        self._config = router_config(listen, config, lease, tls)
         self._clients: set[str] = set()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
@@ -125,7 +137,7 @@ class Router:
             return
         self._version = version
         try:
-            config = router_config(self._listen, self._file, self._lease)
+            config = router_config(self._listen, self._file, self._lease, self._tls)
         except UsageError as error:
             log.error("%s; the router keeps the settings it has", error)
             return

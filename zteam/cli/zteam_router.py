@@ -3,7 +3,7 @@
 import argparse
 from functools import partial
 
-from zteam.bus.options import DEFAULT_ENDPOINT
+from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, TlsFiles, default_endpoint
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
@@ -15,7 +15,9 @@ def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-router", description=__doc__)
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="listen here (default: %(default)s)"
+        "--listen",
+        metavar="ENDPOINT",
+        help=f"listen here (default: {DEFAULT_ENDPOINT}; with $ZTEAM_TLS_CA {DEFAULT_TLS_ENDPOINT})",
     )
     parser.add_argument(
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
@@ -30,7 +32,15 @@ def build_parser() -> Parser:
 
 
 def _route(args: argparse.Namespace) -> int:
-    return run_router(args.listen, config=args.config, detached=args.detached, announce=args.announce, lease=args.lease)
+    tls = TlsFiles.from_environment()
+    return run_router(
+        args.listen or default_endpoint(tls),
+        config=args.config,
+        detached=args.detached,
+        announce=args.announce,
+        lease=args.lease,
+        tls=tls,
+    )
 
 
 main = partial(run_tool, build_parser, _route, name="router")

@@ -2,7 +2,7 @@
 
 import logging
 
-from zteam.bus.options import LEASE
+from zteam.bus.options import LEASE, TlsFiles
 from zteam.bus.router import Router, detach
 from zteam.node.shutdown import Stop, exit_hard_later
 
@@ -16,16 +16,18 @@ def run_router(
     detached: float | None = None,
     announce: bool = False,
     lease: float = LEASE,
+    tls: TlsFiles | None = None,
 ) -> int:
     """Route at `listen` until a stop signal. `detached` forks away and ends after that many idle seconds;
     `announce` prints the endpoint (with the real port) on stdout once it listens. Clients bear `lease` s of silence.
+    With `tls` it takes clients with a certificate only.
     """
     if detached is not None:
         detach()
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
-    router = Router(listen, config, lease)
+    router = Router(listen, config, lease, tls)
     stop.on_request(router.wake)
     try:
         log.info("router at %s", router.endpoint)

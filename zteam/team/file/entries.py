@@ -89,6 +89,18 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     qw: float | None = None
 
 
+GRANTS = ("teleop", "goals", "simulation", "parameters", "transforms")
+"""What a certificate may do beyond its process's part in the team (`team.security.access`)."""
+
+
+class Security(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [security]."""
+
+    # A dictionary of unknown keys: `check_grants` checks the words.
+    grants: dict[str, Any] = {}
+    """Lists of words of GRANTS, by the name of the certificate."""
+
+
 class Team(msgspec.Struct, frozen=True):
     """A whole team, with what its file includes."""
 
@@ -96,6 +108,7 @@ class Team(msgspec.Struct, frozen=True):
     team: TeamSection = TeamSection()
     static_transforms: list[StaticTransform] = []
     simulation: Options = Options()
+    security: Security = Security()
     nodes: list[NodeEntry] = []
     folders: tuple[str, ...] = ()
     """Of its file and of those that it includes, absolute: modules of behaviours may lie there."""

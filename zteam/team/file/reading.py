@@ -15,14 +15,14 @@ from zteam.config.problems import Problem, problems_of
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import toml_text
 from zteam.errors import ConfigError, did_you_mean
-from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
+from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, Security, StaticTransform, Team, TeamSection
 from zteam.team.file.groups import Expansion
-from zteam.team.file.rules import check_follows, check_nodes, check_robots, check_transforms
+from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_robots, check_transforms
 from zteam.team.file.sources import LISTS, Argument, Files, KeyPlace, Mistake, Table, error_of
 
 S = TypeVar("S", bound=msgspec.Struct)
 
-KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "include")
+KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "security", "include")
 """Of a team file."""
 
 
@@ -118,12 +118,15 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
     ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
     problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
     problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    security = _section(table, "security", Security, problems)
+    problems += check_grants(security)
     team = Team(
         robots=list(robots.values()),
         nodes=list(nodes.values()),
         static_transforms=list(transforms.values()),
         team=_section(table, "team", TeamSection, problems),
         simulation=_section(table, "simulation", Options, problems),
+        security=security,
         folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
     )
     unfilled = frozenset(mistake.place for mistake in files.missing)

@@ -8,8 +8,9 @@ from zteam import names
 from zteam.config.problems import Problem
 from zteam.config.robot_ids import format_robot_ids
 from zteam.config.toml_values import KeyPath, toml_text
+from zteam.errors import did_you_mean
 from zteam.geometry import turn_problem
-from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, quaternion
+from zteam.team.file.entries import GRANTS, NodeEntry, RobotEntry, Security, StaticTransform, quaternion
 
 _NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 _PROCESSES = frozenset(
@@ -105,6 +106,21 @@ def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterato
         seen.setdefault(node.name, i)
         if text:
             yield Problem(("nodes", i, "name"), text)
+
+
+def check_grants(security: Security) -> Iterator[Problem]:
+    """Problems of the names of certificates, and of what they are granted."""
+    for name, words in security.grants.items():
+        place: KeyPath = ("security", "grants", name)
+        if not _NODE_NAME.fullmatch(name):
+            yield Problem(place, f"{name!r} cannot be a name; use letters, digits, '_', '-' and '.'")
+        if not isinstance(words, list):
+            yield Problem(place, f"a list of words is expected, such as [{toml_text(GRANTS[0])}]")
+            continue
+        for i, word in enumerate(words):
+            if word not in GRANTS:
+                text = f"{toml_text(word)} is no grant{did_you_mean(str(word), GRANTS)}; known: {', '.join(GRANTS)}"
+                yield Problem((*place, i), text)
 
 
 def check_transforms(transforms: Mapping[int, StaticTransform]) -> Iterator[Problem]:

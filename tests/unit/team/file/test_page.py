@@ -11,7 +11,7 @@ import pytest
 from support.pages import DOCS, blocks_of
 from zteam.config.simulation_options import Options
 from zteam.config.toml_values import parse_value
-from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, TeamSection
+from zteam.team.file.entries import NodeEntry, RobotEntry, Security, StaticTransform, TeamSection
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import KEYS
 
@@ -22,6 +22,7 @@ KINDS: Mapping[str, type[msgspec.Struct]] = {
     "nodes": NodeEntry,
     "static_transforms": StaticTransform,
     "simulation": Options,
+    "security": Security,
 }
 """The tables of a team file that have keys of their own."""
 

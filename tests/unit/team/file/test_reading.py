@@ -74,6 +74,17 @@ def test_a_whole_file(tmp_path: Path) -> None:
         ("[[robots]]\nid = 7\nmodel = 'e'\npose = [inf, 1, 2]", "robots[0].pose: [inf, 1.0, 2.0] is no pose"),
         ("[[robots]]\nid = 0\nwhen = 1979-05-27", "robots[0].when: a parameter is a number, text"),
         ("[[robots]]\nid = 0\nx = 0xffffffffffffffffffff", "robots[0].x: a parameter is a number, text"),
+        (
+            "[[robots]]\nid = 0\n[security.grants]\nview = ['golas']",
+            '4: security.grants.view[0]: "golas" is no grant (did you mean goals?); known: teleop, goals, simulation',
+        ),
+        (
+            "[[robots]]\nid = 0\n[security.grants]\nview = 'goals'",
+            "4: security.grants.view: a list of words is expected",
+        ),
+        ("[[robots]]\nid = 0\n[security.grants]\nview = [3]", "4: security.grants.view[0]: 3 is no grant; known"),
+        ("[[robots]]\nid = 0\n[security.grants]\n'a b' = []", "cannot be a name; use letters, digits"),
+        ("[[robots]]\nid = 0\n[security]\ngrant = []", "4: security.grant: unknown key (did you mean grants?)"),
         ("[[robots]]\nid = 0\n'max speed' = 1", '3: robots[0]."max speed": cannot be a parameter'),
     ],
 )

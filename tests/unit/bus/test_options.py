@@ -1,0 +1,53 @@
+"""The connection options that the environment gives: certificates."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, client_config, router_config
+from zteam.errors import UsageError
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TlsFiles:
+    """Named in the environment."""
+    found = TlsFiles(*(str(tmp_path / name) for name in ("ca.pem", "a.pem", "a.key")))
+    for variable, path in found.environment.items():
+        Path(path).write_text("PEM")
+        monkeypatch.setenv(variable, path)
+    return found
+
+
+def test_three_variables_make_a_client_speak_tls_only(files: TlsFiles) -> None:
+    """Client and router take no other protocol, and both show a certificate and ask for one."""
+    options = BusOptions.from_environment()
+    assert options == BusOptions(tls=files)
+    assert options.endpoint == "tls/127.0.0.1:7447"
+    for config in (client_config(options), router_config("tls/127.0.0.1:0", tls=files)):
+        assert config.get_json("transport/link/protocols") == '["tls"]'
+        assert config.get_json("transport/link/tls/enable_mtls") == "true"
+        assert config.get_json("transport/link/tls/verify_name_on_connect") == "true"
+
+
+def test_some_of_the_variables_are_a_mistake(files: TlsFiles, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a configuration would be no protection; none of them is a plain process."""
+    monkeypatch.delenv(TLS_VARIABLES[2])
+    monkeypatch.setenv(TLS_VARIABLES[0], "")
+    with pytest.raises(UsageError, match=r"ZTEAM_TLS_CA and ZTEAM_TLS_KEY: set .* or none of them"):
+        BusOptions.from_environment()
+    monkeypatch.delenv(TLS_VARIABLES[1])
+    assert BusOptions.from_environment() == BusOptions()
+
+
+def test_a_file_that_cannot_be_read_is_named(files: TlsFiles) -> None:
+    """With its variable."""
+    Path(files.key).unlink()
+    with pytest.raises(UsageError, match=r"ZTEAM_TLS_KEY .*a\.key: No such file"):
+        client_config(BusOptions.from_environment())
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/10.0.0.1:7447", "quic/10.0.0.1:7447"])
+def test_another_protocol_is_a_mistake(files: TlsFiles, endpoint: str) -> None:
+    """Zenoh would only not find the router."""
+    with pytest.raises(UsageError, match=r"with ZTEAM_TLS_CA it must be tls/10\.0\.0\.1:7447"):
+        client_config(BusOptions(connect=endpoint, tls=files))

@@ -1,0 +1,59 @@
+"""What each certificate of a team may do. Whether the router's access control does it is a matter of tests/team."""
+
+import msgspec
+import pytest
+
+from zteam.team.file.entries import Team
+from zteam.team.file.reading import read_team_tables
+from zteam.team.security.access import CHANGES, Rights, access_control, explain, rights_of
+
+
+def team(**tables: object) -> Team:
+    """Robots 0 and 1; robot 1 is navigated."""
+    robots = [{"id": 0}, {"id": 1, "follow": 0, "navigation": True}]
+    file = read_team_tables("team", {"team": {"world": "arena"}, "robots": robots, **tables})
+    assert not file.mistakes
+    return file.team
+
+
+def test_each_process_of_a_team_has_a_certificate() -> None:
+    """Simulated robots have no base, real ones have no simulator."""
+    common = {"router", "tf", "monitor", "up", "view", "operator", "robot_0", "robot_1", "nav_1"}
+    node = {"name": "near", "command": ["near"]}
+    assert rights_of(team(nodes=[node])).keys() == {*common, "sim", "near"}
+    assert rights_of(team(team={"world": "none"})).keys() == {*common, "map", "base_0", "base_1"}
+
+
+def test_nothing_is_granted_unless_the_file_says_so() -> None:
+    """Only the words of the file let a certificate change something."""
+    plain = rights_of(team())
+    assert {key for each in plain.values() for key in each.asks} == set()
+    granted = rights_of(team(security={"grants": {"view": ["simulation"], "robot_5": []}}))
+    assert granted["view"].asks
+    assert set(granted["view"].asks) < set(CHANGES)
+    assert "robot_5/cmd_vel" in granted["robot_5"].publishes
+    assert {name: each for name, each in granted.items() if name not in ("view", "robot_5")} == {
+        name: each for name, each in plain.items() if name != "view"
+    }
+
+
+def test_rights_can_be_stored() -> None:
+    """They come back from JSON as they were."""
+    rights = rights_of(team())
+    assert msgspec.json.decode(msgspec.json.encode(rights), type=dict[str, Rights]) == rights
+
+
+def test_a_name_without_a_valid_certificate_has_no_rights() -> None:
+    """A subject without names would be every session."""
+    rights = rights_of(team())
+    section = access_control(rights, {"robot_0": ["robot_0.2"], "robot_1": []})
+    assert section["subjects"] == [{"id": "robot_0", "cert_common_names": ["robot_0.2"]}]
+    assert [policy["subjects"] for policy in section["policies"]] == [["robot_0"]]
+
+
+@pytest.mark.parametrize("name", ["robot_0", "router"])
+def test_rights_can_be_read(name: str) -> None:
+    """Each row has a verb and its object."""
+    rows = explain(rights_of(team())[name])
+    assert rows
+    assert all(verb and key for verb, key in rows)

@@ -1,0 +1,234 @@
+"""What each certificate of a team may do, and the access control of the router that follows (docs/security.md).
+
+Every certificate may read. What a process writes, answers and changes is in two tables: `_PARTS`, by the kind of
+process, and `_GRANTED`, what a team file may add.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from zteam import names
+from zteam.messages.topics import SENSORS
+from zteam.node import kinds
+from zteam.team.file.entries import GRANTS, NO_WORLD, Team, navigation_of
+
+OPERATOR = "operator"
+"""The certificate of people's tools."""
+TITLES = {
+    "publishes": "publishes",
+    "answers": "answers queries",
+    "holds": "holds tokens",
+    "asks": "changes by queries",
+}
+"""The fields of Rights that hold keys, and what a table calls them."""
+
+
+class Rights(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What one certificate may do besides reading. All are key expressions without a namespace."""
+
+    publishes: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
+    """Queries."""
+    holds: tuple[str, ...] = ()
+    """Presence tokens, and claims on names."""
+    asks: tuple[str, ...] = ()
+    """Those of CHANGES that it may ask for."""
+    links: bool = False
+    """Whether it carries the messages of others, as the router of another machine does: it may do everything."""
+
+    def __or__(self, other: "Rights") -> "Rights":
+        both = {field: tuple(dict.fromkeys((*getattr(self, field), *getattr(other, field)))) for field in TITLES}
+        return Rights(**both, links=self.links or other.links)
+
+
+def _of_robot(*topics: str) -> tuple[str, ...]:
+    return tuple(f"{_ROBOT}/{topic}" for topic in topics)
+
+
+_NAME, _ROBOT = "{name}", "{robot}"
+"""In the tables: the process's name, and `robot_N` of its robot, or of any where it has none."""
+
+_MEASURED = _of_robot(*SENSORS, *map(names.all_numbered, SENSORS), names.TF, names.TF_STATIC, names.BASE_INFO)
+"""What a simulator or a base tells of a robot."""
+_PLANNED = _of_robot(
+    names.CMD_VEL_NAV, names.NAVIGATION_STATUS, names.TF, names.AMCL_POSE, names.PARTICLE_CLOUD,
+    names.PUBLISHED_FOOTPRINT, names.PLAN, names.LOCAL_PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP,
+)  # fmt: skip
+_CANCEL, _LOCALIZE = _of_robot(f"{names.NAVIGATION}/cancel", f"{names.NAVIGATION}/global_localization")
+_DESCRIBE, _SET = _of_robot("describe_parameters", "set_parameters")
+_SIMULATE = tuple(
+    names.service_key(names.SIMULATOR, service)
+    for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat")
+)
+_ADD_FRAME = names.service_key(names.AGGREGATOR, "static")
+
+_OWN = Rights(
+    publishes=(names.log_key(_NAME), names.done_key(_NAME)),
+    answers=tuple(names.service_key(_NAME, each) for each in ("info", "stats", "log", "timing", names.LACKING)),
+    holds=(names.tokens_key(_NAME), names.claim_key(_NAME, "*")),
+)
+"""What every process does under its name."""
+
+_BASE = "base_N"
+_PARTS = {
+    kinds.ROUTER: Rights(links=True),
+    # In lock-step it passes the robots' commands on.
+    names.SIMULATOR: Rights(
+        (names.CLOCK, names.MAP, names.TICK, *_MEASURED, *_of_robot(names.CMD_VEL)), (f"{names.SIMULATOR}/*",)
+    ),
+    names.MAP_SERVER: Rights((names.MAP,)),
+    names.AGGREGATOR: Rights((names.TF, names.TF_STATIC), (f"{names.AGGREGATOR}/*",)),
+    names.MONITOR: Rights((names.TEAM_STATUS,)),
+    names.LAUNCHER: Rights(answers=(f"{names.LAUNCHER}/*",)),
+    names.VIEW: Rights(),
+    kinds.ROBOT: Rights(_of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL)),
+    kinds.NAVIGATION: Rights(_PLANNED, _of_robot(f"{names.NAVIGATION}/*")),
+    _BASE: Rights(_MEASURED),
+}
+"""What a process does beyond that, by its kind."""
+_OTHER = Rights((f"{_NAME}/**",), (f"{_NAME}/**",))
+"""A process of no kind, such as a user's node."""
+
+
+def _filled(rights: Rights, name: str = "", robots: Iterable[str] = (names.ALL_ROBOTS,)) -> Rights:
+    """The rights of the process `name` of these robots."""
+    robots = list(robots)
+
+    def fill(keys: Iterable[str]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(key.format(name=name, robot=robot) for key in keys for robot in robots))
+
+    return msgspec.structs.replace(rights, **{field: fill(getattr(rights, field)) for field in TITLES})
+
+
+_GRANTED = {
+    "teleop": Rights(_of_robot(names.CMD_VEL_TELEOP)),
+    # zteam goals is a process of its own.
+    "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), asks=(_CANCEL, _LOCALIZE))
+    | _filled(_OWN, names.GOALS),
+    "simulation": Rights(asks=_SIMULATE),
+    "parameters": Rights(asks=(_SET,)),
+    "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),
+}
+"""By the words of GRANTS."""
+
+
+CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks)
+"""All queries that change something (docs/keys.md): a certificate may ask them if the team file grants it."""
+
+
+def rights_of(team: Team) -> dict[str, Rights]:
+    """The rights of each certificate of a team, by name."""
+    simulated = team.team.world != NO_WORLD
+    processes = [kinds.ROUTER, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.VIEW, OPERATOR]
+    if simulated:
+        processes.append(names.SIMULATOR)
+    if team.team.map is not None or not simulated:
+        processes.append(names.MAP_SERVER)
+    navigated = [robot.id for robot in team.robots if navigation_of(robot) is not None]
+    for robot in team.robots:
+        processes += [names.robot_name(robot.id), *([] if simulated else [names.base_name(robot.id)])]
+    processes += [*map(names.navigation_name, navigated), *(node.name for node in team.nodes)]
+    granted = team.security.grants
+    found = {name: _part_of(name, navigated, simulated) for name in (*processes, *granted)}
+    for name, words in granted.items():
+        for word in words:
+            found[name] |= _filled(_GRANTED[word])
+    return found
+
+
+def _part_of(name: str, navigated: Sequence[int], simulated: bool) -> Rights:
+    """What the process `name` does. The first of the navigation's names also stands for one process for all."""
+    own = _filled(_OWN, name)
+    if name == names.VIEW:
+        # Further views have names of their own.
+        own |= _filled(_OWN, f"{names.VIEW}_$*")
+    for kind, robot_of in _BY_ROBOT.items():
+        robot_id = robot_of(name)
+        if robot_id is not None and not (simulated and kind == _BASE):
+            ids = navigated if kind == kinds.NAVIGATION and robot_id == min(navigated, default=None) else [robot_id]
+            for each in ids if kind == kinds.NAVIGATION else ():
+                own |= _filled(_OWN, names.navigation_name(each))
+            return own | _filled(_PARTS[kind], name, map(names.robot_name, ids))
+    return own | _filled(_PARTS.get(name, _OTHER), name)
+
+
+_BY_ROBOT: dict[str, Callable[[str], int | None]] = {
+    kinds.ROBOT: names.robot_id_of,
+    kinds.NAVIGATION: names.navigated_robot_of,
+    _BASE: names.base_robot_of,
+}
+"""The kinds with one process a robot: the robot's id in a name, None in the name of another kind."""
+
+
+_LATCH = "@adv/**"
+"""Below a key: what a latched topic's publisher holds and answers. No wildcard means a part of a key with @."""
+_EVERYTHING = ("**", f"**/{_LATCH}")
+_DECLARATIONS = names.declarations_key("*")
+_ROUTER_RECORD = "@/*/router"
+_WATCH = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
+_ANSWER = ("declare_queryable", "reply")
+_HOLD = ("liveliness_token",)
+_ASK = ("query",)
+_PUBLISH = ("put", "reply")
+"""What a latched topic sends to a late subscriber is a reply."""
+_ALL = ("put", "delete", *_WATCH, *_ANSWER, *_HOLD, *_ASK)
+"""All kinds of messages that Zenoh's access control tells apart. No certificate may delete: nothing of zteam does."""
+
+
+def access_control(
+    rights: Mapping[str, Rights], common_names: Mapping[str, Sequence[str]], namespace: str = ""
+) -> dict[str, Any]:
+    """The section `access_control` of the router's configuration: what is not allowed here is dropped.
+
+    `common_names` are those that are valid now, by name; a name without one has no rights. All keys of the team are
+    below `namespace`.
+    """
+    rules: list[dict[str, Any]] = []
+
+    def rule(name: str, messages: Iterable[str], keys: Iterable[str], *flows: str, permission: str = "allow") -> None:
+        found = {"id": name, "messages": [*messages], "key_exprs": [*keys], "flows": [*flows], "permission": permission}
+        rules.append(found)
+
+    def here(keys: Iterable[str]) -> list[str]:
+        return [f"{namespace}/{key}" if namespace else key for key in keys]
+
+    # All within the namespace: a wildcard in its place would reach it too, and pass the rules that deny.
+    rule("receive", _ALL, [*here((*_EVERYTHING, "@session/**")), "@/**"], "egress")
+    rule("watch", _WATCH, here(_EVERYTHING), "ingress")
+    rule("ask", _ASK, [*here((*_EVERYTHING, _DECLARATIONS)), _ROUTER_RECORD], "ingress")
+    rule("tell", _ANSWER, here([_DECLARATIONS]), "ingress")
+    rule("link", _ALL, ["**", f"**/{_LATCH}", "**/@session/**", "@/**"], "ingress", "egress")
+    common = [each["id"] for each in rules if each["id"] != "link"]
+    policies = []
+    subjects = []
+    for name, each in rights.items():
+        valid = common_names.get(name, ())
+        if not valid:
+            # A subject without a name would mean every session.
+            continue
+        subjects.append({"id": name, "cert_common_names": [*valid]})
+        if each.links:
+            policies.append({"rules": ["link"], "subjects": [name]})
+            continue
+        own = len(rules)
+        latches = [f"{key}/{_LATCH}" for key in each.publishes]
+        rule(f"{name} publishes", _PUBLISH, here(each.publishes), "ingress")
+        rule(f"{name} keeps", (*_ANSWER, *_HOLD), here(latches), "ingress")
+        rule(f"{name} answers", _ANSWER, here(each.answers), "ingress")
+        rule(f"{name} holds", _HOLD, here(each.holds), "ingress")
+        denied = [key for key in CHANGES if key not in each.asks]
+        if denied:
+            rule(f"{name} changes nothing by", _ASK, here(denied), "ingress", permission="deny")
+        policies.append({"rules": common + [found["id"] for found in rules[own:]], "subjects": [name]})
+    return {
+        "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,
+    }  # fmt: skip
+
+
+def explain(rights: Rights) -> list[tuple[str, str]]:
+    """A table: what the certificate may do, and with which keys."""
+    if rights.links:
+        return [("carries", "the messages of others: it may do everything")]
+    return [(title, key) for field, title in TITLES.items() for key in getattr(rights, field)]
