@@ -186,7 +186,8 @@ class NavigationClient:
         yields: bool = False,
     ) -> None:
         """`now()` is the team's time (ns). `on_change()` is called from the bus's threads when there is news.
-        With `yields`, nothing is sent while a goal of another sender lasts.
+        With `yields`, nothing is sent while a goal of another sender lasts, and the presence of the robot's navigation
+        is enough for a goal to be sent: chance may lose its first status, and the next one comes a second later.
         """
         self._bus, self.robot_id, self._now, self._on_change = bus, robot_id, now, on_change
         self.name = names.robot_name(robot_id)
@@ -227,6 +228,11 @@ class NavigationClient:
         runs = f"; it runs the behaviour {self._behavior}, which takes no goals" if self._behavior else ""
         return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
 
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether a goal that is sent now reaches another process."""
+        return self._publisher.has_subscribers
+
     def _holds(self, process: str) -> bool:
         return any(key.startswith(f"{process}/") for key in self._held)
 
@@ -257,7 +263,7 @@ class NavigationClient:
         """Send the newest goal, if that is due."""
         with self._lock:
             waits = self.lack or self._other.lack
-            if waits or not (self.is_pending and self.watch and self._publisher.has_subscribers):
+            if waits or not (self.is_pending and self.watch and self.has_subscribers):
                 return
             self._stamp = max(self._now(), self._stamp + 1)
             goal = self.watch.goal
@@ -333,6 +339,8 @@ class NavigationClient:
     def _on_token(self, key: str, alive: bool) -> None:
         with self._lock:
             (self._held.add if alive else self._held.discard)(key)
+            if self._yields and self._holds(self._navigation):
+                self.taker = NAVIGATION
             here = not self.taker or self._holds(self._taking_process)
             self._gone_since = None if here else self._gone_since or monotonic()
         self._on_change()

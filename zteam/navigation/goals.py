@@ -12,7 +12,7 @@ from zteam.clock import monotonic, to_seconds
 from zteam.config.resources import read_file
 from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
-from zteam.messages import Odometry
+from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.node.node import Node
 
@@ -186,10 +186,35 @@ class Dispatcher:
         """Whether there are no more goals."""
         # Without a simulator a base's data decides that time is the host's; what the robots say does not.
         self._odometry = node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None)
+        self._told: set[int] = set()
+        """The robots of which a status of their goals has come, whenever it counts."""
+        self._is_first = False
+        """Whether the first tick of lock-step is open."""
+        node.bus.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_told)
+        node.need(self._lacks)
         node.on_stop(self._cancel_all)
 
     def _client(self, robot_id: int) -> NavigationClient:
         return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
+
+    def _on_told(self, key: str, _status: NavigationStatus) -> None:
+        target = names.split_robot_key(key)
+        with self._node.changed:
+            self._told.update(() if target is None else target[:1])
+
+    def _lacks(self, tick: Tick) -> list[str]:
+        """In the first tick of a team that is navigated: the keys of goals that nothing is known to take yet.
+
+        Chance must not decide in which tick the first goals are sent.
+        """
+        self._is_first = tick.tick == 1
+        if not self._is_first or all(names.navigated_robot_of(name) is None for name in tick.participants):
+            return []
+        return [
+            names.robot_key(i, names.GOAL_POSE)
+            for i, errand in self.errands.items()
+            if not (errand.client.has_subscribers and (errand.client.taker or i in self._told))
+        ]
 
     @property
     def all_reached(self) -> bool:
@@ -205,6 +230,9 @@ class Dispatcher:
     def step(self, now: int) -> None:
         """Take what has ended, and send what comes next."""
         self._odometry.close()
+        if self._is_first:
+            # What a robot has said of itself until now came by chance.
+            return
         for errand in self.errands.values():
             errand.client.look()
             if errand.watch is not None and errand.watch.is_replaced:

@@ -1,18 +1,20 @@
 """Files of goals, which goal a robot gets next, and the process that sends them, with navigations by hand."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from support.fake_navigation import FakeNavigation
 from support.limits import LIMIT
+from support.lockstep_doubles import INTERVAL, ScriptedSimulator
+from support.played_node import play
 from support.transports import wait_until_true
 from zteam.bus import MemoryHub
 from zteam.errors import BusError, ConfigError
 from zteam.geometry import Pose2
-from zteam.messages import NavigationState, Odometry, PoseStamped
+from zteam.messages import Done, NavigationState, Odometry, PoseStamped, ns_from_time
 from zteam.navigation.client import TaskResult, goal_message
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
@@ -237,13 +239,41 @@ def test_the_end_of_the_process_cancels_what_is_under_way(hub: MemoryHub) -> Non
 def test_goals_wait_for_navigation(hub: MemoryHub) -> None:
     """Nothing is sent before a robot's navigation is there; the same goal goes out when it has come."""
     desk = Desk(Rounds([goal(1, 1.0)]), hub)
+    desk.navigations[1].end()
     with desk.running:
         for _ in range(3):
             desk.running.tick()
-        assert desk.places(1) == []
-        assert desk.dispatcher.errands[1].client.waits_for.startswith("the first status of nav_1: it runs, but")
-        desk.greet()
+        assert desk.dispatcher.errands[1].client.waits_for.startswith("the navigation of robot_1: start 'zteam-nav")
+        desk.navigations[1] = FakeNavigation(hub, 1)
         desk.tick_until(lambda: desk.places(1) == [1.0])
+
+
+@pytest.mark.parametrize("loses_status", [True, False])
+def test_chance_has_no_part_in_the_tick_of_the_first_goal(hub: MemoryHub, *, loses_status: bool) -> None:
+    """The first tick waits for navigation's presence; the goal is sent in the second, also if its status was lost."""
+    simulator, node = ScriptedSimulator(hub, "goals"), Node("goals", hub.bus(), Stop())
+    simulator.appear()
+    dispatcher = Dispatcher(node, Rounds([goal(1, 1.0)]))
+
+    def script() -> Iterator[None]:
+        simulator.tick(1, "goals", "nav_1", "robot_1")
+        yield
+        assert simulator.take() == []
+        navigation = FakeNavigation(hub, 1)
+        if not loses_status:
+            navigation.say(State.IDLE)
+        simulator.tick(1, "goals", "nav_1", "robot_1")
+        yield
+        # Twice if the status has come: the same answer to the same tick.
+        assert simulator.take()[-1] == Done(1, 1)
+        assert navigation.goals == []
+        simulator.tick(2, "goals", "nav_1", "robot_1")
+        yield
+        assert simulator.take() == [Done(1, 2)]
+        assert [ns_from_time(each.header.stamp) for each in navigation.goals] == [2 * INTERVAL]
+
+    play(node, dispatcher.step, script())
+    node.close()
 
 
 def send_other(hub: MemoryHub, robot_id: int, x: float) -> None:
