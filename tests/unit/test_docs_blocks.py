@@ -17,6 +17,7 @@ from zteam.config import entry_points
 from zteam.config.resources import shipped_world
 from zteam.robot.trials.check import run_trials
 from zteam.robot.trials.worlds import PLACES
+from zteam.team.chaos.plan import read_plan
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
 
@@ -81,11 +82,14 @@ def test_python_runs(block: Block, empty_folder: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("block", [*all_blocks("toml")], ids=name_of)
 def test_toml_is_right(block: Block, empty_folder: Path) -> None:
-    """A team file passes the check of `zteam up`; entry points of a package are found by their names."""
+    """Team files pass the check of `zteam up`, plans of faults are read, and entry points are found by their names."""
     path = block.save(empty_folder)
     content = tomllib.loads(block.code)
     if "project" in content:
         check_entry_points(content["project"]["entry-points"], empty_folder)
+        return
+    if "faults" in content:
+        assert read_plan(path)
         return
     file = read_team_file(path)
     world = None if file.team.team.world else shipped_world("office")

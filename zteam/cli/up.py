@@ -5,8 +5,8 @@ import gc
 import logging
 import os
 import sys
-from collections.abc import Collection, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Sequence
+from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -70,6 +70,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--bus", action="store_true", help="open a team with --in-process to tools and other processes, at a router"
+    )
+    parser.add_argument(
+        "--chaos",
+        nargs="?",
+        const="",
+        metavar="PLAN|SEED",
+        help="give each process a link of its own for 'zteam chaos', and carry out a plan of faults",
     )
     parser.add_argument("--view", action="store_true", help="show the team in the browser (docs/view.md)")
     parser.add_argument("--no-browser", action="store_true", help="with --view: print the page's address only")
@@ -204,7 +211,26 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
     token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
     view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
-    return TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
+    launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
+    return _with_faults(launch, args) if args.chaos else launch
+
+
+def _with_faults(launch: "TeamLaunch", args: argparse.Namespace) -> "TeamLaunch":
+    """The run with the faults of `--chaos`. Raises UsageError."""
+    import msgspec
+
+    from zteam.node.kinds import ROUTER
+    from zteam.team.chaos.plan import choose_plan, describe
+    from zteam.team.launch.plan import plan_team
+
+    processes = list(plan_team(launch).jobs) + ([] if args.in_process else [ROUTER])
+    plan = choose_plan(args.chaos, launch.run_for, processes, lockstep=launch.pace.lockstep)
+    for fault in plan:
+        if args.in_process and not launch.is_simulated(fault):
+            hint = "leave --in-process out" if launch.pace.lockstep else "say --lockstep"
+            raise UsageError(f"{args.chaos}: {fault.fault} {fault.name} does not work in one process: {hint}")
+    log.info("%s", describe(plan))
+    return msgspec.structs.replace(launch, faults=plan)
 
 
 def _refuse_without_simulator(args: argparse.Namespace) -> None:
@@ -223,12 +249,14 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import Printer, open_display
     from zteam.node.shutdown import Stop
+    from zteam.team.chaos.links import Links
     from zteam.team.launch.run import ProcessRun
 
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        team_run = stack.enter_context(ProcessRun(launch, bus, stop, Printer(display.print).line, parent))
+        links = stack.enter_context(closing(Links())) if args.chaos is not None else None
+        team_run = stack.enter_context(ProcessRun(launch, bus, stop, Printer(display.print).line, parent, links))
         stop.install(on_repeat=team_run.hurry)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
@@ -237,7 +265,7 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
             if not stop.requested:
                 raise
             return 0
-    return _conclude(team_run.failed, report, stop, launch.has_end, args.report)
+    return _conclude(team_run, report, stop, args.report)
 
 
 def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
@@ -269,7 +297,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
                 return 0
         cancel()
         give_back()
-    return _conclude(team_run.failed, report, stop, launch.has_end, args.report)
+    return _conclude(team_run, report, stop, args.report)
 
 
 def _give_terminal_to_debugger(display: "RunDisplay") -> None:
@@ -301,14 +329,18 @@ def _run(
     return team_run.finish()
 
 
-def _conclude(
-    failed: Collection[str], report: "RunReport | None", stop: "Stop", has_end: bool, file: str | None
-) -> int:
-    """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes `failed`."""
+def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None) -> int:
+    """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, or if
+    a robot moved on without commands."""
     import msgspec
 
     from zteam.team.launch.report import format_report, write_report
 
+    has_end, chaos = team_run.launch.has_end, team_run.chaos
+    if chaos is not None:
+        from zteam.cli.chaos import print_report
+
+        print_report(chaos)
     if stop.requested and has_end:
         # There is no report: a script must not take this for success.
         return 130
@@ -316,7 +348,9 @@ def _conclude(
         print(format_report(report))
         if file:
             write_report(Path(file), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
-    if failed := {*failed, *(report.hung if report is not None else ())}:
+    if chaos is not None and chaos.violations:
+        raise ZteamError("a robot moved longer than the watchdog allows: see above")
+    if failed := {*team_run.failed, *(report.hung if report is not None else ())}:
         raise ZteamError(f"{', '.join(sorted(failed))} failed: see the log above")
     return 0
 

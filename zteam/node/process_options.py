@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from zteam.config.fault import Fault
 from zteam.config.simulation_options import Options
 from zteam.geometry import Pose2
 from zteam.messages import TransformStamped
@@ -60,6 +61,8 @@ class SimOptions(msgspec.Struct, frozen=True):
     paused: bool = False
     """Stand still at the first tick."""
     lockstep: LockStepOptions | None = None
+    faults: tuple[Fault, ...] = ()
+    """On purpose, in lock-step: those that the simulator can carry out."""
 
 
 class MapOptions(msgspec.Struct, frozen=True):

@@ -12,6 +12,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.clock import monotonic
+from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import yaw_from_quaternion
@@ -98,6 +99,12 @@ class MoveRequest(Change):
     yaw: Place = 0.0
     force: bool = False
     """As in `sim/spawn`."""
+
+
+class FaultRequest(Change):
+    """`sim/fault`: a fault that begins with the next tick, whatever its `at` says (lock-step)."""
+
+    fault: Fault
 
 
 class WaitRequest(msgspec.Struct):
@@ -436,6 +443,11 @@ class SimulatorClient:
         """Lift a robot to x, y (m), yaw (rad) in `map`. Raises BusError if it has no room there, as `spawn` does."""
         _check_pose(x, y, yaw)
         return self._ask("move", SimStatus, MoveRequest(robot_id, x, y, yaw, force=force), timeout=CHANGE_LIMIT)
+
+    def fault(self, fault: Fault) -> SimStatus:
+        """Have a fault carried out in the world from the next tick on. Raises BusError outside of lock-step, or if it
+        cannot be carried out there."""
+        return self._ask("fault", SimStatus, FaultRequest(fault=fault), timeout=CHANGE_LIMIT)
 
 
 def _check_pose(x: float, y: float, yaw: float) -> None:

@@ -178,10 +178,10 @@ class LockStep:
         with self._changed:
             return self.tick.commands(robots)
 
-    def open(self, stamp: int, tick: int, robots: list[int]) -> None:
-        """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
+    def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> None:
+        """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
         with self._changed:
-            self._publisher.hand_over(self.tick.open(stamp, tick, robots))
+            self._publisher.hand_over(self.tick.open(stamp, tick, robots, out))
         self._patience = Patience(self._timeout, monotonic())
 
     def start_anew(self) -> None:

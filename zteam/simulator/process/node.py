@@ -8,17 +8,30 @@ is due; in real time when it is due (`run_ticks`).
 import logging
 from collections.abc import Iterable, Mapping
 
+import msgspec
+
 from zteam import names
-from zteam.clock import NS_PER_S, Every, monotonic
+from zteam.bus.lateness import LATE
+from zteam.clock import NS_PER_S, Every, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Clock, OccupancyGrid, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
-from zteam.simulator.client import MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest, map_info
+from zteam.simulator.client import (
+    FaultRequest,
+    MoveRequest,
+    ScansReply,
+    SensedScan,
+    SimReport,
+    SimStatus,
+    SpawnRequest,
+    map_info,
+)
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_message, map_metadata
+from zteam.simulator.faults import FaultPlan, is_simulated
 from zteam.simulator.process.commands import RobotCommands
 from zteam.simulator.process.lockstep import LockStep
 from zteam.simulator.process.outputs import TeamOutputs
@@ -48,6 +61,7 @@ class Simulation:
         self.profile = TickProfile()
         self.statistics = RunStatistics(options.follows)
         self.outputs = TeamOutputs(node.bus, self.engine, lockstep=options.lockstep is not None)
+        self.faults = FaultPlan(options.faults, world.interval, to_ns(LATE))
         self.commands = RobotCommands(node, self.outputs, self.statistics, lockstep=options.lockstep is not None)
         self.lockstep: LockStep | None = None
         if options.lockstep is not None:
@@ -111,7 +125,7 @@ class Simulation:
     def _announce(self) -> None:
         if self.lockstep is not None:
             self._announced = list(self.outputs)
-            self.lockstep.open(self.engine.now, self.engine.tick, self._announced)
+            self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
 
     @property
     def _tick_seconds(self) -> float:
@@ -125,7 +139,7 @@ class Simulation:
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
-        answers = self.lockstep.take_commands(self.outputs)
+        answers = dict(self.faults.deliver(self.since_go, self.lockstep.take_commands(self.outputs)))
         self.outputs.put_commands(answers)
         return commands | answers
 
@@ -138,6 +152,11 @@ class Simulation:
         if self._go is None:
             # A stamp beyond this simulator's time belongs to an earlier simulator: GO then holds from now on.
             self._go = min(stamp, self.engine.now)
+
+    @property
+    def since_go(self) -> int | None:
+        """Simulated ns since GO; None before."""
+        return None if self._go is None else self.engine.now - self._go
 
     @property
     def is_counting(self) -> bool:
@@ -203,6 +222,7 @@ class Simulation:
         if self._go is not None:
             self._go = self.world.interval
         self.commands.start_anew()
+        self.faults.start_anew()
         self.pacer.start_anew()
         self._is_first = True
         if self.lockstep is not None:
@@ -230,6 +250,17 @@ class Simulation:
         """Put a robot at another pose. Raises UsageError."""
         self.engine.place(request.id, _pose(request), checked=not request.force)
         self.outputs.put_statics(request.id)
+        self.statistics.add_external_command()
+
+    def add_fault(self, request: FaultRequest) -> None:
+        """Carry out a fault from the next tick on (lock-step). Raises UsageError."""
+        if self.lockstep is None or self._go is None:
+            raise UsageError("the simulator carries out faults in lock-step alone, and after GO")
+        soon = to_seconds(self.engine.now + self.world.interval - self._go)
+        fault = msgspec.structs.replace(request.fault, at=soon)
+        if not is_simulated(fault):
+            raise UsageError(f"{fault.fault} {fault.name}: in lock-step this happens to a process, not in the world")
+        self.faults.add(fault)
         self.statistics.add_external_command()
 
     def status(self) -> SimStatus:

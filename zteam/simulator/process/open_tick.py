@@ -47,6 +47,8 @@ class OpenTick:
 
         A process that ends after that is not waited for.
         """
+        self.out: frozenset[str] = frozenset()
+        """Processes that a fault on purpose keeps out of the tick. They join when it is over."""
         self._go_epoch = 0
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
@@ -96,8 +98,9 @@ class OpenTick:
         self._go_epoch = max(self._go_epoch, epoch)
         self._changed = True
 
-    def open(self, stamp: int, tick: int, robots: list[int]) -> Tick:
-        """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
+    def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> Tick:
+        """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
+        self.out = out
         return self._begin(Tick(time_from_ns(stamp), 0, tick, np.array(robots, np.int32)))
 
     def reopen(self) -> Tick:
@@ -109,8 +112,9 @@ class OpenTick:
         # present would depend on the order in which the processes came, and all are to hear GO in the same tick.
         if self._complete or not (self.held and self.absent):
             tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
-            self.members = sorted({*self.members, *self.joining}) if self.joining else self.members
-            self.joining.clear()
+            if self.joining or self.out:
+                present = {*self.members, *self.joining}
+                self.members, self.joining = sorted(present - self.out), present & self.out
         if (tick.epoch, tick.tick) != (self.message.epoch, self.message.tick):
             self.start_anew()
         self.message = tick

@@ -9,6 +9,7 @@ from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.errors import BusError
 from zteam.simulator.client import (
     BOUNDARY_LIMIT,
+    FaultRequest,
     FinishReply,
     MoveRequest,
     ObstacleShape,
@@ -61,6 +62,9 @@ class Queries:
         self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
         self._serve_change(
             "remove", RemoveRequest, lambda request: self._status_after(lambda: simulation.remove(request.id))
+        )
+        self._serve_change(
+            "fault", FaultRequest, lambda request: self._status_after(lambda: simulation.add_fault(request))
         )
         self._serve_change("move", MoveRequest, lambda request: self._status_after(lambda: simulation.move(request)))
 

@@ -275,9 +275,9 @@ def _is_text(holder: Any, key: str) -> bool:
     return isinstance(holder, Table) and isinstance(holder.get(key), str)
 
 
-def read_toml(path: Path) -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
+def read_toml(path: Path, what: str = "team file") -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
     """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
-    data = resources.read_file(path, "team file", MAX_BYTES, ConfigError)
+    data = resources.read_file(path, what, MAX_BYTES, ConfigError)
     try:
         text = data.decode("utf-8-sig")
         return key_lines(text), tomllib.loads(text)
@@ -293,4 +293,4 @@ def read_toml(path: Path) -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
         raise ConfigError(f"{place}: not TOML: {told}{hint}") from None
     except ValueError as error:
         # A number of thousands of digits.
-        raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
+        raise ConfigError(f"{path}: not a {what}: {' '.join(str(error).split())}") from None

@@ -25,6 +25,7 @@ from zteam.node.process_node import ProcessNode, run_body
 from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.process.inputs import TransformInputs
+from zteam.team.chaos.links import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.delivery import marks_owner
 from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
@@ -257,7 +258,9 @@ class InProcessRun(TeamRun):
             if name != names.SIMULATOR:
                 self.start_node(name)
         if self._outside is not None:
-            self._start_nodes(self._outside.environment)
+            environment = self._outside.environment
+            self._start_nodes(lambda name: environment)
+        self._begin_faults(no_link)
         if self._stop.requested:
             self._wake()
 

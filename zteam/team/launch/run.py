@@ -24,6 +24,10 @@ from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
 from zteam.node.process_node import LogPublisher
 from zteam.node.process_options import FROM_STDIN
 from zteam.node.shutdown import HUNG, Stop
+from zteam.team.chaos.forwarder import Wire
+from zteam.team.chaos.links import Links, no_link
+from zteam.team.chaos.means import Means
+from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.launch.plan import plan_team, stop_order
 from zteam.team.launch.process import Process, exit_text, zteam_command
 from zteam.team.launch.progress import Progress, TeamOverview
@@ -148,6 +152,9 @@ class TeamRun:
         self._progress: Progress | None = None
         self._own: list[ProcessReport] = []
         self._hung: set[str] = set()
+        self._faults: ChaosThread | None = None
+        self.chaos: ChaosReport | None = None
+        """How the team took the faults of the launch, after `finish`; None if it has none."""
         self._ends = ExitStack()
         """Of what it holds on the bus."""
         stop.on_request(self._wake)
@@ -186,10 +193,24 @@ class TeamRun:
         assert self.bus is not None
         self._progress = Progress(self.bus, self.launch.has_end, self.supervisor.changed, self._since_start)
 
-    def _start_nodes(self, environment: Mapping[str, str]) -> None:
-        """Start the nodes of the team file, which are processes; `environment` lets them join the team."""
+    def _start_nodes(self, environment: Callable[[str], Mapping[str, str]]) -> None:
+        """Start the nodes of the team file, which are processes; `environment(name)` lets one join the team."""
         for name, job in self.plan.nodes.items():
-            self.supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
+            self.supervisor.start_job(name, msgspec.structs.replace(job, environment=environment(name)))
+
+    def _begin_faults(self, change_link: Callable[[str, Wire, float], object]) -> None:
+        """Carry out the faults of the launch, if it has any; the simulator of lock-step knows its own already."""
+        if self.launch.faults:
+            assert self.bus is not None
+            means = Means(self._pid_of, change_link)
+            self._faults = ChaosThread(self.launch.faults, self.bus, means, self.launch.is_simulated)
+            self._ends.callback(self._faults.stop)
+
+    def _pid_of(self, name: str) -> int:
+        process = self.supervisor.processes.get(name)
+        if process is None or not process.running:
+            raise BusError(f"{name} does not run")
+        return process.pid
 
     def _hold_namespace(self) -> None:
         """Hold the launcher's name. Raises BusError if another team is there."""
@@ -256,6 +277,8 @@ class TeamRun:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         has_counts = self.launch.world is not None and not self._stop.requested
         report = read_report(self.bus) if self.bus is not None and has_counts else None
+        if self._faults is not None:
+            self.chaos = self._faults.stop()
         self._stop_all()
         if report is None or self._progress is None:
             return None
@@ -288,11 +311,19 @@ class ProcessRun(TeamRun):
     """A run whose members are processes."""
 
     def __init__(
-        self, launch: TeamLaunch, bus: BusOptions, stop: Stop, on_line: Callable[[str, str], None], warm: WarmParent
+        self,
+        launch: TeamLaunch,
+        bus: BusOptions,
+        stop: Stop,
+        on_line: Callable[[str, str], None],
+        warm: WarmParent,
+        links: Links | None = None,
     ) -> None:
+        """With `links` each process has one of its own, which can be cut."""
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
         self._options = bus
         self._warm = warm
+        self._links = links
         self._lease = lease_for(launch.pace, bus.lease)
         self.bus = None
         self.endpoint = bus.connect or ""
@@ -310,21 +341,31 @@ class ProcessRun(TeamRun):
             assert self.bus is not None
             refuse_second_team(self.bus, self.plan.jobs)
             self._hold_namespace()
-        waiting = node_environment(self.endpoint or FROM_STDIN, self._options, self.launch.pace)
         for name, job in self.plan.own.items():
-            supervisor.start_job(name, msgspec.structs.replace(job, environment=waiting))
+            supervisor.start_job(name, msgspec.structs.replace(job, environment=self._environment(name)))
         if has_own_router:
             self.endpoint = self._wait_for_router()
             for name in self.plan.own:
-                supervisor.tell(name, self.endpoint)
+                supervisor.tell(name, self._endpoint_for(name))
             self._connect()
-        self._start_nodes(node_environment(self.endpoint, self._options, self.launch.pace))
+        self._start_nodes(self._environment)
         self._begin_progress()
         if has_own_router:
             # There the team has no rival yet, so subscribing to GO comes first.
             self._hold_namespace()
+        if self._links is not None:
+            assert self.bus is not None
+            self._links.serve(self.bus)
+        self._begin_faults(no_link if self._links is None else self._links.change)
         if self._stop.requested:
             self._wake()
+
+    def _endpoint_for(self, name: str) -> str:
+        return self.endpoint if self._links is None else self._links.endpoint(name, self.endpoint)
+
+    def _environment(self, name: str) -> dict[str, str]:
+        endpoint = self._endpoint_for(name) if self.endpoint else FROM_STDIN
+        return node_environment(endpoint, self._options, self.launch.pace)
 
     def _connect(self) -> None:
         options = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)

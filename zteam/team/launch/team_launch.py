@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
+from zteam.config.fault import Fault
 from zteam.node import kinds
 from zteam.node.kinds import Kind
 from zteam.node.process_options import (
@@ -21,6 +22,7 @@ from zteam.node.process_options import (
     SimOptions,
     ViewOptions,
 )
+from zteam.simulator.faults import is_simulated
 from zteam.team.file.entries import Team, behavior_of, navigation_of, static_transform
 
 
@@ -53,6 +55,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     pace: Pace = Pace()
     view: ViewOptions | None = None
     """None: the team is started without one."""
+    faults: tuple[Fault, ...] = ()
+    """On purpose; of those, the simulator carries out in lock-step what it can."""
 
     @property
     def seed(self) -> int:
@@ -65,6 +69,10 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         own = [name for kind in kinds.KINDS if kind.in_lockstep for name in options_of(kind, self)]
         expected = (node.name for node in self.team.nodes if node.expect)
         return tuple(dict.fromkeys((*own, *expected, *self.pace.expect)))
+
+    def is_simulated(self, fault: Fault) -> bool:
+        """Whether the simulator carries out this fault: in lock-step, what happens to a robot."""
+        return self.pace.lockstep and is_simulated(fault)
 
     @property
     def has_end(self) -> bool:
@@ -96,6 +104,7 @@ def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
         speed=None if speed == "max" else float(speed),
         paused=pace.paused,
         lockstep=LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
+        faults=tuple(filter(launch.is_simulated, launch.faults)),
     )
     return {names.SIMULATOR: options}
 

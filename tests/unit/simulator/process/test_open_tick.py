@@ -46,6 +46,18 @@ def team() -> OpenTick:
     return tick
 
 
+def test_a_process_that_a_fault_keeps_out_joins_when_it_is_over(team: OpenTick) -> None:
+    """The tick goes on without it, whether it asks to be let in or not, and lists it again as soon as it may."""
+    assert team.open(0, 2, [], frozenset({"robot_1"})).participants == ["robot_0", "tf"]
+    assert team.take_done("robot_1", "first-robot_1", Done(1, 2, True, Twist(Vector3(1.0))))
+    assert team.open(0, 3, [], frozenset({"robot_1"})).participants == ["robot_0", "tf"]
+    assert team.commands({0, 1}) == {}
+    assert open_tick(team, 4) == ["robot_0", "robot_1", "tf"]
+    lose_name(team, "robot_1")
+    assert team.open(0, 5, [], frozenset({"robot_1"})).participants == ["robot_0", "tf"]
+    assert open_tick(team, 6) == ["robot_0", "tf"], "it has ended meanwhile"
+
+
 def test_a_process_takes_part_from_the_tick_after_its_first_answer() -> None:
     """A process joins with its first answer; the tick waits for it from the next tick on."""
     tick = free_tick()

@@ -1,0 +1,128 @@
+"""`zteam chaos kill | pause | cut | slow NAME`, `--plan FILE`, `--random SEED --for S`: faults on purpose, and how the
+team recovers."""
+
+import argparse
+import sys
+from contextlib import closing
+from functools import partial
+from typing import TYPE_CHECKING
+
+from zteam import names
+from zteam.cli.arguments import number
+from zteam.cli.listening import open_bus
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.tables import format_table
+from zteam.config.fault import KINDS, Fault
+from zteam.config.numbers import MAX_SECONDS
+from zteam.errors import UsageError
+
+if TYPE_CHECKING:
+    from zteam.bus import Bus
+    from zteam.team.chaos.run import ChaosReport
+
+_SECONDS = 1e-3, MAX_SECONDS
+
+
+def build_parser() -> Parser:
+    """The command line."""
+    parser = Parser(prog="zteam chaos", description=__doc__, epilog="docs/tools.md says what each fault does.")
+    parser.add_argument("fault", nargs="?", metavar="|".join(KINDS), help="what happens to one process")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="the process: robot_1, sim, tf, router, …")
+    parser.add_argument("--plan", metavar="FILE", help="carry out the faults of this file")
+    parser.add_argument("--random", metavar="SEED", help="carry out faults that this seed draws; needs --for")
+    parser.add_argument(
+        "--for",
+        dest="seconds",
+        type=number(*_SECONDS, "seconds"),
+        metavar="S",
+        help="how long the fault lasts (default: 3), or over how many simulated seconds --random draws",
+    )
+    parser.add_argument(
+        "--delay", type=number(0.0, MAX_SECONDS, "seconds"), metavar="S", help="slow: seconds each way (default: 0.5)"
+    )
+    parser.add_argument("--rate", type=number(1.0, 1e12, "bytes a second"), metavar="B", help="slow: bytes a second")
+    parser.add_argument("--print", action="store_true", help="with --random: print the plan, and carry out nothing")
+    parser.add_argument("--json", action="store_true", help="print the report as one line of JSON")
+    add_bus_options(parser)
+    return parser
+
+
+def _read(args: argparse.Namespace) -> None:
+    """Raise UsageError for words that do not belong together."""
+    ways = [args.fault is not None, args.plan is not None, args.random is not None]
+    if sum(ways) != 1:
+        raise UsageError("say one of: a fault and a process ('pause robot_1'), --plan FILE, --random SEED")
+    if args.fault is not None and (args.fault not in KINDS or args.name is None):
+        raise UsageError(f"{args.fault}: say {', '.join(KINDS)} and a process, as in 'zteam chaos pause robot_1'")
+    if args.fault != "slow" and (args.delay is not None or args.rate is not None):
+        raise UsageError("--delay and --rate belong to slow")
+    if args.plan is not None and args.seconds is not None:
+        raise UsageError("--for: a plan says itself how long its faults last")
+    if args.random is not None and args.seconds is None:
+        raise UsageError("--random needs --for SECONDS")
+    if args.print and args.random is None:
+        raise UsageError("--print needs --random")
+
+
+def _one_fault(args: argparse.Namespace) -> Fault:
+    delay = args.delay if args.delay is not None else 0.5 if args.rate is None else 0.0
+    seconds = 3.0 if args.seconds is None else args.seconds
+    return Fault(at=0.0, fault=args.fault, name=args.name, seconds=seconds, delay=delay, rate=args.rate)
+
+
+def _work(args: argparse.Namespace) -> int:
+    from zteam.simulator.client import find_status
+    from zteam.team.chaos.means import means_on_bus
+    from zteam.team.chaos.observer import Observer
+    from zteam.team.chaos.plan import choose_plan, describe, plan_text
+    from zteam.team.chaos.run import carry_out
+
+    options = bus_options(args)
+    with closing(open_bus(options)) as bus:
+        status = find_status(bus)
+        lockstep = status is not None and status.lockstep
+        if args.fault is not None:
+            plan: tuple[Fault, ...] = (_one_fault(args),)
+        else:
+            plan = choose_plan(args.plan or args.random, args.seconds, _processes(bus), lockstep=lockstep)
+        if args.random is not None:
+            text = plan_text(plan, f"zteam chaos --random {args.random} --for {args.seconds:g}: {describe(plan)}")
+            print(text, file=sys.stdout if args.print else sys.stderr)
+        if args.print:
+            return 0
+        report = carry_out(
+            plan,
+            Observer(bus, simulated=status is not None),
+            means_on_bus(bus, options, lockstep=lockstep),
+            say=lambda line: print(line, file=sys.stderr, flush=True),
+        )
+    print_report(report, as_json=args.json)
+    refused = [each.problem for each in report.faults if each.problem]
+    return 1 if report.violations or (refused and len(report.faults) == 1) else 0
+
+
+def _processes(bus: "Bus") -> list[str]:
+    """The processes of the team: those that hold a name, but for launchers, views and static frames; and the router."""
+    from zteam.bus.presence import ProcessInfo
+    from zteam.node.kinds import ROUTER
+
+    beside = (names.LAUNCHER, names.STATIC_CALLER, names.GOALS)
+    found = {info.name for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    return [*sorted(name for name in found if name not in beside and not names.is_view(name)), ROUTER]
+
+
+def print_report(report: "ChaosReport", *, as_json: bool = False) -> None:
+    """Print the recoveries as a table, or as one line of JSON."""
+    import msgspec
+
+    from zteam.team.chaos.run import HEADER, rows, summary
+
+    if as_json:
+        print(msgspec.json.encode(report).decode())
+        return
+    if report.faults:
+        print(format_table(HEADER, rows(report)))
+    print(summary(report))
+
+
+main = partial(run_tool, build_parser, _work, read=_read)

@@ -1,0 +1,271 @@
+"""Carries out a plan of faults on a team, and reports how it recovers."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
+from zteam.config.fault import Fault
+from zteam.config.numbers import counted
+from zteam.errors import ZteamError
+from zteam.node.kinds import kind_of
+from zteam.team.chaos.means import Means, Stroke
+from zteam.team.chaos.observer import Observer, Violation
+
+log = logging.getLogger("zteam")
+
+PATIENCE = 20.0 * HOST_FACTOR
+"""Host seconds for a process, and the robots that moved before, to recover."""
+_LOOK = 1.0
+"""Host seconds between two looks at the plan while no message comes."""
+
+
+class Outcome(msgspec.Struct):
+    """What became of one fault. Times are seconds; None where it is not known or did not come to that."""
+
+    at: float
+    """Simulated, since GO."""
+    fault: str
+    name: str
+    lasted: float
+    stood_after: float | None = None
+    """Simulated, from its beginning until the robot stood."""
+    recovery: float | None = None
+    """Of the host, from its end until the process was back and the robots that had moved before moved."""
+    recovery_sim: float | None = None
+    """Simulated, from its end until the last of these robots moved."""
+    problem: str = ""
+    """Why it was not carried out, or what did not recover."""
+
+
+class ChaosReport(msgspec.Struct):
+    """All faults of a plan, and each robot that moved on without commands."""
+
+    faults: list[Outcome]
+    violations: list[Violation]
+
+    @property
+    def recoveries(self) -> list[float]:
+        """Host seconds of those that recovered, ascending."""
+        return sorted(each.recovery for each in self.faults if each.recovery is not None)
+
+
+class _Watched:
+    """A fault that has begun, and what it takes to see its end."""
+
+    def __init__(self, fault: Fault, observer: Observer, stroke: Stroke | None) -> None:
+        self.fault, self.stroke = fault, stroke
+        self.outcome = Outcome(round(observer.elapsed, 3), fault.fault, fault.name, fault.lasts)
+        self._observer = observer
+        self._before = observer.instances(fault.name)
+        drove = observer.driving()
+        # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
+        is_robot = names.robot_id_of(fault.name) is not None
+        self._drove = [name for name in drove if name == fault.name] if is_robot else drove
+        self._began = observer.now
+        self._elapsed_end = observer.elapsed + fault.lasts
+        self._host_end = monotonic() + fault.lasts
+        self._end_stamp, self._ended_at = 0, 0.0
+        self._since: dict[str, tuple[int, int]] | None = None
+        """World and time after which each of the robots must move; None until the process is back."""
+        if fault.fault == "kill":
+            self.finish()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands."""
+        return self._observer.elapsed >= self._elapsed_end or self.host_left <= 0.0
+
+    @property
+    def host_left(self) -> float:
+        """Host seconds until it is over at the latest. A fault in the world ends with simulated time alone."""
+        if self.stroke is None or self.stroke.in_world:
+            return _LOOK
+        return max(0.0, self._host_end - monotonic())
+
+    def finish(self) -> None:
+        """It has ended: from here on the recovery counts."""
+        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._observer.now
+        self._ended_at = monotonic()
+
+    @property
+    def in_world(self) -> bool:
+        """Whether the simulator carries it out."""
+        return self.stroke is None or self.stroke.in_world
+
+    @property
+    def has_recovered(self) -> bool:
+        """Whether the process and the robots are back; that is noted. True also when it takes too long."""
+        robots, outcome = self._observer.robots, self.outcome
+        if self.fault.name in self._drove and robots[self.fault.name].halted > self._began:
+            outcome.stood_after = to_seconds(robots[self.fault.name].halted - self._began)
+        if self._since is None and self._is_back:
+            # Before it was back, a robot may have moved on for the time of its watchdog.
+            now = self._end_stamp if self.in_world else self._observer.now
+            self._since = {name: (robots[name].world, now) for name in self._drove}
+        still = [name for name, since in (self._since or {}).items() if not robots[name].moved_since(*since)]
+        if self._since is not None and not still:
+            outcome.recovery = monotonic() - self._ended_at
+            starts = [robots[name].started for name, (world, _) in self._since.items() if robots[name].world == world]
+            outcome.recovery_sim = to_seconds(max(0, max(starts) - self._end_stamp)) if starts else None
+            return True
+        if monotonic() - self._ended_at < PATIENCE:
+            return False
+        outcome.problem = f"{self.fault.name} is not back" if self._since is None else f"{', '.join(still)} not moving"
+        return True
+
+    @property
+    def _is_back(self) -> bool:
+        kind = kind_of(self.fault.name)
+        if kind is None or not kind.on_bus:
+            return True
+        there = self._observer.instances(self.fault.name)
+        return bool(there - self._before if self.fault.fault == "kill" else there)
+
+
+def carry_out(
+    plan: Sequence[Fault],
+    observer: Observer,
+    means: Means,
+    *,
+    planned: Callable[[Fault], bool] = lambda fault: False,
+    stopping: Callable[[], bool] = lambda: False,
+    say: Callable[[str], None] = log.info,
+) -> ChaosReport:
+    """Carry out a plan, which counts simulated seconds from GO on, and wait until the team has recovered.
+
+    `planned(fault)` says which faults the simulator knows already. When `stopping()`, it ends early, with all faults.
+    """
+    waiting, open_now, recovering = deque(plan), list[_Watched](), list[_Watched]()
+    outcomes = list[Outcome]()
+    try:
+        while (waiting or open_now or recovering) and not stopping():
+            with observer.changed:
+                wait_until(
+                    observer.changed,
+                    lambda: (
+                        stopping()
+                        or (bool(waiting) and observer.has_go and observer.elapsed >= waiting[0].at)
+                        or any(each.is_over for each in open_now)
+                        or any(each.has_recovered for each in recovering)
+                    ),
+                    min([_LOOK, *(each.host_left for each in open_now)]),
+                )
+            for each in [each for each in open_now if each.is_over]:
+                open_now.remove(each)
+                _end(each, say)
+                recovering.append(each)
+            for each in [each for each in recovering if each.has_recovered]:
+                recovering.remove(each)
+                say(describe(each.outcome))
+            while waiting and observer.has_go and observer.elapsed >= waiting[0].at and not stopping():
+                begun = _begin(waiting.popleft(), observer, means, planned, say)
+                outcomes.append(begun.outcome)
+                if not begun.outcome.problem:
+                    (recovering if begun.fault.fault == "kill" else open_now).append(begun)
+    finally:
+        for each in open_now:
+            _end(each, say)
+    return ChaosReport(outcomes, list(observer.violations))
+
+
+def _begin(
+    fault: Fault, observer: Observer, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
+) -> _Watched:
+    told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
+    watched = _Watched(fault, observer, None)
+    try:
+        if not planned(fault):
+            watched.stroke = Stroke(fault, means)
+        say(f"{observer.elapsed:.1f} s: {told}")
+    except ZteamError as error:
+        watched.outcome.problem = str(error)
+        say(f"{observer.elapsed:.1f} s: not carried out: {told}: {error}")
+    return watched
+
+
+def _end(watched: _Watched, say: Callable[[str], None]) -> None:
+    try:
+        if watched.stroke is not None:
+            watched.stroke.end()
+    except ZteamError as error:
+        # A process that was killed meanwhile.
+        say(f"{watched.fault.fault} {watched.fault.name} could not be ended: {error}")
+    watched.finish()
+
+
+def describe(outcome: Outcome) -> str:
+    """One line of progress."""
+    if outcome.recovery is None:
+        return f"{outcome.fault} {outcome.name}: {outcome.problem}"
+    return f"{outcome.fault} {outcome.name}: recovered after {outcome.recovery:.2f} s"
+
+
+class ChaosThread:
+    """Carries out the plan of a run beside it."""
+
+    def __init__(self, plan: Sequence[Fault], bus: Bus, means: Means, planned: Callable[[Fault], bool]) -> None:
+        self._stopping = False
+        self._observer = Observer(bus)
+        self._result = Future[ChaosReport]()
+
+        def run() -> None:
+            try:
+                self._result.set_result(
+                    carry_out(plan, self._observer, means, planned=planned, stopping=lambda: self._stopping)
+                )
+            except BaseException as error:
+                self._result.set_exception(error)
+
+        threading.Thread(target=run, name="chaos", daemon=True).start()
+
+    def stop(self) -> ChaosReport:
+        """End what is open, and report. A second call reports the same."""
+        self._stopping = True
+        with self._observer.changed:
+            self._observer.changed.notify_all()
+        return self._result.result()
+
+
+HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "")
+
+
+def rows(report: ChaosReport) -> list[tuple[str, ...]]:
+    """The report as the cells of a table."""
+
+    def cell(value: float | None) -> str:
+        return "-" if value is None else f"{value:.2f}"
+
+    return [
+        (
+            f"{each.at:.1f}", each.fault, each.name, cell(each.lasted or None), cell(each.stood_after),
+            cell(each.recovery), cell(each.recovery_sim), each.problem,
+        )
+        for each in report.faults
+    ]  # fmt: skip
+
+
+def summary(report: ChaosReport) -> str:
+    """The end of the report, in words."""
+    times, failed = report.recoveries, sum(bool(each.problem) for each in report.faults)
+    lines = [counted(len(report.faults), "fault")]
+    if times:
+        lines[0] += f", recovery {times[len(times) // 2]:.2f} s (median), {times[-1]:.2f} s (longest)"
+    if failed:
+        lines[0] += f", {failed} not carried out or not recovered"
+    lines += [
+        f"{found.name} moved at {found.speed:.2f} at {found.at:.1f} s, {found.silent:.2f} s after its last command"
+        for found in report.violations[:10]
+    ]
+    lines.append(
+        "no robot moved longer than the watchdog allows"
+        if not report.violations
+        else f"{counted(len(report.violations), 'time')} a robot moved longer than the watchdog allows"
+    )
+    return "\n".join(lines)
