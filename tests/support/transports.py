@@ -82,10 +82,14 @@ def memory_sessions() -> Iterator[Sessions]:
 
 
 @contextmanager
-def zenoh_sessions(endpoint: str) -> Iterator[Sessions]:
-    """Sessions on a router, in a namespace of their own."""
-    options = BusOptions(connect=endpoint, lease=LIMIT, namespace=f"n{uuid.uuid4().hex}")
-    sessions = Sessions(lambda: connect(options, patience=LIMIT))
+def zenoh_sessions(*endpoints: str) -> Iterator[Sessions]:
+    """Sessions on routers, on each in its turn, in a namespace of their own."""
+    namespace, turns = f"n{uuid.uuid4().hex}", itertools.cycle(endpoints)
+
+    def open_bus() -> Bus:
+        return connect(BusOptions(connect=next(turns), lease=LIMIT, namespace=namespace), patience=LIMIT)
+
+    sessions = Sessions(open_bus)
     try:
         yield sessions
     finally:

@@ -9,7 +9,7 @@ from zteam.clock import monotonic
 
 LATE = 0.5
 """Host seconds from which on a command is too old to be obeyed, as other old data is."""
-_CLOCKS_APART = 1.0
+CLOCKS_APART = 1.0
 """Seconds that the clocks of hosts may differ: a session whose quickest message took longer has a slow link."""
 _LONGEST_LINK = 10.0
 """Seconds beyond which no link explains a quickest message: that clock was never set, or set again."""
@@ -32,7 +32,7 @@ class Lateness:
         quickest = min(delay, quickest + _FORGETTING * (now - before))
         if session in self._quickest or len(self._quickest) < _MAX_SESSIONS:
             self._quickest[session] = quickest, now
-        apart = quickest if quickest > _LONGEST_LINK else min(quickest, _CLOCKS_APART)
+        apart = quickest if quickest > _LONGEST_LINK else min(quickest, CLOCKS_APART)
         return delay - apart
 
     def problem(self, sample: RawSample) -> str:

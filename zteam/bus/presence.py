@@ -17,7 +17,7 @@ from zteam import names
 from zteam.bus.bus import Bus
 from zteam.bus.queries import NoRequest
 from zteam.bus.transport import Closeable
-from zteam.clock import monotonic, wait_until, wall_ns
+from zteam.clock import monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
 
@@ -38,6 +38,13 @@ class ProcessInfo(msgspec.Struct):
     """Nanoseconds since the Unix epoch."""
     instance: str
     version: str = ""
+    now: int = 0
+    """The host's clock when it answered, in nanoseconds since the Unix epoch."""
+
+    @property
+    def age(self) -> float:
+        """Seconds since its start, by its own host's clock."""
+        return to_seconds((self.now or wall_ns()) - self.start)
 
 
 def holder_text(name: str | None, session: str) -> str:
@@ -57,8 +64,8 @@ def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[s
 
 
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
-    """This process's answer."""
-    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__)
+    """This process's answer, now."""
+    return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns())
 
 
 class Claim:
@@ -75,8 +82,9 @@ class Claim:
         self._on_rival: Callable[[ProcessInfo], None] | None = None
         self._token: Closeable | None = None
         self._released = False
-        self._info = own_info(name, bus.instance, self.start)
-        self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info, at_once=True)
+        self._server = bus.serve(
+            names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, self.start), at_once=True
+        )
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
         self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)
@@ -131,8 +139,7 @@ class Claim:
         holders = [i for _, i in self._others() if not rivals or i.instance in rivals]
         if holders:
             holder = holders[0]
-            since = (wall_ns() - holder.start) / 1e9
-            what += f" by process {holder.pid} on {holder.host}, for {since:.0f} s"
+            what += f" by process {holder.pid} on {holder.host}, for {holder.age:.0f} s"
         return f"{what}: stop that one first, or use another id or --namespace"
 
     def _others(self) -> list[tuple[str, ProcessInfo]]:

@@ -25,6 +25,8 @@ _MAX_REASON = 300
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
 """Host seconds between two warnings about a key: a cause that stays must not fill the log."""
 _CDR = "application/cdr;"
+_TOGETHER = 1.0
+"""Host seconds within which a late subscriber gets what living writers of a latched key have kept."""
 
 
 class KeyCount(msgspec.Struct):
@@ -46,6 +48,23 @@ class _Drop(NamedTuple):
     warned: float
     pause: float
     """Seconds from that warning to the next; twice as long after each."""
+
+
+class _Newest(NamedTuple):
+    """The newest message of a latched key."""
+
+    timestamp: int
+    source: str
+    arrival: float
+
+    def is_older(self, sample: RawSample) -> bool:
+        """Whether a sample is not newer; of another writer that comes later, its clock does not tell.
+
+        Such a writer has taken the place of the first one. Its host's clock may be behind, or have been set back.
+        """
+        if not 0 < sample.timestamp <= self.timestamp:
+            return False
+        return sample.source == self.source or monotonic() - self.arrival < _TOGETHER
 
 
 def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
@@ -151,17 +170,17 @@ class Receiver:
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        With `latched`, not for a message that is not newer than one of its key that was handled before. A sample with
+        With `latched`, not for a message that is not newer than the last one of its key that was handled. A sample with
         which `problem` finds one is dropped.
         """
         due = encoding_of(message_type)
-        newest: dict[str, int] = {}
+        newest: dict[str, _Newest] = {}
         known: dict[str, KeyCount] = {}
         """By keys on which messages came in memory: the next ones need no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
             key, message = sample.key, sample.content
-            if latched and 0 < sample.timestamp <= newest.get(key, 0):
+            if latched and (last := newest.get(key)) and last.is_older(sample):
                 return
             if problem is not None and (why := problem(sample)):
                 self._counters.drop(key, why)
@@ -178,7 +197,7 @@ class Receiver:
                     known[key] = count
                 message = decoded
             if latched and (key in newest or len(newest) < MAX_KEYS):
-                newest[key] = sample.timestamp
+                newest[key] = _Newest(sample.timestamp, sample.source, monotonic())
             if with_source:
                 callback(key, message, sample.source)
             else:

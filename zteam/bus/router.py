@@ -1,11 +1,11 @@
-"""The one Zenoh router of a machine: the router itself, and what its users ask of it, or do to have one."""
+"""The one Zenoh router of a host: the router itself, and what its users ask of it, or do to have one."""
 
 import logging
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from zteam.bus.options import (
     LEASE,
     RELEASE,
     BusOptions,
-    TlsFiles,
+    RouterOptions,
     host_port,
     open_session,
     port_accepts,
@@ -55,7 +55,7 @@ class RouterRecord(msgspec.Struct):
     version: str = ""
 
 
-def _read_record(session: zenoh.Session, router: str = "*") -> RouterRecord | None:
+def _read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
     for reply in session.get(f"@/{router}/router", timeout=1.0):
         if reply.ok is not None:
             try:
@@ -66,33 +66,43 @@ def _read_record(session: zenoh.Session, router: str = "*") -> RouterRecord | No
 
 
 def read_admin(options: BusOptions) -> RouterRecord | None:
-    """The router's record, read through a session without a namespace (one with gets nothing); None without one."""
+    """The record of the router that is connected to, read without a namespace (a session with one gets nothing).
+
+    None without a router.
+    """
     session = try_open(msgspec.structs.replace(options, namespace=None))
     if session is None:
         return None
     with session:
-        return _read_record(session)
+        # Routers that are linked to it would answer too.
+        return next((_read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+
+
+def _find_endpoint(listen: str, locators: Sequence[str]) -> str:
+    """That of a router's locators which is the endpoint `listen`, with the port that it got."""
+    host = listen.rpartition(":")[0] + ":"
+    return next((found for found in locators if found.startswith(host)), locators[0] if locators else listen)
 
 
 class Router:
-    """An open router; `endpoint` is where it really listens (port 0 becomes the port it got)."""
+    """An open router; `endpoint` is where it really listens first (port 0 becomes the port it got)."""
 
-    def __init__(
-        self, listen: str, config: str | None = None, lease: float = LEASE, tls: TlsFiles | None = None
-    ) -> None:
-        self._file, self._lease, self._tls = config, lease, tls
-        self._version = _version_of(config)
-        self._config = router_config(listen, config, lease, tls)
+    def __init__(self, options: RouterOptions) -> None:
+        self._file = options.config
+        self._version = _version_of(options.config)
+        self._config = router_config(options)
         self._clients: set[str] = set()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
         self._idle_exit: float | None = None
-        self._session = self._open(self._config, listen)
+        self._session = self._open(self._config, options.listen)
         record = _read_record(self._session, str(self._session.zid()))
-        self.endpoint = record.locators[0] if record and record.locators else listen
-        address = host_port(listen)
-        # An endpoint with a host such as 0.0.0.0 stands for several, of which `endpoint` is one.
-        self._listen = self.endpoint if address is not None and address[1] == 0 else listen
+        locators = record.locators if record else []
+        self.endpoint = _find_endpoint(options.listen[0], locators)
+        # An endpoint with a host such as 0.0.0.0 stands for several, of which a locator is one.
+        listen = tuple(_find_endpoint(e, locators) if e.endswith(":0") else e for e in options.listen)
+        self._options = msgspec.structs.replace(options, listen=listen)
+        """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
         self._made = [folder for folder in self._note.parents if not folder.exists()]
         """Folders that are removed with the note, the innermost first."""
@@ -102,18 +112,18 @@ class Router:
         except OSError as error:
             log.debug("the router is found by its endpoint only: %s", error)
 
-    def _open(self, config: zenoh.Config, listen: str) -> zenoh.Session:
+    def _open(self, config: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
         """A session that routes and counts its clients. Raises BusError."""
         try:
             session = open_session(config, "router")
         except zenoh.ZError as error:
-            text = str(error)
+            text, places = str(error), ", ".join(listen)
             if "Address already in use" in text:
                 raise BusError(
-                    f"{listen} is in use: another router is there (use it), or choose another port with --listen"
+                    f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
             # What follows is the line in Zenoh's own source.
-            raise BusError(f"cannot listen at {listen}: {text.splitlines()[0].partition(' at /')[0]}") from None
+            raise BusError(f"cannot listen at {places}: {text.splitlines()[0].partition(' at /')[0]}") from None
         with self._changed:
             self._clients.clear()
             self._idle_since = monotonic()
@@ -137,16 +147,16 @@ class Router:
             return
         self._version = version
         try:
-            config = router_config(self._listen, self._file, self._lease, self._tls)
+            config = router_config(self._options)
         except UsageError as error:
             log.error("%s; the router keeps the settings it has", error)
             return
         self._session.close()  # type: ignore[no-untyped-call]
         try:
-            self._session, self._config = self._open(config, self._listen), config
+            self._session, self._config = self._open(config, self._options.listen), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open(self._config, self._listen)
+            self._session = self._open(self._config, self._options.listen)
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
 

@@ -67,8 +67,8 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     timestamp: int = 0
     """NTP64 time from the session that stamped it first, normally the sender's; 0 where there is none."""
     source: str = ""
-    """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
-    router."""
+    """Id of the session that stamped it; empty where there is none. Where another router than zteam's
+    makes stamps, a sender that makes none shows as the router."""
     delay: float = 0.0
     """Host seconds from its stamp to its arrival by the clocks of two hosts, which may differ; 0 where there is no
     stamp, and in memory."""

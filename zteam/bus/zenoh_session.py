@@ -16,6 +16,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
+from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
 from zteam.bus.transport import (
     Closeable,
     QueryHandler,
@@ -28,7 +29,7 @@ from zteam.bus.transport import (
     check_use,
     first_line,
 )
-from zteam.clock import NS_PER_S, monotonic, stamp_ns, to_seconds
+from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 
@@ -38,6 +39,8 @@ T = TypeVar("T")
 
 _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
+_CACHE = zenoh.ext.CacheConfig(1)
+_NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
 _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
@@ -93,8 +96,8 @@ class Aside:
             work()
 
 
-def sample_callback(handler: SampleHandler, stamped: bool) -> Any:
-    """A Zenoh callback that calls `handler` with samples; without `stamped` they have neither time nor source."""
+def sample_callback(handler: SampleHandler, clocks: ClockWatch | None) -> Any:
+    """A Zenoh callback that calls `handler` with samples; without `clocks` they have neither time nor source."""
 
     def on_sample(sample: zenoh.Sample) -> None:
         if not hasattr(_THREAD, "stays"):
@@ -105,13 +108,11 @@ def sample_callback(handler: SampleHandler, stamped: bool) -> Any:
         if encoding == _BYTES:
             encoding = ""
         key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        if not stamped:
+        if clocks is None:
             handler(RawSample(key, payload, encoding))
             return
-        # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
-        time, _, source = str(sample.timestamp or "").partition("/")
-        stamp = int(time) if time else 0
-        delay = to_seconds(stamp_ns() - (stamp * NS_PER_S >> 32)) if stamp else 0.0
+        stamp, source, delay = read_stamp(str(sample.timestamp or ""))
+        clocks.look(source, delay)
         handler(RawSample(key, payload, encoding, stamp, source, delay))
 
     # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
@@ -141,13 +142,9 @@ class ZenohPublisher(Declared):
     """Puts payloads on one key."""
 
     def __init__(
-        self,
-        entity: Any,
-        declared: set[Declared],
-        latched: bool,
-        stamp: Callable[[], zenoh.Timestamp | None] = lambda: None,
+        self, entity: Any, declared: set[Declared], latched: bool, stamp: Callable[[], zenoh.Timestamp]
     ) -> None:
-        """`stamp()` makes the timestamps of samples; the session does without it."""
+        """`stamp()` makes the time stamps of samples."""
         super().__init__(entity, declared)
         self._matching = True
         self._latched = latched
@@ -189,13 +186,6 @@ class ZenohPublisher(Declared):
         self.put(encode(message))
 
     hand_over = put_message
-
-
-def stamping_as(session: zenoh.Session, source: str) -> Callable[[], zenoh.Timestamp]:
-    """Makes timestamps with the time of `session` and the id `source`."""
-    # As Zenoh writes its ids: the last byte comes first.
-    name = zenoh.TimestampId(bytes.fromhex(source)[::-1])
-    return lambda: zenoh.Timestamp(session.new_timestamp().get_time_as_ntp64(), name)
 
 
 class TokenWatch(Declared):
@@ -261,6 +251,7 @@ class ZenohTransport:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self.instance = str(session.zid())
+        self._stamp, self._clocks = stamping_as(self.instance), ClockWatch()
         self._declared: set[Declared] = set()
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
@@ -301,19 +292,18 @@ class ZenohTransport:
         def declare() -> Any:
             if not latched:
                 return self._session.declare_publisher(key, **options)
-            cache = zenoh.ext.CacheConfig(1)
+            # Numbered: without a clock of its own, a session keeps no message that is not.
             return zenoh.ext.declare_advanced_publisher(
-                self._session, key, cache=cache, publisher_detection=True, **options
+                self._session, key, cache=_CACHE, publisher_detection=True, sample_miss_detection=_NUMBERED, **options
             )
 
         entity = self._make("publish on", key, declare)
-        stamps = [stamping_as(self._session, source)] if source else []
-        return ZenohPublisher(entity, self._declared, latched, *stamps)
+        return ZenohPublisher(entity, self._declared, latched, stamping_as(source) if source else self._stamp)
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        callback = sample_callback(handler, stamped)
+        callback = sample_callback(handler, self._clocks if stamped else None)
 
         def declare() -> Any:
             if not latched:

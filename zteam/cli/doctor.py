@@ -29,13 +29,14 @@ from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import terminal_width
 from zteam.cli.tf import ask_frames
+from zteam.clock import monotonic, to_seconds, wall_ns
 from zteam.config.numbers import counted
 from zteam.errors import BusError, DecodeError
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Finding, Level, UnusableMessages, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, UnusableMessages, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, find_status
@@ -72,6 +73,8 @@ LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
 _SETTLE = 0.3
 """Host seconds to wait for the tokens of other namespaces."""
+_CLOCK_QUESTIONS = 3
+"""To each host; the answer that came soonest counts."""
 _MAX_ROUTERS = 32
 """Other routers that are asked."""
 
@@ -86,8 +89,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     router_id = admin.zid if admin else ""
 
     def name_of(sample: RawSample) -> str:
-        # The router stamps the samples of sessions that do not.
-        if sample.source and sample.source == router_id:
+        # A router that is not zteam's stamps the samples of sessions that do not.
+        if sample.source in ("", router_id):
             return "a client without time stamps (plain Zenoh)"
         return writer_names(nodes, [sample.source], sample.key)[0]
 
@@ -107,6 +110,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
+        clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else _at_other_routers(options, router_id),
@@ -133,6 +137,27 @@ def _listen(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[RawSample]]:
         waiter.wait(lambda: due <= heard.keys(), LONGER, "")
     with lock:
         return {key: list(by.values()) for key, by in sorted(heard.items())}
+
+
+def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
+    """The clocks of all hosts of the team, told by one process of each."""
+    found: dict[str, HostClock] = {}
+    for host, name in {node.host: node.name for node in nodes if node.now}.items():
+        looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
+        if known := [clock for clock in looks if clock is not None]:
+            found[host] = min(known, key=lambda clock: clock.error)
+    return found
+
+
+def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
+    begin, asked = wall_ns(), monotonic()
+    try:
+        answers = bus.query(names.info_key(name), ProcessInfo)
+    except BusError:
+        return None
+    error = 0.5 * (monotonic() - asked)
+    times = [info.now for _, info in answers if info.host == host]
+    return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:

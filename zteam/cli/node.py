@@ -13,7 +13,6 @@ from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import format_table
-from zteam.clock import wall_ns
 from zteam.node.tokens import TokenSet
 
 _SETTLE = 0.3
@@ -69,13 +68,13 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _cells(info: ProcessInfo) -> tuple[str, ...]:
-    known = (str(info.pid), _age(wall_ns() - info.start), info.version) if info.pid else ("-", "-", "-")
+    known = (str(info.pid), _age(info.age), info.version) if info.pid else ("-", "-", "-")
     return info.name, info.host, *known
 
 
-def _age(nanoseconds: int) -> str:
+def _age(age: float) -> str:
     """`45 s`, `12 min`, `3 h 5 min`."""
-    seconds = max(0, nanoseconds // 10**9)
+    seconds = max(0, int(age))
     if seconds < 120:
         return f"{seconds} s"
     hours, minutes = divmod(seconds // 60, 60)

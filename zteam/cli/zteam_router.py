@@ -1,9 +1,9 @@
-"""`zteam-router`: the one Zenoh router of a machine. Other commands start it on demand."""
+"""`zteam-router`: the one Zenoh router of a host. Other commands start it on demand; routers of hosts are linked."""
 
 import argparse
 from functools import partial
 
-from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, TlsFiles, default_endpoint
+from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, RouterOptions, TlsFiles, default_endpoint
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
@@ -17,7 +17,15 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--listen",
         metavar="ENDPOINT",
-        help=f"listen here (default: {DEFAULT_ENDPOINT}; with $ZTEAM_TLS_CA {DEFAULT_TLS_ENDPOINT})",
+        action="append",
+        help=f"listen here; may be repeated (default: {DEFAULT_ENDPOINT}; with $ZTEAM_TLS_CA {DEFAULT_TLS_ENDPOINT})",
+    )
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        action="append",
+        default=[],
+        help="link this router to the one there, such as another host's, as soon as it is there; may be repeated",
     )
     parser.add_argument(
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
@@ -33,14 +41,9 @@ def build_parser() -> Parser:
 
 def _route(args: argparse.Namespace) -> int:
     tls = TlsFiles.from_environment()
-    return run_router(
-        args.listen or default_endpoint(tls),
-        config=args.config,
-        detached=args.detached,
-        announce=args.announce,
-        lease=args.lease,
-        tls=tls,
-    )
+    listen = tuple(args.listen or [default_endpoint(tls)])
+    options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls)
+    return run_router(options, detached=args.detached, announce=args.announce)
 
 
 main = partial(run_tool, build_parser, _route, name="router")

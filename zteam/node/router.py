@@ -2,32 +2,23 @@
 
 import logging
 
-from zteam.bus.options import LEASE, TlsFiles
+from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, detach
 from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
 
 
-def run_router(
-    listen: str,
-    *,
-    config: str | None = None,
-    detached: float | None = None,
-    announce: bool = False,
-    lease: float = LEASE,
-    tls: TlsFiles | None = None,
-) -> int:
-    """Route at `listen` until a stop signal. `detached` forks away and ends after that many idle seconds;
-    `announce` prints the endpoint (with the real port) on stdout once it listens. Clients bear `lease` s of silence.
-    With `tls` it takes clients with a certificate only.
+def run_router(options: RouterOptions, *, detached: float | None = None, announce: bool = False) -> int:
+    """Route until a stop signal. `detached` forks away and ends after that many idle seconds; `announce` prints the
+    first endpoint (with the real port) on stdout once it listens.
     """
     if detached is not None:
         detach()
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
-    router = Router(listen, config, lease, tls)
+    router = Router(options)
     stop.on_request(router.wake)
     try:
         log.info("router at %s", router.endpoint)

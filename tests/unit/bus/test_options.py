@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, client_config, router_config
+from zteam.bus.options import TLS_VARIABLES, BusOptions, RouterOptions, TlsFiles, client_config, router_config
 from zteam.errors import UsageError
 
 
@@ -23,7 +23,7 @@ def test_three_variables_make_a_client_speak_tls_only(files: TlsFiles) -> None:
     options = BusOptions.from_environment()
     assert options == BusOptions(tls=files)
     assert options.endpoint == "tls/127.0.0.1:7447"
-    for config in (client_config(options), router_config("tls/127.0.0.1:0", tls=files)):
+    for config in (client_config(options), router_config(RouterOptions(("tls/127.0.0.1:0",), tls=files))):
         assert config.get_json("transport/link/protocols") == '["tls"]'
         assert config.get_json("transport/link/tls/enable_mtls") == "true"
         assert config.get_json("transport/link/tls/verify_name_on_connect") == "true"

@@ -3,7 +3,9 @@
 import pytest
 
 from zteam.bus import receiving
-from zteam.bus.receiving import OTHER, Counters, KeyCount
+from zteam.bus.receiving import OTHER, Counters, KeyCount, Receiver
+from zteam.bus.transport import RawSample
+from zteam.messages import Bool, encode, encoding_of
 
 
 @pytest.fixture
@@ -101,3 +103,25 @@ def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.L
     ]
     assert sum(count.dropped for count in found.snapshot().values()) == 10_001
     assert "robot_$*/cmd_vel" not in found.snapshot()
+
+
+def test_a_new_writer_of_a_latched_key_is_heard_whatever_its_clock(now: list[float]) -> None:
+    """Of two writers that are there when a subscriber comes, the later message counts. One that comes afterwards has
+    taken the place of the first, though its clock be behind; each one's own older messages are left out."""
+    heard: list[bool] = []
+    receiver = Receiver(Counters())
+    take = receiver.messages(Bool, lambda _, message: heard.append(message.data), latched=True)
+
+    def send(source: str, timestamp: int, lamp: bool) -> None:
+        take(RawSample("lamp", encode(Bool(lamp)), encoding_of(Bool), timestamp, source))
+
+    send("old", 1000, True)
+    send("other", 999, False)
+    assert heard == [True]
+    now[0] += 2.0
+    send("old", 998, False)
+    assert heard == [True]
+    send("new", 500, False)
+    send("new", 501, True)
+    send("new", 499, False)
+    assert heard == [True, False, True]

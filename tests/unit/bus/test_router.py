@@ -13,7 +13,8 @@ import pytest
 from support.limits import LIMIT
 from support.transports import RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
-from zteam.bus.router import Router, find_local_routers
+from zteam.bus.options import RouterOptions
+from zteam.bus.router import Router, find_local_routers, read_admin
 
 
 def test_a_router_is_found_as_long_as_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -35,7 +36,7 @@ def test_a_router_works_without_a_folder_for_its_state(
     """It is found by its endpoint only."""
     (tmp_path / "closed").write_text("no folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / folder / "below"))
-    router = Router("tcp/127.0.0.1:0")
+    router = Router(RouterOptions(("tcp/127.0.0.1:0",)))
     try:
         connect(BusOptions(connect=router.endpoint), patience=LIMIT).close()
         assert find_local_routers() == ([router.endpoint] if folder == "missing" else [])
@@ -79,7 +80,7 @@ def test_a_router_takes_a_changed_file_of_settings(
 
     caplog.set_level(logging.INFO)
     file = mounted(access(_CLOSED))
-    router = Router("tcp/127.0.0.1:0", str(file))
+    router = Router(RouterOptions(("tcp/127.0.0.1:0",), config=str(file)))
     stop = threading.Event()
     thread = threading.Thread(target=router.run, args=(stop.is_set,))
     thread.start()
@@ -112,3 +113,26 @@ def test_a_router_takes_a_changed_file_of_settings(
         router.wake()
         thread.join(LIMIT)
         router.close()
+
+
+def test_a_router_listens_at_several_endpoints_and_links_itself_to_another(tmp_path: Path) -> None:
+    """It routes before the other one is there. Each session reads the record of its own router."""
+    socket = f"unixsock-stream/{tmp_path}/link"
+    near = Router(RouterOptions(("tcp/127.0.0.1:0", "tcp/[::1]:0"), (socket,)))
+    try:
+        assert near.endpoint.startswith("tcp/127.0.0.1:")
+        with closing(_session(near)) as client:
+            far = Router(RouterOptions((socket, "tcp/127.0.0.1:0")))
+            try:
+                with closing(connect(BusOptions(connect=socket), patience=LIMIT)) as server:
+                    server.serve("word", NoRequest, lambda _: "heard")
+                    wait_until_true(lambda: client.query("word", str) == [("word", "heard")])
+                endpoints = (near.endpoint, socket)
+                records = [read_admin(BusOptions(connect=endpoint)) for endpoint in endpoints]
+                for endpoint, record in zip(endpoints, records, strict=True):
+                    assert record is not None
+                    assert endpoint in record.locators
+            finally:
+                far.close()
+    finally:
+        near.close()

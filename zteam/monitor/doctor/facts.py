@@ -52,6 +52,15 @@ class UnusableMessages(msgspec.Struct, frozen=True):
     """What is wrong with them: `sends <reason>`."""
 
 
+class HostClock(msgspec.Struct, frozen=True):
+    """The clock of a host, compared with this host's."""
+
+    ahead: float
+    """Seconds; negative if it is behind."""
+    error: float
+    """The most that `ahead` may be wrong: half the time that question and answer took."""
+
+
 class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """One team. An empty field says that nothing of the kind was heard."""
 
@@ -75,6 +84,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """The map that a late subscriber gets; its cells are left out."""
     map_writer: str = ""
     """The process that published it, by name."""
+    clocks: Mapping[str, HostClock] = {}
+    """The clocks of other hosts, by host."""
     namespace: str = ""
     """Where the look was made; empty for no namespace."""
     elsewhere: Mapping[str, Sequence[str]] = {}

@@ -8,7 +8,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo
-from zteam.clock import monotonic, wall_ns
+from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError
@@ -89,10 +89,9 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
         raise UsageError(
             "no monitor is running: give the number of robots to wait for (--team-size 4) or their ids (--ids 0 1 2 3)"
         )
-    since = (wall_ns() - info.start) / 1e9
     log.info(
         "a monitor is running already (process %d on %s, for %.0f s): this shows its team; Ctrl+C ends this view only",
-        info.pid, info.host, since,
+        info.pid, info.host, info.age,
     )  # fmt: skip
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.

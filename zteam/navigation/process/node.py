@@ -73,8 +73,7 @@ class NavigationNode:
         _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
-        info = own_info(node.name, node.bus.instance, node.claim.start)
-        self._serve(robot_id, "info", NoRequest, lambda _: info)
+        self._serve(robot_id, "info", NoRequest, lambda _: own_info(node.name, node.bus.instance, node.claim.start))
         self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.navigator.cancel()))
         self._serve(
             robot_id,

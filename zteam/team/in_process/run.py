@@ -17,6 +17,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router
 from zteam.errors import BusError, UsageError
 from zteam.node.kinds import KINDS
@@ -160,10 +161,10 @@ def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
     with ExitStack() as ends:
         if endpoint is None:
             try:
-                router = Router(choose_endpoint(), lease=lease)
+                router = Router(RouterOptions((choose_endpoint(),), lease=lease))
             except BusError:
                 # Another program took the port after `choose_endpoint` looked: any port will do.
-                router = Router(ANY_PORT, lease=lease)
+                router = Router(RouterOptions((ANY_PORT,), lease=lease))
             ends.callback(router.close)
             endpoint = router.endpoint
         bus = connect(
