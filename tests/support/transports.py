@@ -14,6 +14,7 @@ from typing import Any
 
 from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
+from zteam.bus.options import TlsFiles
 from zteam.clock import monotonic, pause, wall_ns
 from zteam.team.in_process.bridge import NodeSessions
 
@@ -21,11 +22,14 @@ from zteam.team.in_process.bridge import NodeSessions
 class RouterProcess:
     """A router in a process of its own, on loopback."""
 
-    def __init__(self, listen: str = "tcp/127.0.0.1:0", *arguments: str) -> None:
+    def __init__(self, listen: str = "tcp/127.0.0.1:0", *arguments: str, tls: TlsFiles | None = None) -> None:
         command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", listen, "--announce"]
         # A busy machine that lets a router or session wait for its turn ends no link.
         command += ["--lease", str(LIMIT), *arguments]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        environment = {**os.environ, **(tls.environment if tls is not None else {})}
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+        )
         assert self._process.stdout is not None
         self.endpoint = self._process.stdout.readline().strip()
         if not self.endpoint:

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from zteam.bus.held_declarations import Held, Holding
-from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
+from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.transport import (
     Closeable,
@@ -115,8 +115,10 @@ class Bus:
     After `close`, declarations and queries raise BusError; so does a key that is no key expression.
     """
 
-    def __init__(self, transport: Transport) -> None:
+    def __init__(self, transport: Transport, sees: Callable[[str], bool] | None = None) -> None:
+        """Where the router has an access control, `sees(token)` says whether another session sees a token."""
         self.transport = transport
+        self._sees = sees
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
         self.holding = Holding()
@@ -215,7 +217,10 @@ class Bus:
         Raises BusError with the server's text if the only answers are errors.
         """
         payload = msgspec.json.encode(request if request is not None else NoRequest())
-        return read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
+        answers = read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
+        if not answers and isinstance(request, Change) and self._sees is not None:
+            raise BusError(f"no answer: no process serves {key_expr}, or this process's certificate may not ask for it")
+        return answers
 
     def ask(self, key: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0) -> T:
         """The first answer to a query on one key. Raises BusError when there is none."""
@@ -244,6 +249,10 @@ class Bus:
     def declare_token(self, key: str) -> Closeable:
         """A presence token, which ends with this process."""
         return self.transport.declare_token(key)
+
+    def is_hidden(self, token: str) -> bool:
+        """Whether the router's access control keeps a token of this process from all others."""
+        return self._sees is not None and not self._sees(token)
 
     def watch_tokens(self, key_exprs: Sequence[str], callback: Callable[[str, bool], None]) -> list[Closeable]:
         """Call `callback(key, alive)` for tokens that are there, come or go."""

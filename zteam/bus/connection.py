@@ -12,12 +12,23 @@ import socket
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
-from zteam.bus.options import FROM_STDIN, BusOptions, client_config, host_port, open_session, port_accepts, try_open
+from zteam.bus.options import (
+    FROM_STDIN,
+    TLS_VARIABLES,
+    BusOptions,
+    TlsFiles,
+    client_config,
+    host_port,
+    open_session,
+    port_accepts,
+    try_open,
+)
 from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
@@ -34,12 +45,18 @@ _CLOSE = b"\x02\x00\x03"
 """The first bytes with which a Zenoh router refuses what is no Zenoh: two of length, and the number of a Close."""
 
 
+_SET_VARIABLES = f"set {', '.join(TLS_VARIABLES)} (docs/security.md)"
+
 _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
 _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
+_LINK_PATIENCE = 5.0
+"""Host seconds after which a process with a certificate says why its link does not come back."""
+_SEEN_PERIOD = 0.05
+"""Host seconds between two looks for a token."""
 _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
@@ -77,6 +94,9 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
         session = _open_patiently(options, patience, stopping)
     transport = ZenohTransport(session)
     transport.watch_link(LinkCheck(session, options).on_link)
+    if options.tls is not None:
+        _say_why_link_stays_away(transport, options)
+        return Bus(transport, partial(_is_seen, options))
     if options.connect is None:
         _keep_router_alive(transport, options)
     return Bus(transport)
@@ -86,22 +106,35 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
     start, say, delay = monotonic(), Every(5.0), 0.05
     while not stopping():
         session = try_open(options)
-        if session is not None:
+        if session is not None and (options.tls is None or read_admin(options) is not None):
             return session
+        if session is not None:
+            session.close()  # type: ignore[no-untyped-call]
+        _check_own_files(options)
         waited = monotonic() - start
         if patience is not None and waited > patience:
-            raise BusError(_no_router(options.endpoint))
+            raise BusError(_no_router(options))
         if waited > 1.0 and say.due():
-            why = f": {': '.join(why_refused(options.endpoint))}" if port_accepts(options.endpoint) else ""
+            why = f": {': '.join(why_refused(options))}" if port_accepts(options.endpoint) else ""
             log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)%s", options.endpoint, why)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
 
 
-def _no_router(endpoint: str) -> str:
+def _check_own_files(options: BusOptions) -> None:
+    """Raise BusError if no router would take the process's own certificate."""
+    if options.tls is not None:
+        from zteam.bus.tls import own_fault
+
+        if fault := own_fault(options.tls):
+            raise BusError(fault)
+
+
+def _no_router(options: BusOptions) -> str:
+    endpoint = options.endpoint
     if port_accepts(endpoint):
-        return ": ".join(why_refused(endpoint))
+        return ": ".join(why_refused(options))
     return (
         f"no Zenoh router answers at {endpoint}: start one with 'zteam-router --listen {endpoint}', "
         "or leave --connect out"
@@ -124,7 +157,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
             return session
         refused_handshakes += 1
         if refused_handshakes >= 3:
-            raise BusError(": ".join(why_refused(options.endpoint)))
+            raise BusError(": ".join(why_refused(options)))
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
@@ -160,8 +193,9 @@ def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
     return None if not answer and peer in find_local_routers() else answer
 
 
-def why_refused(endpoint: str) -> tuple[str, str]:
+def why_refused(options: BusOptions) -> tuple[str, str]:
     """Why no session was opened at an endpoint that accepts connections, and what to do."""
+    endpoint = options.endpoint
     address = host_port(endpoint)
     answer = b"" if address is None else _answer_to_nonsense(address)
     protocol, _, place = endpoint.partition("/")
@@ -172,15 +206,20 @@ def why_refused(endpoint: str) -> tuple[str, str]:
         )
         return f"{endpoint} takes connections but does not answer", step
     if answer.startswith(_ALERT):
-        if protocol == "tls":
-            return (
-                f"the router at {endpoint} and this process do not trust each other's certificates",
-                "name them in a file with transport/link/tls, and that file with --config",
-            )
-        return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, with certificates in --config"
+        if protocol != "tls":
+            return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, and {_SET_VARIABLES}"
+        if options.tls is not None and address is not None:
+            return _why_no_trust(endpoint, address, options.tls)
+        if options.config is None:
+            return f"the router at {endpoint} takes certificates only, and this process has none", _SET_VARIABLES
+        return (
+            f"the router at {endpoint} and this process do not trust each other's certificates",
+            f"correct transport/link/tls in --config {options.config}, or {_SET_VARIABLES}",
+        )
     if answer.startswith(_CLOSE):
         if protocol == "tls":
-            return f"the router at {endpoint} does not speak TLS", f"use --connect tcp/{place}"
+            unset = f", without {', '.join(TLS_VARIABLES)}" if options.tls is not None else ""
+            return f"the router at {endpoint} does not speak TLS", f"use --connect tcp/{place}{unset}"
         return (
             f"the router at {endpoint} refuses this process",
             "name in --config what it asks for, such as a user and a password",
@@ -189,6 +228,48 @@ def why_refused(endpoint: str) -> tuple[str, str]:
         f"{endpoint} is held by something that does not speak Zenoh",
         "end it, or run a router elsewhere and name it with --connect",
     )
+
+
+def _why_no_trust(endpoint: str, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
+    from zteam.bus.tls import common_name, own_fault, refusal
+
+    if fault := own_fault(tls) or refusal(address, tls):
+        return f"the router at {endpoint} and this process do not trust each other", fault
+    return (
+        f"the router at {endpoint} gives the certificate {common_name(tls)} no rights",
+        "it was revoked or replaced, or is not of this team ('zteam certs list')",
+    )
+
+
+def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> None:
+    """A certificate may expire, or the router's authority change, while a process runs: Zenoh tries again for ever."""
+
+    def on_link(up: bool) -> None:
+        if not up:
+            # Host time, as for a router on demand.
+            timer = threading.Timer(_LINK_PATIENCE, say)  # noqa: TID251
+            timer.daemon = True
+            timer.start()
+
+    def say() -> None:
+        if not (transport.up or transport.closed) and port_accepts(options.endpoint):
+            log.error("no link to the router: %s", ": ".join(why_refused(options)))
+
+    transport.watch_link(on_link)
+
+
+def _is_seen(options: BusOptions, token: str) -> bool:
+    """Whether another session sees a token that has just been declared. True too where the router is lost meanwhile."""
+    deadline = monotonic() + _LINK_TIMEOUT
+    try:
+        with open_session(client_config(options), "usual") as other:
+            while not any(reply.ok is not None for reply in other.liveliness().get(token, timeout=_LINK_TIMEOUT)):
+                if monotonic() > deadline:
+                    return False
+                pause(_SEEN_PERIOD)
+    except zenoh.ZError as error:
+        log.debug("token: %s", error)
+    return True
 
 
 def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
@@ -243,7 +324,11 @@ class LinkCheck:
                 return
             failed = failed + 1 if reached is False else 0
             if failed == _LINK_FAILURES:
-                self._replace(links)
+                if self._options.tls is not None and read_admin(self._options) is None:
+                    # No further link would carry more.
+                    log.error("%s", ": ".join(why_refused(self._options)))
+                else:
+                    self._replace(links)
                 return
             pause(_LINK_PERIOD)
         self._cuts = 0

@@ -115,7 +115,11 @@ class Claim:
                 handle.close()
             raise DuplicateNameError(self._refusal(rivals))
         on_win()
-        self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
+        token = names.token_key(self.name, self._bus.instance)
+        self._token = self._bus.declare_token(token)
+        if self._bus.is_hidden(token):
+            self.release()
+            raise BusError(f"the router does not let this process be {self.name}: its certificate has another name")
         self._claim.close()
         with self._changed:
             # A token that came since the look above was not compared with one of this process.

@@ -88,6 +88,11 @@ class Router:
     """An open router; `endpoint` is where it really listens first (port 0 becomes the port it got)."""
 
     def __init__(self, options: RouterOptions) -> None:
+        if options.tls is not None:
+            from zteam.bus.tls import own_fault
+
+            if fault := own_fault(options.tls):
+                raise BusError(fault)
         self._file = options.config
         self._version = _version_of(options.config)
         self._config = router_config(options)

@@ -62,7 +62,7 @@ def check_router(options: BusOptions) -> Finding:
         return problem("router", f"nothing listens at {endpoint}", kinds.ROUTER_KIND.hint)
     admin = read_admin(options)
     if admin is None:
-        return problem("router", *why_refused(endpoint))
+        return problem("router", *why_refused(options))
     data = admin.metadata
     router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
     pid = f", process {data.pid}" if data and data.pid else ""
@@ -222,7 +222,8 @@ def _at_other_routers(options: BusOptions, router_id: str) -> dict[str, list[str
             return []
         return sorted({f"{namespace}/{name}" if namespace else name for namespace, name in places})
 
-    endpoints = find_local_routers()[:_MAX_ROUTERS]
+    protocol = options.endpoint.partition("/")[0]
+    endpoints = [each for each in find_local_routers() if each.startswith(f"{protocol}/")][:_MAX_ROUTERS]
     with ThreadPoolExecutor(_MAX_ROUTERS) as pool:
         return {endpoint: found for endpoint, found in zip(endpoints, pool.map(ask, endpoints), strict=True) if found}
 
