@@ -27,6 +27,7 @@ COMMANDS = {
     "log": ("log", "print the logs of all processes in order of time, and follow them"),
     "world": ("world", "check | show | scan: check and draw world files, and scan in them"),
     "chaos": ("chaos", "kill | pause | cut | slow a process, and see the team recover"),
+    "certs": ("certs", "init | issue | list | renew | revoke | explain: certificates"),
     "doctor": ("doctor", "diagnose problems and print the next step for each"),
     "bench": ("bench", "measure zteam on this machine"),
 }

@@ -1,0 +1,119 @@
+"""`zteam certs`: what a user makes, sees and takes back."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from zteam.cli import main as zteam
+from zteam.team.security import certificates
+
+TEAM = """
+[team]
+world = "arena"
+
+[[robots]]
+id = 1
+behavior = "wander"
+
+[security.grants]
+joystick = ["teleop"]
+"""
+
+
+@pytest.fixture(autouse=True)
+def place(empty_folder: Path) -> Path:
+    """A folder with a team file, in which the user stands."""
+    (empty_folder / "mine.toml").write_text(TEAM)
+    return empty_folder
+
+
+def certs(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
+    """The lines of a command that succeeds."""
+    assert zteam.main(["certs", *words]) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The line of a command that fails."""
+    assert zteam.main(["certs", *words]) != 0
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def listed(capsys: pytest.CaptureFixture[str]) -> dict[tuple[str, int], str]:
+    """The state of each certificate."""
+    rows = json.loads(certs(capsys, "list", "--json")[0])
+    return {(row["name"], row["serial"]): row["state"] for row in rows}
+
+
+def test_the_life_of_a_certificate(capsys: pytest.CaptureFixture[str]) -> None:
+    """From the authority on: issued once, renewed beside the earlier one, revoked, and issued anew."""
+    made = certs(capsys, "init", "mine.toml", "--host", "10.0.0.1", "--days", "30")
+    assert made[0].startswith("certs/ca.pem: a new authority, valid until ")
+    names = {"router", "tf", "monitor", "up", "view", "operator", "sim", "robot_1", "joystick"}
+    assert {line.partition(".pem, .key: ")[0] for line in made[1:]} == {f"certs/{name}" for name in names}
+    assert listed(capsys) == {("authority", 0): "valid", **dict.fromkeys([(name, 1) for name in names], "valid")}
+    assert certs(capsys, "issue", "robot_1") == ["robot_1.1 is valid for 29 days still"]
+    _, kept = certs(capsys, "renew", "robot_1")
+    assert kept.startswith("robot_1.1 stays valid until ")
+    assert kept.endswith("or until 'zteam certs revoke robot_1.1'")
+    (line,) = certs(capsys, "revoke", "robot_1")
+    assert line.startswith("revoked: robot_1.1, robot_1.2; ")
+    assert "robot_1 is revoked: 'zteam certs issue robot_1' makes the next certificate" in certs(
+        capsys, "init", "mine.toml"
+    )
+    (line,) = certs(capsys, "issue", "robot_1")
+    assert line.startswith("certs/robot_1.pem, .key: robot_1.3, valid until ")
+    found = listed(capsys)
+    assert [found["robot_1", serial] for serial in (1, 2, 3)] == ["revoked", "revoked", "valid"]
+    assert certs(capsys, "revoke", "robot_1.2") == ["robot_1.2 was revoked"]
+
+
+def test_the_hosts_of_a_router(capsys: pytest.CaptureFixture[str]) -> None:
+    """A certificate that lacks one is not taken for enough; the next one keeps the hosts of the last."""
+    certs(capsys, "init", "mine.toml", "--host", "10.0.0.1")
+    assert refused(capsys, "issue", "router", "--host", "b") == (
+        "zteam certs: router.1 is valid, but not for b: 'zteam certs renew router --host 10.0.0.1 --host b'"
+    )
+    certs(capsys, "renew", "router")
+    rows = json.loads(certs(capsys, "list", "--json")[0])
+    hosts = {(row["name"], row["serial"]): row["hosts"] for row in rows}
+    assert (hosts["router", 1], hosts["router", 2], hosts["robot_1", 1]) == (["10.0.0.1"], ["10.0.0.1"], [])
+
+
+def test_a_certificate_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    """What it may write, answer and ask; nothing of another robot."""
+    certs(capsys, "init", "mine.toml")
+    first, *rows = certs(capsys, "explain", "robot_1")
+    assert first == "robot_1: robot_1.1, valid"
+    assert ["publishes", "robot_1/cmd_vel"] in [row.split() for row in rows]
+    assert not [row for row in rows if "robot_" in row and "robot_1" not in row]
+    assert "cmd_vel_teleop" in "".join(certs(capsys, "explain", "joystick"))
+
+
+def test_the_end_of_a_certificate_is_listed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The days that are left, and the state in words."""
+    certs(capsys, "init", "mine.toml", "--days", "10")
+    certs(capsys, "renew", "robot_1", "--days", "1")
+    begin = certificates.wall_ns()
+    monkeypatch.setattr(certificates, "wall_ns", lambda: begin + 86_401 * 10**9)
+    rows = [line.split() for line in certs(capsys, "list")]
+    assert ["robot_1", "1", "8", "days", "expires", "soon"] in rows
+    assert ["robot_1", "2", "-", "expired"] in rows
+    (line,) = certs(capsys, "issue", "robot_1")
+    assert "robot_1.3" in line
+
+
+def test_what_is_missing_is_told_with_the_way_out(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line each."""
+    assert refused(capsys, "list") == "zteam certs: certs: there are no certificates: make them with 'zteam certs init'"
+    assert "'zteam certs init --folder x'" in refused(capsys, "revoke", "robot_1", "--folder", "x")
+    certs(capsys, "init", "mine.toml")
+    assert "did you mean robot_1?" in refused(capsys, "explain", "robot1")
+    assert refused(capsys, "revoke", "robot_1.4") == (
+        "zteam certs: robot_1.4: no such certificate; the last one is robot_1.1"
+    )
+    assert "robot_2: no certificate of this name" in refused(capsys, "revoke", "robot_2")

@@ -1,0 +1,463 @@
+"""A team's authority and its certificates: one folder of files (docs/security.md#certificates).
+
+The common name of a certificate is NAME.SERIAL. The router lets in those that `access.json5` lists, so a certificate is
+taken back by writing that file anew. Every file is replaced as a whole, and `index.json` first: an interruption leaves
+a certificate that the index knows and the folder lacks, which counts as missing.
+"""
+
+import fcntl
+import ipaddress
+import os
+import secrets
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import msgspec
+
+from zteam.bus.options import TlsFiles
+from zteam.clock import wall_ns
+from zteam.errors import UsageError, ZteamError, did_you_mean
+from zteam.team.security.access import Rights, access_control
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+    from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
+
+FOLDER = "certs"
+DAYS = 365
+"""For which a certificate is valid, unless told otherwise."""
+MAX_DAYS = 3650
+"""For which the authority's own is valid."""
+SOON = timedelta(days=14)
+"""Before its end, in which a certificate is warned of."""
+_MARGIN = timedelta(hours=1)
+"""By which a certificate is valid earlier: another machine's clock may be late."""
+_MAX_NAME = 50
+"""Characters; a common name has 64 at most."""
+
+CA, CA_KEY, ACCESS, INDEX = "ca.pem", "ca.key", "access.json5", "index.json"
+_LOOPBACK = ("localhost", "127.0.0.1")
+
+State = Literal["valid", "expires soon", "expired", "revoked"]
+
+
+class Issued(msgspec.Struct):
+    """One certificate that was issued."""
+
+    serial: int
+    expires: datetime
+    hosts: tuple[str, ...] = ()
+    """Names and addresses of machines for which it stands, besides loopback."""
+    revoked: bool = False
+
+    @property
+    def state(self) -> State:
+        """Whether it is of use, by the host's clock."""
+        return "revoked" if self.revoked else state_until(self.expires)
+
+
+class Index(msgspec.Struct):
+    """What the folder knows of itself."""
+
+    team: str = ""
+    """The team file whose rights these are, as it was named."""
+    namespace: str = ""
+    rights: dict[str, Rights] = {}
+    """By the name of the certificate."""
+    certificates: dict[str, list[Issued]] = {}
+    """By name; the serial grows."""
+
+    def last(self, name: str) -> Issued | None:
+        """The newest certificate of this name."""
+        found = self.certificates.get(name)
+        return found[-1] if found else None
+
+
+class Identity(NamedTuple):
+    """What a certificate says of itself."""
+
+    common_name: str
+    expires: datetime
+
+    @property
+    def state(self) -> State:
+        """By the host's clock; whether it is revoked only the index knows."""
+        return state_until(self.expires)
+
+
+def now() -> datetime:
+    """By the host's clock."""
+    return datetime.fromtimestamp(wall_ns() / 1e9, UTC)
+
+
+def state_until(expires: datetime) -> State:
+    """That of a certificate which is not revoked."""
+    left = expires - now()
+    return "expired" if left <= timedelta() else "expires soon" if left < SOON else "valid"
+
+
+def left_text(expires: datetime) -> str:
+    """How long a certificate is valid still: `364 days`, `5 h`."""
+    left = expires - now()
+    if left <= timedelta():
+        return "-"
+    return f"{left.days} days" if left.days >= 2 else f"{left // timedelta(hours=1)} h"
+
+
+def files_of(folder: Path, name: str) -> TlsFiles:
+    """What the process `name` is told; absolute paths."""
+    place = folder.resolve()
+    return TlsFiles(str(place / CA), str(place / f"{name}.pem"), str(place / f"{name}.key"))
+
+
+def read_identity(path: Path) -> Identity:
+    """What the certificate in a PEM file says. Raises ZteamError."""
+    certificate = _load_certificate(path)
+    return Identity(_common_name(certificate), certificate.not_valid_after_utc)
+
+
+def read_index(folder: Path) -> Index:
+    """What a folder holds. Raises ZteamError if no authority is there."""
+    if not (folder / CA).exists() and not (folder / INDEX).exists():
+        raise ZteamError(f"{folder}: there are no certificates: make them with 'zteam certs init{_option(folder)}'")
+    return _read_index(folder)
+
+
+def _read_index(folder: Path) -> Index:
+    path = folder / INDEX
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Index)
+    except FileNotFoundError:
+        return Index()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    except msgspec.DecodeError as error:
+        text = f"{path}: {error}: restore it, or make a new folder with 'zteam certs init --folder NEW'"
+        raise ZteamError(text) from None
+
+
+def _option(folder: Path) -> str:
+    return "" if folder == Path(FOLDER) else f" --folder {folder}"
+
+
+def _unreadable(path: Path, error: OSError) -> ZteamError:
+    return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
+
+
+class Authority:
+    """The folder with the authority's key, while no other process changes it. Use `open_authority`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.index = _read_index(folder)
+
+    @property
+    def has_key(self) -> bool:
+        """Whether certificates can be issued here."""
+        return (self.folder / CA).exists() and (self.folder / CA_KEY).exists()
+
+    def make(self) -> datetime:
+        """Make the authority's own key and certificate; when that ends."""
+        key, expires = _new_key(), now() + timedelta(days=MAX_DAYS)
+        name = f"zteam {secrets.token_hex(4)}"
+        builder = _builder(name, name, key, expires, is_authority=True)
+        self._write(CA_KEY, _key_bytes(key))
+        self._write(CA, _signed(builder, key))
+        self._save()
+        return expires
+
+    def take_team(self, team: str, rights: Mapping[str, Rights], namespace: str) -> None:
+        """The rights of each certificate are those of this team; those of other names end."""
+        self.index.team, self.index.rights, self.index.namespace = team, dict(rights), namespace
+        self._save()
+
+    def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
+        """The next certificate of each name; none of them outlives the authority. Raises ZteamError."""
+        for name in names:
+            self._check_name(name)
+        alternatives = _alternatives(hosts)
+        key, own = self._load_authority()
+        expires = min(now() + timedelta(days=days), own.not_valid_after_utc).replace(microsecond=0)
+        found = []
+        for name in names:
+            earlier = self.index.certificates.setdefault(name, [])
+            found.append(Issued(len(earlier) + 1, expires, tuple(hosts)))
+            earlier.append(found[-1])
+        # Before the files: a certificate in the folder is one that the index knows.
+        self._save()
+        for name, issued in zip(names, found, strict=True):
+            leaf = _new_key()
+            common_name = f"{name}.{issued.serial}"
+            builder = _builder(common_name, _common_name(own), leaf, expires, issuer=own)
+            builder = _for_process(builder, [*_alternatives([name]), *alternatives])
+            self._write(f"{name}.key", _key_bytes(leaf))
+            self._write(f"{name}.pem", _signed(builder, key))
+        return found
+
+    def revoke(self, name: str, serial: int | None = None) -> list[int]:
+        """Take back all certificates of a name, or one; the serials of those that were valid. Raises UsageError."""
+        if name not in self.index.certificates:
+            raise UsageError(f"{name}: no certificate of this name{did_you_mean(name, self.index.certificates)}")
+        all_of_them = self.index.certificates[name]
+        chosen = [each for each in all_of_them if serial in (None, each.serial)]
+        if not chosen:
+            raise UsageError(f"{name}.{serial}: no such certificate; the last one is {name}.{all_of_them[-1].serial}")
+        taken = [each.serial for each in chosen if not each.revoked]
+        for each in chosen:
+            each.revoked = True
+        self._save()
+        return taken
+
+    def is_complete(self, name: str) -> bool:
+        """Whether the files hold the newest certificate of this name. Raises ZteamError if they cannot be read."""
+        last = self.index.last(name)
+        return (
+            last is not None
+            and _has_files(self.folder, name)
+            and read_identity(self.folder / f"{name}.pem").common_name == f"{name}.{last.serial}"
+        )
+
+    def _check_name(self, name: str) -> None:
+        rights = self.index.rights
+        if name not in rights:
+            raise UsageError(
+                f"{name}: the team {self.index.team!r} gives this name no rights{did_you_mean(name, rights)}; "
+                f"known: {', '.join(rights)}; for another tool write '{name} = []' below [security.grants] of the team "
+                "file, then 'zteam certs init TEAM'"
+            )
+        if len(name) > _MAX_NAME:
+            raise UsageError(f"{name}: the name of a certificate has {_MAX_NAME} characters at most")
+
+    def _load_authority(self) -> "tuple[EllipticCurvePrivateKey, Certificate]":
+        from cryptography.hazmat.primitives import serialization
+        from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+
+        path = self.folder / CA_KEY
+        if not path.exists():
+            raise ZteamError(f"{path}: no such file: issue certificates where 'zteam certs init' made the authority")
+        try:
+            key = serialization.load_pem_private_key(path.read_bytes(), None)
+        except OSError as error:
+            raise _unreadable(path, error) from None
+        except (ValueError, TypeError):
+            key = None
+        own = _load_certificate(self.folder / CA)
+        if not isinstance(key, EllipticCurvePrivateKey) or key.public_key() != own.public_key():
+            raise ZteamError(f"{path}: this is not the key of {CA}: restore it{_anew(self.folder)}")
+        if own.not_valid_after_utc <= now():
+            raise ZteamError(
+                f"{self.folder / CA} has expired on {own.not_valid_after_utc:%Y-%m-%d}{_anew(self.folder)}"
+            )
+        return key, own
+
+    def _save(self) -> None:
+        index = self.index
+        self._write(INDEX, _json(index))
+        valid = {
+            name: [f"{name}.{each.serial}" for each in found if not each.revoked]
+            for name, found in index.certificates.items()
+        }
+        section = access_control(index.rights, valid, index.namespace)
+        content = _json({"access_control": section})
+        # A router opens all links again when the file changes.
+        if not (self.folder / ACCESS).exists() or (self.folder / ACCESS).read_bytes() != content:
+            self._write(ACCESS, content)
+
+    def _write(self, name: str, content: bytes) -> None:
+        part = self.folder / ".part"
+        part.unlink(missing_ok=True)
+        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(self.folder / name)
+
+
+def _json(content: object) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(content), indent=1)
+
+
+def _anew(folder: Path) -> str:
+    return f", or remove the folder {folder}, make a new authority with 'zteam certs init', and give out what it makes"
+
+
+@contextmanager
+def open_authority(folder: Path, *, make: bool = False) -> Iterator[Authority]:
+    """Hold the folder of certificates; with `make` it is made. Raises ZteamError, also for what fails inside."""
+    try:
+        if make:
+            folder.mkdir(parents=True, exist_ok=True)
+            folder.chmod(0o700)
+        else:
+            read_index(folder)
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            yield Authority(folder)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise ZteamError(f"{error.filename or folder}: {error.strerror or error}") from None
+
+
+def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: str, names: Iterable[str]) -> list[str]:
+    """Make what is missing for the processes `names` of a team; what the user is to be warned of, one line each.
+
+    Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
+    has no certificate that is valid.
+    """
+    names = list(dict.fromkeys(names))
+    if (folder / CA).exists() and not (folder / CA_KEY).exists():
+        missing = [name for name in names if not _has_files(folder, name)]
+        if missing:
+            raise ZteamError(
+                f"{folder}: no certificate of {', '.join(missing)}, and no {CA_KEY} to make one: copy "
+                f"{missing[0]}.pem and {missing[0]}.key from where the authority is"
+            )
+    else:
+        with open_authority(folder, make=True) as authority:
+            if not authority.has_key:
+                authority.make()
+            authority.take_team(team, rights, namespace)
+            last = {name: authority.index.last(name) for name in names}
+            revoked = [name for name, each in last.items() if each is not None and each.revoked]
+            if revoked:
+                raise ZteamError(
+                    f"{folder}: the certificate of {revoked[0]} is revoked: make the next one with "
+                    f"'zteam certs issue {revoked[0]}{_option(folder)}'"
+                )
+            authority.issue([name for name in names if not authority.is_complete(name)])
+    return [*_expiries(folder, names)]
+
+
+def _has_files(folder: Path, name: str) -> bool:
+    return all((folder / f"{name}.{ending}").exists() for ending in ("pem", "key"))
+
+
+def _expiries(folder: Path, names: Iterable[str]) -> Iterator[str]:
+    """A line for each certificate that expires soon. Raises ZteamError for one that has expired."""
+    for name in names:
+        found = read_identity(folder / f"{name}.pem")
+        if found.state != "valid":
+            text = expiry_text(found, folder)
+            if found.state == "expired":
+                raise ZteamError(text)
+            yield text
+
+
+def expiry_text(identity: Identity, folder: Path = Path(FOLDER)) -> str:
+    """When a certificate expires, or has expired, and what to do."""
+    word = "has expired" if identity.state == "expired" else "expires"
+    step = f"zteam certs renew {identity.common_name.rpartition('.')[0]}{_option(folder)}"
+    return f"the certificate {identity.common_name} {word} on {identity.expires:%Y-%m-%d %H:%M} UTC: '{step}'"
+
+
+def _new_key() -> "EllipticCurvePrivateKey":
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    return ec.generate_private_key(ec.SECP256R1())
+
+
+def _key_bytes(key: "EllipticCurvePrivateKey") -> bytes:
+    from cryptography.hazmat.primitives import serialization
+
+    encoding, kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+    return key.private_bytes(encoding, kind, serialization.NoEncryption())
+
+
+def _builder(
+    common_name: str,
+    issuer_name: str,
+    key: "EllipticCurvePrivateKey",
+    expires: datetime,
+    *,
+    issuer: "Certificate | None" = None,
+    is_authority: bool = False,
+) -> "CertificateBuilder":
+    """A certificate, but for what a process's own has. Without `issuer` it is signed by itself."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
+
+    def named(text: str) -> x509.Name:
+        return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, text)])
+
+    public = key.public_key()
+    signer = public if issuer is None else issuer.public_key()
+    assert isinstance(signer, EllipticCurvePublicKey)
+    usage = x509.KeyUsage(
+        digital_signature=not is_authority,
+        key_cert_sign=is_authority,
+        crl_sign=is_authority,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+    return (
+        x509.CertificateBuilder()
+        .subject_name(named(common_name))
+        .issuer_name(named(issuer_name))
+        .public_key(public)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now() - _MARGIN)
+        .not_valid_after(expires)
+        .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
+        .add_extension(usage, critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer), critical=False)
+    )
+
+
+def _for_process(builder: "CertificateBuilder", alternatives: Sequence["GeneralName"]) -> "CertificateBuilder":
+    """The same for a process, which is a client, and may be a router."""
+    from cryptography import x509
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    uses = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH])
+    names = [*_alternatives(_LOOPBACK), *alternatives]
+    builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(names)), critical=False)
+    return builder.add_extension(uses, critical=False)
+
+
+def _alternatives(hosts: Iterable[str]) -> "list[GeneralName]":
+    """Hosts as a certificate names them. Raises UsageError."""
+    from cryptography import x509
+
+    found: list[GeneralName] = []
+    for host in hosts:
+        try:
+            found.append(x509.IPAddress(ipaddress.ip_address(host)))
+        except ValueError:
+            if not host or not host.isascii() or any(c.isspace() or c in "/:*" for c in host):
+                raise UsageError(f"host {host!r}: give the name or the IP address of a machine") from None
+            found.append(x509.DNSName(host))
+    return found
+
+
+def _signed(builder: "CertificateBuilder", key: "EllipticCurvePrivateKey") -> bytes:
+    from cryptography.hazmat.primitives import hashes, serialization
+
+    return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+
+def _load_certificate(path: Path) -> "Certificate":
+    from cryptography import x509
+
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    except ValueError:
+        raise ZteamError(f"{path}: this is no certificate in PEM form: restore it, or issue the next one") from None
+
+
+def _common_name(certificate: "Certificate") -> str:
+    from cryptography.x509.oid import NameOID
+
+    found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(found[0].value) if found else ""
