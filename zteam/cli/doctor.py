@@ -18,7 +18,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import why_refused
-from zteam.bus.options import port_accepts
+from zteam.bus.options import TlsFiles, port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
@@ -31,12 +31,12 @@ from zteam.cli.tables import terminal_width
 from zteam.cli.tf import ask_frames
 from zteam.clock import monotonic, to_seconds, wall_ns
 from zteam.config.numbers import counted
-from zteam.errors import BusError, DecodeError
+from zteam.errors import BusError, DecodeError, ZteamError
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, UnusableMessages, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, find_status
@@ -67,6 +67,21 @@ def check_router(options: BusOptions) -> Finding:
     router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
     pid = f", process {data.pid}" if data and data.pid else ""
     return ok("router", f"{router} at {endpoint}{pid}, Zenoh {admin.version.partition('-')[0] or '?'}")
+
+
+def check_certificate(tls: TlsFiles) -> Finding:
+    """Which certificate this command shows the router, and how long that is valid."""
+    from zteam.team.security.certificates import expiry_text, left_text, read_identity
+
+    path = Path(tls.certificate)
+    try:
+        found = read_identity(path)
+    except ZteamError as error:
+        return problem("certificate", str(error))
+    if found.state != "valid":
+        text, _, step = expiry_text(found, path.parent).partition(": ")
+        return (problem if found.state == "expired" else note)("certificate", text, step)
+    return ok("certificate", f"{found.common_name}, valid for {left_text(found.expires)}")
 
 
 LONGER = 3.0
@@ -261,7 +276,8 @@ def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
-    findings = [check_versions(), router]
+    certificate = [] if options.tls is None else [check_certificate(options.tls)]
+    findings = [check_versions(), *certificate, router]
     if router.good:
         with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
             facts = collect_facts(bus, options)

@@ -4,6 +4,7 @@ import argparse
 import gc
 import logging
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, nullcontext
@@ -25,7 +26,7 @@ from zteam.cli.arguments import (
 from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.config.numbers import MAX_SECONDS, counted
-from zteam.config.resources import find_team, find_world, names, teams_folder
+from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
 
@@ -64,6 +65,15 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for or --until")
     parser.add_argument(
         "--speed", metavar="X", help="simulated seconds per host second, or max (default: 1; max in lock-step)"
+    )
+    parser.add_argument(
+        "--secure",
+        nargs="?",
+        type=Path,
+        const=Path("certs"),
+        metavar="FOLDER",
+        help="give each process a certificate of this folder, by default certs, and let nothing else in "
+        "(docs/security.md)",
     )
     parser.add_argument(
         "--in-process", action="store_true", help="run the whole team in this process, without a router (docs/time.md)"
@@ -142,6 +152,8 @@ def _check_options(args: argparse.Namespace) -> None:
         raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
     if args.no_browser and not args.view:
         raise UsageError("--no-browser needs --view")
+    if args.secure is not None:
+        _check_secure(args)
     if args.in_process and not args.bus:
         # A view is another process, which joins over a router.
         args.bus = args.view
@@ -151,6 +163,16 @@ def _check_options(args: argparse.Namespace) -> None:
         raise UsageError("--expect needs processes, or --bus: no other process can join a team with --in-process")
     if args.connect is not None and args.connect != os.environ.get("ZTEAM_CONNECT"):
         raise UsageError("--connect needs processes, or --bus: a team with --in-process has no router")
+
+
+def _check_secure(args: argparse.Namespace) -> None:
+    if args.in_process:
+        raise UsageError("--secure needs processes: leave --in-process out")
+    if args.connect and not args.connect.startswith("tls/"):
+        raise UsageError(f"--connect {args.connect}: with --secure the router is at tls/HOST:PORT")
+    if args.secure.is_file() or (not args.secure.exists() and shipped_team(str(args.secure))):
+        team = args.secure
+        raise UsageError(f"--secure {team}: a folder of certificates follows here: say 'zteam up {team} --secure'")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -256,7 +278,8 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         links = stack.enter_context(closing(Links())) if args.chaos is not None else None
-        team_run = stack.enter_context(ProcessRun(launch, bus, stop, Printer(display.print).line, parent, links))
+        line = Printer(display.print).line
+        team_run = stack.enter_context(ProcessRun(launch, bus, stop, line, parent, links, args.secure))
         stop.install(on_repeat=team_run.hurry)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
@@ -319,7 +342,9 @@ def _run(
     team_run.start()
     where = f"router at {team_run.endpoint}" if team_run.endpoint else "without a router"
     log.info("%s%s, %s; Ctrl+C stops them", members, place, where)
-    if team_run.endpoint:
+    if args.secure is not None:
+        log.info("for tools: %s", _tool_environment(args.secure, team_run.endpoint))
+    elif team_run.endpoint:
         warn_of_endpoint(team_run.endpoint, args.connect)
     if args.in_process:
         gc.freeze()
@@ -327,6 +352,18 @@ def _run(
         team_run.watch(args.go_timeout)
     display.say("stopping")
     return team_run.finish()
+
+
+def _tool_environment(certificates: Path, endpoint: str) -> str:
+    """What a shell is told, so that tools find the team and are let in."""
+    from zteam.bus.options import DEFAULT_TLS_ENDPOINT
+    from zteam.team.security.access import OPERATOR
+    from zteam.team.security.certificates import files_of
+
+    variables = files_of(certificates, OPERATOR).environment
+    if endpoint != DEFAULT_TLS_ENDPOINT:
+        variables["ZTEAM_CONNECT"] = endpoint
+    return " ".join(["export", *(f"{name}={shlex.quote(value)}" for name, value in variables.items())])
 
 
 def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None) -> int:

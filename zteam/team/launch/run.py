@@ -9,13 +9,14 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Self
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, port_accepts
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES, port_accepts
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.router import release_port
 from zteam.clock import local_time_text
@@ -35,6 +36,8 @@ from zteam.team.launch.report import ProcessReport, RunReport, complete, process
 from zteam.team.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.security.access import OPERATOR, rights_of
+from zteam.team.security.certificates import ACCESS, files_of, prepare
 
 log = logging.getLogger("zteam")
 
@@ -73,6 +76,7 @@ def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, st
     """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
     this process's environment."""
     return {
+        **(dict.fromkeys(TLS_VARIABLES, "") if bus.tls is None else bus.tls.environment),
         "ZTEAM_CONNECT": endpoint,
         "ZTEAM_NAMESPACE": bus.namespace or "",
         "ZTEAM_CONFIG": bus.config or "",
@@ -112,10 +116,20 @@ def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
             )
 
 
-def start_router(supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE) -> Process:
-    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence."""
-    arguments = ("--listen", listen, "--announce", "--lease", str(lease))
-    return supervisor.start(ROUTER_KIND.name, zteam_command(ROUTER_KIND.command, *arguments))
+def start_router(
+    supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE, certificates: Path | None = None
+) -> Process:
+    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
+
+    With a folder of certificates it listens there over TLS, and lets in those that are valid.
+    """
+    environment, config = dict.fromkeys(TLS_VARIABLES, ""), tuple[str, ...]()
+    if certificates is not None:
+        listen = f"tls/{listen.partition('/')[2]}"
+        environment = files_of(certificates, ROUTER).environment
+        config = ("--config", str(certificates.resolve() / ACCESS))
+    arguments = ("--listen", listen, "--announce", "--lease", str(lease), *config)
+    return supervisor.start(ROUTER_KIND.name, zteam_command(ROUTER_KIND.command, *arguments), environment)
 
 
 def wait_for_endpoint(
@@ -318,15 +332,31 @@ class ProcessRun(TeamRun):
         on_line: Callable[[str, str], None],
         warm: WarmParent,
         links: Links | None = None,
+        certificates: Path | None = None,
     ) -> None:
-        """With `links` each process has one of its own, which can be cut."""
+        """With `links` each process has one of its own, which can be cut; with a folder of `certificates` each has one
+        of its own, and no other connection is let in."""
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
         self._options = bus
+        self._certificates = certificates
         self._warm = warm
         self._links = links
         self._lease = lease_for(launch.pace, bus.lease)
         self.bus = None
-        self.endpoint = bus.connect or ""
+        self.endpoint = bus.connect or (bus.endpoint if bus.tls is not None and certificates is None else "")
+
+    def _options_of(self, name: str) -> BusOptions:
+        """Those of a process."""
+        if self._certificates is None:
+            return self._options
+        return msgspec.structs.replace(self._options, tls=files_of(self._certificates, name))
+
+    def _prepare_certificates(self, folder: Path, has_own_router: bool) -> None:
+        launch = self.launch
+        names_of = [names.LAUNCHER, OPERATOR, *self.plan.jobs, *([ROUTER] if has_own_router else [])]
+        team, namespace = str(launch.team_file or ""), self._options.namespace or ""
+        for warning in prepare(folder, team, rights_of(launch.team), namespace, names_of):
+            log.warning("%s", warning)
 
     def _pids(self) -> dict[str, int]:
         return {**super()._pids(), **self._warm.pids}
@@ -334,8 +364,10 @@ class ProcessRun(TeamRun):
     def start(self) -> None:
         """Start all processes at once, so that they import while the router starts."""
         supervisor, has_own_router = self.supervisor, not self.endpoint
+        if self._certificates is not None:
+            self._prepare_certificates(self._certificates, has_own_router)
         if has_own_router:
-            start_router(supervisor, choose_endpoint(), self._lease)
+            start_router(supervisor, choose_endpoint(), self._lease, self._certificates)
         else:
             self._connect()
             assert self.bus is not None
@@ -365,10 +397,10 @@ class ProcessRun(TeamRun):
 
     def _environment(self, name: str) -> dict[str, str]:
         endpoint = self._endpoint_for(name) if self.endpoint else FROM_STDIN
-        return node_environment(endpoint, self._options, self.launch.pace)
+        return node_environment(endpoint, self._options_of(name), self.launch.pace)
 
     def _connect(self) -> None:
-        options = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)
+        options = msgspec.structs.replace(self._options_of(names.LAUNCHER), connect=self.endpoint, lease=self._lease)
         self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         self._open_log(self.bus)
         self._serve(self.bus)
@@ -382,7 +414,7 @@ class ProcessRun(TeamRun):
             router.join(ROUTER_DEADLINE)
             # Robots that failed meanwhile have failed.
             self.supervisor.failures.remove(router)
-            router = start_router(self.supervisor, lease=self._lease)
+            router = start_router(self.supervisor, lease=self._lease, certificates=self._certificates)
             endpoint = self._wait_for_endpoint()
         if not endpoint:
             last = list(router.lines)[-1:]

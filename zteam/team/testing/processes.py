@@ -12,6 +12,7 @@ from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
 from itertools import takewhile
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
@@ -33,6 +34,8 @@ from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import GRACE, Job, Supervisor
 from zteam.team.launch.team_launch import Pace
 from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.security.access import OPERATOR
+from zteam.team.security.certificates import files_of
 from zteam.team.testing.view import ObservedTeam, RobotView
 
 _LAST_LINES = 5
@@ -47,6 +50,9 @@ _TRIES = 3
 
 WARM_PARENT = WarmParent()
 """Of all teams of this pytest process."""
+
+TEST = "test"
+"""The certificate of the test itself, in a secure team."""
 
 numbers = itertools.count(1)
 
@@ -76,6 +82,8 @@ class TeamProcesses:
         self._endpoint = ""
         self._lease: float | None = None
         """Of the sessions of a team that was started, in host seconds."""
+        self._certificates: Path | None = None
+        """The folder of a secure team's."""
         self._seen: ObservedTeam
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
@@ -106,11 +114,12 @@ class TeamProcesses:
             return
         # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
         lease = lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
-        router = start_router(self._supervisor, lease=lease)
+        router = start_router(self._supervisor, lease=lease, certificates=self._certificates)
         self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
         if not self._endpoint:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
-        options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease)
+        tls = None if self._certificates is None else files_of(self._certificates, TEST)
+        options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
         self._seen = ObservedTeam(self._bus, self._repeat)
 
@@ -202,9 +211,15 @@ class TeamProcesses:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment that makes any zteam command join this team."""
+        """Environment that makes any zteam command join this team; a secure team takes it for people's tools."""
+        return self._environment_of(OPERATOR)
+
+    def _environment_of(self, name: str) -> dict[str, str]:
+        """That of one process."""
         self._need_processes("environment")
         given = {} if self._lease is None else {"ZTEAM_LEASE": str(self._lease)}
+        if self._certificates is not None:
+            given |= files_of(self._certificates, name).environment
         return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace, **given}
 
     def spawn(self, command: str, *arguments: str, name: str | None = None) -> str:

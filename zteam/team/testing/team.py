@@ -22,7 +22,7 @@ from zteam.config.resources import find_team, find_world
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
-from zteam.node.kinds import kind_of
+from zteam.node.kinds import ROUTER, kind_of
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
@@ -36,7 +36,9 @@ from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
-from zteam.team.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.team.security.access import OPERATOR, Rights, rights_of
+from zteam.team.security.certificates import prepare
+from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
 from zteam.team.testing.view import ObservedTeam
 
 log = logging.getLogger("zteam")
@@ -60,11 +62,17 @@ class TeamFixture(TeamProcesses):
         lockstep_timeout: float = LOCKSTEP_TIMEOUT,
         in_process: bool = False,
         arguments: Mapping[str, Any] | None = None,
+        secure: str | Path | None = None,
     ) -> None:
         """Start a team file (or shipped team), and wait until all its processes are there; the rest as in `start`.
 
-        `arguments` are those of the team file, by name. Its nodes are waited for if they have `expect = true`.
+        `arguments` are those of the team file, by name. Its nodes are waited for if they have `expect = true`. With
+        `secure`, a folder of certificates, which is made where it is missing, each process has one of its own; the test
+        itself may do everything, and tools what the team file grants `operator`.
         """
+        if secure is not None:
+            self._need_processes("launch(secure=…)")
+            self._certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
         chosen = check_team(file, find_world(world).resolve() if world is not None else None)
@@ -128,9 +136,12 @@ class TeamFixture(TeamProcesses):
     def _start_processes(self, launch: TeamLaunch, plan: LaunchPlan) -> list[str]:
         self._need_processes("start")
         self._lease = lease_for(launch.pace, LEASE)
+        if self._certificates is not None:
+            rights = {**rights_of(launch.team), TEST: Rights(links=True)}
+            prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
         self._open()
         for name, job in plan.jobs.items():
-            self._supervisor.start_job(name, structs.replace(job, environment=self.environment))
+            self._supervisor.start_job(name, structs.replace(job, environment=self._environment_of(name)))
         return [name for name in plan.jobs if name not in plan.optional]
 
     def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
