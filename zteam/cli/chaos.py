@@ -92,7 +92,7 @@ def _work(args: argparse.Namespace) -> int:
             return 0
         report = carry_out(
             plan,
-            Observer(bus, simulated=status is not None),
+            Observer(bus, lockstep=lockstep, simulated=status is not None),
             means_on_bus(bus, options, lockstep=lockstep),
             say=lambda line: print(line, file=sys.stderr, flush=True),
         )

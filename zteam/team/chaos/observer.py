@@ -1,12 +1,14 @@
 """What the bus tells of a team under faults: time, presence, and how the robots move by the simulator's own truth."""
 
+import math
 import threading
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.clock import monotonic, to_ns, to_seconds
+from zteam.bus.lateness import LATE
+from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds
 from zteam.messages import Clock, Odometry, TeamState, TeamStatus, Twist, ns_from_time
 from zteam.node.tokens import TokenSet
 
@@ -14,6 +16,8 @@ SLOWEST = 0.05
 """m/s, or rad/s, below which a robot stands."""
 ALLOWED = to_ns(0.2)
 """Simulated time after which the base stops without a command; one tick is added, for the command under way."""
+ON_ITS_WAY = (0.3 + LATE) * HOST_FACTOR
+"""Host seconds for which, in real time, a command that this process has got may not have reached the simulator."""
 
 
 class Violation(msgspec.Struct, frozen=True):
@@ -46,6 +50,8 @@ class Motion(msgspec.Struct):
     """From when on it has stood, or stood last."""
     commanded: int | None = None
     """Of its last command; None before the first."""
+    heard: float = 0.0
+    """Host time of that."""
 
     @property
     def moves(self) -> bool:
@@ -56,8 +62,11 @@ class Motion(msgspec.Struct):
         """Whether it has moved later than at this time of this world."""
         return (self.world, self.moved) > (world, stamp)
 
-    def take_truth(self, stamp: int, speed: float) -> Violation | None:
-        """The simulator's truth of this time; a violation if the watchdog should have stopped the robot."""
+    def take_truth(self, stamp: int, speed: float, quiet: float) -> Violation | None:
+        """The simulator's truth of this time; a violation if the watchdog should have stopped the robot.
+
+        `quiet` is host seconds since its last command; infinite in lock-step, where no command is on its way.
+        """
         if stamp < self.stamp:
             self.world += 1
             self.moved, self.commanded, self.speed, self.stamp = -1, None, 0.0, 0
@@ -72,7 +81,7 @@ class Motion(msgspec.Struct):
             # It brakes as fast as it can.
             return None
         silent = stamp - self.commanded
-        if silent <= ALLOWED + self.tick:
+        if silent <= ALLOWED + self.tick or quiet <= ON_ITS_WAY:
             return None
         return Violation(self.name, to_seconds(stamp), to_seconds(silent), speed)
 
@@ -80,8 +89,9 @@ class Motion(msgspec.Struct):
 class Observer:
     """Subscribes to a team. `changed` is notified with the clock and with tokens."""
 
-    def __init__(self, bus: Bus, *, simulated: bool = True) -> None:
+    def __init__(self, bus: Bus, *, lockstep: bool, simulated: bool = True) -> None:
         """Without a simulator (`simulated` False) time is the host's, from now on."""
+        self._lockstep = lockstep
         self.changed = threading.Condition(threading.RLock())
         self.robots: dict[str, Motion] = {}
         self.violations: list[Violation] = []
@@ -107,6 +117,10 @@ class Observer:
         """Simulated seconds since GO that this process has seen, however often the world began anew."""
         return to_seconds(self._elapsed) if self._since is None else monotonic() - self._since
 
+    def reaches(self, at: float) -> bool:
+        """Whether it is so many simulated seconds after GO, and all that moves has been seen."""
+        return self.has_go and self.elapsed >= at and self.elapsed > 0.0
+
     def alive(self, name: str) -> bool:
         """Whether a process holds this name."""
         return name in self._tokens
@@ -128,14 +142,19 @@ class Observer:
         speed = max(abs(twist.linear.x), abs(twist.linear.y), abs(twist.angular.z))
         with self.changed:
             robot = self._robot(key)
-            if robot is not None and (found := robot.take_truth(ns_from_time(message.header.stamp), speed)) is not None:
+            if robot is None:
+                return
+            quiet = math.inf if self._lockstep else monotonic() - robot.heard
+            found = robot.take_truth(ns_from_time(message.header.stamp), speed, quiet)
+            if found is not None:
                 self.violations.append(found)
 
     def _on_command(self, key: str, _command: Twist) -> None:
         with self.changed:
             robot = self._robot(key)
-            if robot is not None:
-                robot.commanded = max(robot.stamp, self._now)
+            # Before the first truth its time is not known.
+            if robot is not None and robot.stamp:
+                robot.commanded, robot.heard = max(robot.stamp, self._now), monotonic()
 
     def _robot(self, key: str) -> Motion | None:
         target = names.split_robot_key(key)

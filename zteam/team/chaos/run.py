@@ -151,7 +151,7 @@ def carry_out(
                     observer.changed,
                     lambda: (
                         stopping()
-                        or (bool(waiting) and observer.has_go and observer.elapsed >= waiting[0].at)
+                        or (bool(waiting) and observer.reaches(waiting[0].at))
                         or any(each.is_over for each in open_now)
                         or any(each.has_recovered for each in recovering)
                     ),
@@ -164,7 +164,7 @@ def carry_out(
             for each in [each for each in recovering if each.has_recovered]:
                 recovering.remove(each)
                 say(describe(each.outcome))
-            while waiting and observer.has_go and observer.elapsed >= waiting[0].at and not stopping():
+            while waiting and observer.reaches(waiting[0].at) and not stopping():
                 begun = _begin(waiting.popleft(), observer, means, planned, say)
                 outcomes.append(begun.outcome)
                 if not begun.outcome.problem:
@@ -210,9 +210,11 @@ def describe(outcome: Outcome) -> str:
 class ChaosThread:
     """Carries out the plan of a run beside it."""
 
-    def __init__(self, plan: Sequence[Fault], bus: Bus, means: Means, planned: Callable[[Fault], bool]) -> None:
+    def __init__(
+        self, plan: Sequence[Fault], bus: Bus, means: Means, planned: Callable[[Fault], bool], *, lockstep: bool
+    ) -> None:
         self._stopping = False
-        self._observer = Observer(bus)
+        self._observer = Observer(bus, lockstep=lockstep)
         self._result = Future[ChaosReport]()
 
         def run() -> None:

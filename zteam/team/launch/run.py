@@ -217,7 +217,9 @@ class TeamRun:
         if self.launch.faults:
             assert self.bus is not None
             means = Means(self._pid_of, change_link)
-            self._faults = ChaosThread(self.launch.faults, self.bus, means, self.launch.is_simulated)
+            self._faults = ChaosThread(
+                self.launch.faults, self.bus, means, self.launch.is_simulated, lockstep=self.launch.pace.lockstep
+            )
             self._ends.callback(self._faults.stop)
 
     def _pid_of(self, name: str) -> int:

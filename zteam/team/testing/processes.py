@@ -14,7 +14,7 @@ from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
@@ -26,6 +26,7 @@ from zteam.node.faults import ENDED
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
+from zteam.team.chaos.links import Links
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls
 from zteam.team.launch.plan import stop_order
@@ -37,6 +38,9 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
 from zteam.team.testing.view import ObservedTeam, RobotView
+
+if TYPE_CHECKING:
+    from zteam.team.testing.chaos import TeamChaos
 
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
@@ -85,6 +89,9 @@ class TeamProcesses:
         self._certificates: Path | None = None
         """The folder of a secure team's."""
         self._seen: ObservedTeam
+        self._links: Links | None = None
+        """Of a team that was started with `chaos=True`."""
+        self._chaos: TeamChaos | None = None
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
         self._in_process_ends = ExitStack()
@@ -208,6 +215,8 @@ class TeamProcesses:
             if self._bus is not None:
                 self._bus.close()
             self._supervisor.close()
+            if self._links is not None:
+                self._links.close()
 
     @property
     def environment(self) -> dict[str, str]:

@@ -29,6 +29,8 @@ from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import look_in
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
+from zteam.team.chaos.links import Links, no_link
+from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.in_process.run import Body, InProcessRun
@@ -38,6 +40,7 @@ from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import prepare
+from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
 from zteam.team.testing.view import ObservedTeam
 
@@ -61,6 +64,7 @@ class TeamFixture(TeamProcesses):
         lockstep: bool = True,
         lockstep_timeout: float = LOCKSTEP_TIMEOUT,
         in_process: bool = False,
+        chaos: bool = False,
         arguments: Mapping[str, Any] | None = None,
         secure: str | Path | None = None,
     ) -> None:
@@ -79,6 +83,7 @@ class TeamFixture(TeamProcesses):
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
+        self._give_links(chaos, in_process)
         self._launch(TeamLaunch(file.team, chosen, team_file=path.resolve(), pace=pace), in_process)
 
     def start(
@@ -95,6 +100,7 @@ class TeamFixture(TeamProcesses):
         expect: Sequence[str] = (),
         nodes: "Mapping[str, Body] | None" = None,
         in_process: bool = False,
+        chaos: bool = False,
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
@@ -104,6 +110,7 @@ class TeamFixture(TeamProcesses):
         from the first tick on; a living process that does not answer is left behind after `lockstep_timeout` host
         seconds. Without `lockstep` the team runs in real time.
 
+        With `chaos` each process has a link of its own to the router, which `team.chaos` can cut or make slow.
         With `in_process` the whole team runs in the test's process, which starts it in a fifth of a second and steps it
         many times faster, with the same result. `nodes` are own nodes for it, by name, as for `zteam.run_team`. Calls
         that need processes are refused.
@@ -115,6 +122,7 @@ class TeamFixture(TeamProcesses):
             look_in([""])
         chosen = check_team(file, find_world(world).resolve(), here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
+        self._give_links(chaos, in_process)
         self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, nodes)
 
     def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
@@ -141,7 +149,8 @@ class TeamFixture(TeamProcesses):
             prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
         self._open()
         for name, job in plan.jobs.items():
-            self._supervisor.start_job(name, structs.replace(job, environment=self._environment_of(name)))
+            link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
+            self._supervisor.start_job(name, structs.replace(job, environment={**self._environment_of(name), **link}))
         return [name for name in plan.jobs if name not in plan.optional]
 
     def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
@@ -166,6 +175,28 @@ class TeamFixture(TeamProcesses):
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
         self.log.append((line.process, f"{level}{line.text}"))
+
+    def _give_links(self, chaos: bool, in_process: bool) -> None:
+        if chaos and in_process:
+            raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
+        if chaos and self._links is None:
+            self._links = Links()
+
+    @property
+    def chaos(self) -> TeamChaos:
+        """Faults on purpose that wait for the recovery."""
+        self._open()
+        if self._chaos is None:
+            change = no_link if self._links is None else self._links.change
+            means = Means(self.pid, change, self.sim.fault if self._interval else None)
+            self._chaos = TeamChaos(self, means, self._restarts, self._interval)
+        return self._chaos
+
+    def wait_for_return(self, name: str) -> None:
+        """Wait until a process is there that was started again; in lock-step, until it takes part."""
+        self._wait(lambda: self.alive(name), START_LIMIT)
+        self.wait_for_processes(name)
+        self._wait_until_joined(name)
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""

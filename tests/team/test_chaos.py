@@ -1,0 +1,103 @@
+"""Faults on purpose, with real processes."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from support.limits import LIMIT
+from zteam.config.fault import Fault
+from zteam.team.chaos.plan import plan_text
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+CHAIN = """
+[team]
+world = "office.world"
+world_robots = false
+[defaults]
+model = "erratic"
+restart = "on-failure"
+[[robots]]
+id = 0
+pose = [24.0, 25.0, 0.0]
+behavior = "path"
+speed = 0.4
+waypoints = [[24.0, 25.0], [41.9, 25.0], [41.9, 41.9], [8.3, 41.9], [8.3, 25.0]]
+loop = true
+[[robots]]
+id = 1
+follow = 0
+pose = [23.0, 25.0, 0.0]
+"""
+PLAN = (
+    Fault(at=1.0, fault="pause", name="robot_1", seconds=1.0),
+    Fault(at=3.0, fault="cut", name="robot_0", seconds=0.5),
+    Fault(at=4.5, fault="slow", name="robot_1", seconds=1.0, delay=0.25),
+)
+
+
+def test_a_plan_of_lock_step_is_the_same_run_with_processes(tmp_path: Path) -> None:
+    """One process each and all in one process give the same trajectory under the same faults, and exit code 0."""
+    (tmp_path / "team.toml").write_text(CHAIN)
+    (tmp_path / "plan.toml").write_text(plan_text(PLAN))
+    hashes = []
+    for options in ((), ("--in-process",)):
+        words = ("team.toml", "--lockstep", "--for", "7", "--chaos", "plan.toml", "--report", "run.json", *options)
+        done = subprocess.run(
+            zteam_command("zteam", "up", *words), cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT,
+            check=False, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "no robot moved longer than the watchdog allows" in done.stdout
+        hashes.append(json.loads((tmp_path / "run.json").read_text())["trajectory_sha256"])
+    assert hashes[0] == hashes[1]
+
+
+def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> None:
+    """A killed robot is started again, and a frozen, cut or slow one drives on; no robot moves on without commands."""
+    (tmp_path / "team.toml").write_text(CHAIN)
+    team.launch(tmp_path / "team.toml", lockstep=False, chaos=True)
+    team.wait_for_go()
+    team.until(lambda: team.robot(0).speed > 0.1 and team.robot(1).speed > 0.1, within=30)
+    for outcome in (
+        team.chaos.cut("robot_1", seconds=1.0),
+        team.chaos.slow("robot_0", seconds=1.0, delay=1.6),
+        team.chaos.pause("tf", seconds=1.0),
+        team.chaos.kill("robot_1"),
+    ):
+        assert outcome.recovery is not None and not outcome.problem
+
+
+def test_the_command_does_it_to_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
+    """`zteam chaos` pauses a process of this host and reports; a link can be cut only where there is one."""
+    team.start("office", robots=2, follow={1: 0}, lockstep=False)
+    team.wait_for_go()
+    done = team.command("chaos", "pause", "robot_1", "--for", "0.5", "--json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert [row["name"] for row in report["faults"]] == ["robot_1"] and report["faults"][0]["recovery"] >= 0.0
+    assert report["violations"] == []
+    done = team.command("chaos", "cut", "robot_1")
+    assert done.returncode == 1 and "start the team with 'zteam up --chaos'" in done.stdout + done.stderr
+    printed = team.command("chaos", "--random", "5", "--for", "60", "--print")
+    assert printed.returncode == 0 and printed.stdout.count("[[faults]]") > 3
+
+
+def test_in_lock_step_a_robot_is_left_out_of_the_ticks(team: TeamFixture) -> None:
+    """The fixture's faults of a robot take simulated time: the same ticks, and the same trajectory, in each run."""
+    team.start("office", robots=2, follow={1: 0}, seed=3)
+    team.wait_for_go()
+    team.run(3)
+    runs = []
+    for _ in range(2):
+        team.sim.reset()
+        team.run(3)
+        outcome = team.chaos.pause("robot_1", seconds=1.0)
+        assert team.tick > 40 and outcome.stood_after in (0.2, 0.3)
+        team.run(2)
+        runs.append((team.tick, outcome.recovery_sim, team.report.trajectory_sha256))
+    assert runs[0] == runs[1]
