@@ -234,25 +234,14 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
     view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
-    return _with_faults(launch, args) if args.chaos else launch
+    if not args.chaos:
+        return launch
+    from zteam.team.chaos.plan import describe
+    from zteam.team.launch.plan import with_faults
 
-
-def _with_faults(launch: "TeamLaunch", args: argparse.Namespace) -> "TeamLaunch":
-    """The run with the faults of `--chaos`. Raises UsageError."""
-    import msgspec
-
-    from zteam.node.kinds import ROUTER
-    from zteam.team.chaos.plan import choose_plan, describe
-    from zteam.team.launch.plan import plan_team
-
-    processes = list(plan_team(launch).jobs) + ([] if args.in_process else [ROUTER])
-    plan = choose_plan(args.chaos, launch.run_for, processes, lockstep=launch.pace.lockstep)
-    for fault in plan:
-        if args.in_process and not launch.is_simulated(fault):
-            hint = "leave --in-process out" if launch.pace.lockstep else "say --lockstep"
-            raise UsageError(f"{args.chaos}: {fault.fault} {fault.name} does not work in one process: {hint}")
-    log.info("%s", describe(plan))
-    return msgspec.structs.replace(launch, faults=plan)
+    launch = with_faults(launch, args.chaos, here=args.in_process)
+    log.info("%s", describe(launch.faults))
+    return launch
 
 
 def _refuse_without_simulator(args: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ import msgspec
 from studies.chains.figures import ROWS as CHAINS
 from studies.chains.figures import measure_chains
 from studies.chains.tables import format_robots
+from studies.faults import measure_faults
 from studies.floor import format_floor, measure_floor_of
 from studies.formations import measure_formations
 from studies.hops import format_hops, measure_hops_in
@@ -113,6 +114,21 @@ def _robots(args: argparse.Namespace) -> Shown:
     return found, format_robots(found)
 
 
+def _add_faults(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("team", nargs="?", default="chain", metavar="TEAM", help="(default: %(default)s)")
+    parser.add_argument("--seed", type=whole(0, 2**63 - 1, "a seed"), default=1, metavar="N", help="of the plan")
+    parser.add_argument(
+        "--seconds", type=number(10.0, 1e6, "seconds"), default=600.0, metavar="S", help="of simulated time"
+    )
+    parser.add_argument("--speed", metavar="X", help="not in lock-step but at this speed, or max")
+
+
+def _faults(args: argparse.Namespace) -> Shown:
+    with _live() as say:
+        found = measure_faults(args.team, args.seed, args.seconds, args.speed, say)
+    return found, msgspec.json.encode(found).decode()
+
+
 def _add_view(parser: argparse.ArgumentParser) -> None:
     _add_world(parser)
     parser.add_argument(
@@ -194,6 +210,7 @@ STUDIES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], Callabl
     "lines": ("lines from many seeds: how well they hold and drive", lines.add_study, _lines),
     "robots": ("how well robots follow each other, and hold formations", _add_robots, _robots),
     "nav": ("planning, costmaps, localisation, and robots that navigate", _add_navigation, _navigation),
+    "faults": ("a team under random faults: recovery, violations, leaks, memory", _add_faults, _faults),
     "view": ("age of frames, memory, cost in lock-step, drawing", _add_view, _view),
     "floor": ("a team in lock-step beside bare Zenoh with the same messages", _add_floor, _floor),
     "hops": ("the steps of a tick, each alone", _add_size, _hops),

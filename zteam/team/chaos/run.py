@@ -172,6 +172,8 @@ def carry_out(
     finally:
         for each in open_now:
             _end(each, say)
+        for each in (*open_now, *recovering):
+            each.outcome.problem = each.outcome.problem or "the run ended first"
     return ChaosReport(outcomes, list(observer.violations))
 
 

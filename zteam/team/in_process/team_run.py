@@ -16,6 +16,7 @@ from zteam.team.file.sources import argument_texts
 from zteam.team.in_process.run import Body, InProcessRun, NodeThread, open_outside
 from zteam.team.in_process.user_calls import prefixing_lines
 from zteam.team.launch.check import check_team, refuse_nodes
+from zteam.team.launch.plan import with_faults
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.report import RunReport
 from zteam.team.launch.run import warn_of_endpoint
@@ -36,13 +37,14 @@ def run_team(
     nodes: Mapping[str, Body] | None = None,
     bus: "BusOptions | None" = None,
     arguments: Mapping[str, Any] | None = None,
+    chaos: str | Path | None = None,
 ) -> RunReport:
     """Run a team file or shipped team in this process, in lock-step and as fast as possible; the report of the run.
 
     The run ends `seconds` simulated seconds after GO, or before tick `until`. `seed` and `world` replace those of the
     team file. `nodes` are own nodes by name, each a `body(node)` as for `zteam.run`; the first tick waits for them.
     `arguments` are the team file's, by name. With `bus`, such as `BusOptions.from_environment()`, tools and other
-    processes find the team there while it runs.
+    processes find the team there while it runs. `chaos` is a plan of faults, which are in the report.
 
     Raises what ended a node of the team: an error of a behaviour or of an own node ends the run. Called in the main
     thread, it takes SIGINT and SIGTERM; Ctrl+C ends the run in order and raises KeyboardInterrupt.
@@ -58,6 +60,8 @@ def run_team(
         raise UsageError('run_team needs a simulator: this team has none (world = "none")')
     pace = Pace(lockstep=True, expect=tuple(nodes or ()))
     launch = TeamLaunch(file.team, chosen.resolve(), seed, file.path, seconds, until, pace)
+    if chaos is not None:
+        launch = with_faults(launch, str(chaos), here=True)
     stop, signals = Stop(), Stop()
     signals.on_request(lambda: stop.request(signals.reason))
 

@@ -7,8 +7,10 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
+from zteam.errors import UsageError
 from zteam.node import kinds
 from zteam.node.process_options import FROM_STDIN, to_line
+from zteam.team.chaos.plan import choose_plan
 from zteam.team.file.entries import NodeEntry
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job
@@ -64,6 +66,20 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     awaited = launch.participants if launch.pace.lockstep else ()
     optional = frozenset({**beside, **nodes}).difference(awaited)
     return LaunchPlan(own, {**beside, **nodes}, optional, frozenset(beside))
+
+
+def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
+    """The launch with a plan of faults: a file, or the seed of a random one. Raises UsageError.
+
+    With `here` the team is one process: the simulator of lock-step has to carry out all of them.
+    """
+    processes = [*plan_team(launch).jobs, *([] if here else [kinds.ROUTER])]
+    faults = choose_plan(plan, launch.run_for, processes, lockstep=launch.pace.lockstep)
+    for fault in faults:
+        if here and not launch.is_simulated(fault):
+            hint = "leave --in-process out" if launch.pace.lockstep else "say --lockstep"
+            raise UsageError(f"{plan}: {fault.fault} {fault.name} does not work in one process: {hint}")
+    return msgspec.structs.replace(launch, faults=faults)
 
 
 def node_command(node: NodeEntry) -> list[str]:

@@ -17,6 +17,7 @@ from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
 from zteam.simulator.client import RunFigures, SimReport
+from zteam.team.chaos.run import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
 
 
@@ -48,6 +49,8 @@ class RunReport(RunFigures, kw_only=True):
     """Where the participants' time of a tick went, by name (lock-step)."""
     restarts: dict[str, int] = msgspec.field(default_factory=dict)
     """How often processes, or nodes in this process, were started again, by name."""
+    chaos: ChaosReport | None = None
+    """How the team took faults on purpose (`--chaos`)."""
 
 
 _ANSWER_LIMIT = 15.0 * HOST_FACTOR

@@ -293,8 +293,7 @@ class TeamRun:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         has_counts = self.launch.world is not None and not self._stop.requested
         report = read_report(self.bus) if self.bus is not None and has_counts else None
-        if self._faults is not None:
-            self.chaos = self._faults.stop()
+        self.chaos = None if self._faults is None else self._faults.stop()
         self._stop_all()
         if report is None or self._progress is None:
             return None
@@ -302,6 +301,7 @@ class TeamRun:
         rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
         wall = self._progress.wall or self._since_start()
         complete(report, wall, self._progress.go_after, [*rows, *self._own], restarts, sorted(self._hung))
+        report.chaos = self.chaos
         return report
 
     def _pids(self) -> dict[str, int]:

@@ -187,7 +187,9 @@ def test_what_did_not_stop_hung_too() -> None:
 
 def test_every_figure_of_the_simulator_is_in_the_report() -> None:
     """A new figure is added to RunFigures alone: the launcher copies every field and repeats none."""
-    own = {"wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "restarts", "real_time_factor"}
+    own = {
+        "wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "restarts", "real_time_factor", "chaos",
+    }  # fmt: skip
     assert set(RunReport.__struct_fields__) - set(RunFigures.__struct_fields__) == own - {"real_time_factor"}
     assert own == set(RunReport.__annotations__)
     assert {"finished", "wall_seconds"} == set(SimReport.__annotations__)
