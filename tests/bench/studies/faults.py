@@ -16,6 +16,7 @@ from zteam.bus import BusOptions, connect
 from zteam.clock import monotonic
 from zteam.config.fault import KINDS
 from zteam.config.resources import find_team
+from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.team.chaos.means import means_on_bus
@@ -83,15 +84,18 @@ def measure_faults(team: str, seed: int, seconds: float, speed: str | None, say:
     processes = [
         names.SIMULATOR, names.AGGREGATOR, names.MONITOR, ROUTER, *(names.robot_name(robot.id) for robot in robots),
     ]  # fmt: skip
-    shared = {path.name for path in _shared_memory()}
     with tempfile.TemporaryDirectory(prefix="faults_") as place:
         folder, mark = Path(place), f"faults_{os.getpid()}_{seed}"
         (folder / "tmp").mkdir()
+        # What fails is started again, whatever the team file says.
+        (folder / "team.toml").write_text(
+            f'include = [{toml_text(str(find_team(team).resolve()))}]\n[team]\nrestart = "on-failure"\n'
+        )
         (folder / "plan.toml").write_text(plan_text(random_plan(seed, seconds, processes)))
         pace = ("--speed", speed) if speed is not None else ("--lockstep", "--lockstep-timeout", "60")
         command = zteam_command(
-            "zteam", "up", team, "--for", str(seconds), "--chaos", str(folder / "plan.toml"), "--report",
-            str(folder / "run.json"), *pace,
+            "zteam", "up", str(folder / "team.toml"), "--for", str(seconds), "--chaos", str(folder / "plan.toml"),
+            "--report", str(folder / "run.json"), *pace,
         )  # fmt: skip
         environment = {
             **os.environ, "TMPDIR": str(folder / "tmp"), "HOME": str(folder / "tmp"), "ZTEAM_NAMESPACE": mark,
@@ -102,11 +106,9 @@ def measure_faults(team: str, seed: int, seconds: float, speed: str | None, say:
             code = up.process.wait(_PATIENCE)
         wall = monotonic() - begin
         left = _marked(mark)
-        files = [*(folder / "tmp").rglob("*"), *(path for path in _shared_memory() if path.name not in shared)]
+        files = [path.name for path in (folder / "tmp").rglob("*") if path.is_file()]
         report = msgspec.json.decode((folder / "run.json").read_bytes(), type=RunReport)
-    return _figures(
-        team, seed, code, wall, report, early, late, left, [str(f) for f in files if f.is_file()], up.crashed, speed
-    )
+    return _figures(team, seed, code, wall, report, early, late, left, files, up.crashed, speed)
 
 
 class _Up:
@@ -198,11 +200,6 @@ def _marked(mark: str) -> list[str]:
             # It has ended, or is another user's.
             continue
     return found
-
-
-def _shared_memory() -> list[Path]:
-    folder = Path("/dev/shm")
-    return [*folder.glob("*.zenoh")] if folder.is_dir() else []
 
 
 def _figures(

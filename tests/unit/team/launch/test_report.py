@@ -166,6 +166,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "external_commands": 5,
         "dropped": {"clock": 2},
         "restarts": {"robot_1": 2},
+        "chaos": None,
         "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
         "ticks": 301,
         "rtf": 3.0,
