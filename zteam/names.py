@@ -34,6 +34,8 @@ DONE = "done"
 LOG = "log"
 RESTARTS = "restarts"
 """Query of the launcher for what it has started again."""
+LINKS = "links"
+"""Query of the launcher that makes the link of a process bad, or good."""
 LACKING = "lacking"
 """Lock-step: query for the inputs of the open tick that a participant waits for."""
 

@@ -12,9 +12,6 @@ from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.team.chaos.forwarder import Forwarder, Link, Wire
 
-LINKS = "links"
-"""Query of the launcher."""
-
 
 class LinkRequest(Change):
     """`up/links`: how the link of a process is from now on, in both directions; a good one by default."""
@@ -75,7 +72,7 @@ class Links:
             self.change(request.name, request.wire, request.seconds)
             return LinkReply([*self._links])
 
-        bus.serve(names.service_key(names.LAUNCHER, LINKS), LinkRequest, answer)
+        bus.serve(names.service_key(names.LAUNCHER, names.LINKS), LinkRequest, answer)
 
     def close(self) -> None:
         """End all links, and with them the processes' connections."""

@@ -15,7 +15,7 @@ from zteam.node.kinds import ROUTER
 from zteam.simulator.client import SimulatorClient
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.forwarder import Wire
-from zteam.team.chaos.links import LINKS, LinkReply, LinkRequest, no_link
+from zteam.team.chaos.links import LinkReply, LinkRequest, no_link
 
 _MARGIN = 5.0
 """Host seconds after the end of a fault until a link heals by itself, if the process that cut it is gone."""
@@ -85,7 +85,7 @@ def means_on_bus(bus: Bus, options: BusOptions, *, lockstep: bool) -> Means:
         return infos[0].pid
 
     def change_link(name: str, wire: Wire, seconds: float) -> None:
-        key = names.service_key(names.LAUNCHER, LINKS)
+        key = names.service_key(names.LAUNCHER, names.LINKS)
         if not bus.query(key, LinkReply, LinkRequest(name=name, wire=wire, seconds=seconds)):
             no_link(name, wire, seconds)
 

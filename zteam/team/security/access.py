@@ -60,8 +60,9 @@ _CANCEL, _LOCALIZE = _of_robot(f"{names.NAVIGATION}/cancel", f"{names.NAVIGATION
 _DESCRIBE, _SET = _of_robot("describe_parameters", "set_parameters")
 _SIMULATE = tuple(
     names.service_key(names.SIMULATOR, service)
-    for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat")
+    for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
 )
+_CUT = names.service_key(names.LAUNCHER, names.LINKS)
 _ADD_FRAME = names.service_key(names.AGGREGATOR, "static")
 
 _OWN = Rights(
@@ -107,7 +108,7 @@ _GRANTED = {
     # zteam goals is a process of its own.
     "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), asks=(_CANCEL, _LOCALIZE))
     | _filled(_OWN, names.GOALS),
-    "simulation": Rights(asks=_SIMULATE),
+    "simulation": Rights(asks=(*_SIMULATE, _CUT)),
     "parameters": Rights(asks=(_SET,)),
     "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),
 }

@@ -1,8 +1,11 @@
 """What each certificate of a team may do. Whether the router's access control does it is a matter of tests/team."""
 
+import re
+
 import msgspec
 import pytest
 
+from support.pages import DOCS
 from zteam.team.file.entries import Team
 from zteam.team.file.reading import read_team_tables
 from zteam.team.security.access import CHANGES, Rights, access_control, explain, rights_of
@@ -35,6 +38,12 @@ def test_nothing_is_granted_unless_the_file_says_so() -> None:
     assert {name: each for name, each in granted.items() if name not in ("view", "robot_5")} == {
         name: each for name, each in plain.items() if name != "view"
     }
+
+
+def test_each_query_that_changes_something_has_to_be_granted() -> None:
+    """Those that the page of keys marks with a star are all that no certificate may ask by itself."""
+    marked = re.findall(r"`([\w/]+)`\*", (DOCS / "keys.md").read_text())
+    assert {key.replace("robot_N", "robot_$*") for key in marked} == set(CHANGES)
 
 
 def test_rights_can_be_stored() -> None:
