@@ -20,6 +20,8 @@ from studies.navigation.figures import ROWS as NAVIGATION
 from studies.navigation.figures import measure_navigation
 from studies.navigation.tables import format_navigation
 from studies.navigation.team_rows import TEAM_ROWS
+from studies.recovery import ROWS as FAULTS
+from studies.recovery import format_recovery, measure_recovery
 from studies.steps import format_steps, measure_steps
 from studies.study import command as lines
 from studies.view.figures import PARTS, measure_view
@@ -201,6 +203,17 @@ def _steps(args: argparse.Namespace) -> Shown:
     return found, format_steps(found)
 
 
+def _add_recovery(parser: argparse.ArgumentParser) -> None:
+    _add_rows(parser, "--faults", FAULTS)
+    parser.add_argument("--lockstep", action="store_true", help="a team in lock-step, as fast as the host's clock")
+
+
+def _recovery(args: argparse.Namespace) -> Shown:
+    with _live() as say:
+        found = measure_recovery(args.faults, ["--lockstep", "--speed", "1"] if args.lockstep else [], say)
+    return found, format_recovery(found)
+
+
 def _lines(args: argparse.Namespace) -> Shown:
     found = lines.measure_study(args)
     return found, lines.format_study(found)
@@ -214,6 +227,7 @@ STUDIES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], Callabl
     "view": ("age of frames, memory, cost in lock-step, drawing", _add_view, _view),
     "floor": ("a team in lock-step beside bare Zenoh with the same messages", _add_floor, _floor),
     "hops": ("the steps of a tick, each alone", _add_size, _hops),
+    "recovery": ("a team whose processes are killed, each in turn", _add_recovery, _recovery),
     "steps": ("a robot's step: velocity mux, behaviour and safety layer, scene by scene", _add_steps, _steps),
 }
 """By name: what it measures, its options, and what runs it."""

@@ -14,7 +14,6 @@ import msgspec
 
 from zteam import names
 from zteam.clock import Every, monotonic
-from zteam.config.numbers import counted
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
@@ -23,6 +22,7 @@ from zteam.monitor.process.watch import TeamWatch
 from zteam.node.log_client import printable
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
+from zteam.node.restarts import Restarted, restarts_text
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")
@@ -42,8 +42,8 @@ class Poses:
         self._stop = threading.Event()
         self.newest: dict[int, Pose2] = {}
         """By id; a robot whose pose is not known has none. Replaced as a whole."""
-        self.restarts: dict[str, int] = {}
-        """How often the launcher has started processes again, by name. Replaced as a whole."""
+        self.restarts: dict[str, Restarted] = {}
+        """The processes that the launcher has started again, by name. Replaced as a whole."""
         node.stop.on_request(self._stop.set)
         threading.Thread(target=self._run, name="poses", daemon=True).start()
 
@@ -53,9 +53,9 @@ class Poses:
             self.restarts = self._ask_launcher()
             self._stop.wait(PERIOD)
 
-    def _ask_launcher(self) -> dict[str, int]:
+    def _ask_launcher(self) -> dict[str, Restarted]:
         try:
-            answers = self._bus.query(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, int])
+            answers = self._bus.query(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
         except BusError as error:
             log.debug("%s", error)
             return {}
@@ -113,13 +113,15 @@ class TableLine(NamedTuple):
     """The state in it, which a terminal shows in a colour; empty in other lines."""
 
 
-def make_rows(team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, int], now: float) -> list[Row]:
+def make_rows(
+    team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float
+) -> list[Row]:
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
     return [_row(names.robot_name(i), m, poses.get(i), restarts, now) for i, m in sorted(team.members.items())]
 
 
-def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[str, int], now: float) -> Row:
-    row = Row(name, _state(member), pose=pose, restarts=restarts.get(name, 0))
+def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[str, Restarted], now: float) -> Row:
+    row = Row(name, _state(member), pose=pose, restarts=restarts[name].count if name in restarts else 0)
     status = member.status
     if status is None:
         row.reason = member.why_not_ready
@@ -179,10 +181,9 @@ def _wrap(text: str, width: int, indent: str) -> list[str]:
     return textwrap.wrap(text, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=indent)
 
 
-def team_notes(team: WatchedTeam, restarts: Mapping[str, int], problems: Sequence[str]) -> list[str]:
+def team_notes(team: WatchedTeam, restarts: Mapping[str, Restarted], problems: Sequence[str]) -> list[str]:
     """The lines below the table: GO, or what it waits for, processes started again, and what else is wrong."""
-    again = [f"{name} {counted(count, 'time')}" for name, count in sorted(restarts.items())]
-    told = [f"started again: {', '.join(again)}"] if again else []
+    told = [restarts_text(restarts)] if restarts else []
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for()}", *told, *problems]
 
 

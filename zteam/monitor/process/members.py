@@ -130,6 +130,9 @@ class WatchedTeam:
     def take_world(self, robots: Sequence[int] | None) -> None:
         """The simulator has these robots; None if there is no simulator."""
 
+    def take_simulator(self, session: str) -> None:
+        """The simulator of this session is there."""
+
     def all_running(self) -> bool:
         """Whether every robot that counts obeys the standing GO, or is gone."""
         there = [member for i, member in self.members.items() if member.alive and self.counts(i)]

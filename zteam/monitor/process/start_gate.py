@@ -28,6 +28,10 @@ class Gate(WatchedTeam):
         self.team_size = team_size
         self.go_stamp = 0
         """Simulated time (ns) from which GO holds."""
+        self._simulator = ""
+        """The session of the newest simulator; empty before the first."""
+        self._adopted = False
+        """Whether another monitor gave the GO that stands."""
         if expected is not None:
             self.expect(expected)
 
@@ -63,6 +67,14 @@ class Gate(WatchedTeam):
         for robot_id, member in self.members.items():
             member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
+    def take_simulator(self, session: str) -> None:
+        """The simulator of this session is there. Another one than before begins another world, under the GO that
+        stands, which gets the next epoch."""
+        if self.gone and self._simulator not in ("", session):
+            self.epoch += 1
+            self.tell("anew", None, f"the world begins anew in another simulator (epoch {self.epoch})")
+        self._simulator = session
+
     def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
         """A process took or lost the name `robot_N`."""
         was_alive = self.get(robot_id).alive
@@ -94,15 +106,16 @@ class Gate(WatchedTeam):
             return
         self.epoch = epoch
         if not self.gone:
-            self.gone = True
+            self.gone = self._adopted = True
             self.tell("adopted", None, f"the team is running already (epoch {epoch})")
 
     def _tell_late(self, robot_id: int, member: KnownRobot) -> None:
         if not member.ready or member.told_go or member.status is None:
             return
         member.told_go = True
-        # A robot that comes late may obey the latched GO before its first status.
-        if member.status.epoch < self.epoch or member.came_late:
+        # A robot that comes late may obey the latched GO before its first status. One that obeys a GO that this monitor
+        # has not given may have been there before the monitor.
+        if member.status.epoch < self.epoch or (member.came_late and not self._adopted):
             self.tell("late", robot_id, "is ready late: told GO")
 
     def try_go(self, stamp: int) -> bool:

@@ -168,6 +168,7 @@ class TeamWatch:
         self.writers.tokens.take(name, instance, alive)
         if name == names.SIMULATOR and alive:
             self.simulator_came = True
+            self._team.take_simulator(instance)
         robot_id = names.robot_id_of(name)
         if robot_id is None and name not in _SERVERS:
             return

@@ -99,8 +99,8 @@ class StartWatch:
         lacks = status is not None and robot_id not in status.robots
         name = names.robot_name(robot_id)
         self._driver.absence = f"{name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
-        if status is None and not self._driver.is_alone and self._driver.readiness.released:
-            # Without a gate nothing else says what the robot waits for.
+        if status is None and not self._driver.is_alone and self._driver.readiness.released and self._scan is None:
+            # Without a gate nothing else says what the robot waits for. Later the monitor tells that data has stopped.
             log.info("waiting for a first scan: %s", ALONE)
         self._driver.is_alone = status is None
 

@@ -202,7 +202,7 @@ class InProcessRun(TeamRun):
         self.sessions = NodeSessions(None if outside is None else outside.bus)
         self.calls = CallWatch(launch.pace, self.sessions.delivery, take_hang)
         self.bus = self.sessions.bus(names.LAUNCHER)
-        self._serve(self.bus)
+        self._watch_recoveries(self.bus)
 
     def __enter__(self) -> Self:
         self._ends.enter_context(naming_nodes())

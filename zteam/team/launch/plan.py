@@ -1,20 +1,26 @@
 """A team as jobs: which processes, told what, stopped in which order."""
 
+import re
 import sys
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
+from urllib.parse import unquote
 
 import msgspec
 
 from zteam import names
 from zteam.errors import UsageError
 from zteam.node import kinds
-from zteam.node.process_options import FROM_STDIN, to_line
+from zteam.node.process_options import FROM_STDIN, ViewOptions, to_line
 from zteam.team.chaos.plan import choose_plan
 from zteam.team.file.entries import NodeEntry
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.supervisor import Job, keep
 from zteam.team.launch.team_launch import TeamLaunch, options_of
+
+_ADDRESS = re.compile(r"the view is at http://\S+:(\d+)/#token=(\S+)")
+"""What a view says of itself."""
 
 
 class LaunchPlan(msgspec.Struct):
@@ -49,14 +55,20 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
 def plan_team(launch: TeamLaunch) -> LaunchPlan:
     """The processes of a team."""
     team = launch.team
-    restarting = {names.robot_name(robot.id) for robot in team.robots if team.restarts(robot)}
+    restarts = {names.robot_name(robot.id): team.restarts(robot) for robot in team.robots}
+    # Another simulator begins another run.
+    restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     own: dict[str, Job] = {}
     beside: dict[str, Job] = {}
     for kind in kinds.KINDS:
         for name, options in options_of(kind, launch).items():
             words = to_line(name, options)
             job = Job(
-                zteam_command(kind.command, FROM_STDIN), words=words, restarts=name in restarting, may_end=kind.beside
+                zteam_command(kind.command, FROM_STDIN),
+                words=words,
+                restarts=restarts.get(name, launch.restarts),
+                may_end=kind.beside,
+                learn=partial(_keep_address, name, options) if isinstance(options, ViewOptions) else keep,
             )
             (beside if kind.beside else own)[name] = job
     nodes = {
@@ -80,6 +92,16 @@ def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
             hint = "leave --in-process out" if launch.pace.lockstep else "say --lockstep"
             raise UsageError(f"{plan}: {fault.fault} {fault.name} does not work in one process: {hint}")
     return msgspec.structs.replace(launch, faults=faults)
+
+
+def _keep_address(name: str, options: ViewOptions, job: Job, line: str) -> Job | None:
+    """A view that is started again has the port and the token of its first line, so open pages find it."""
+    said = _ADDRESS.search(line)
+    if said is None:
+        return None
+    port, token = said.groups()
+    again = msgspec.structs.replace(options, port=int(port), token=unquote(token), browser=False)
+    return msgspec.structs.replace(job, words=to_line(name, again))
 
 
 def node_command(node: NodeEntry) -> list[str]:

@@ -16,6 +16,7 @@ from zteam.config.numbers import counted, format_factor
 from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
+from zteam.node.restarts import Restarted, restarts_text
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.chaos.run import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
@@ -49,6 +50,8 @@ class RunReport(RunFigures, kw_only=True):
     """Where the participants' time of a tick went, by name (lock-step)."""
     restarts: dict[str, int] = msgspec.field(default_factory=dict)
     """How often processes, or nodes in this process, were started again, by name."""
+    recovery_seconds: dict[str, float] = msgspec.field(default_factory=dict)
+    """Host seconds until those were back, the longest of each, by name."""
     chaos: ChaosReport | None = None
     """How the team took faults on purpose (`--chaos`)."""
 
@@ -89,6 +92,7 @@ def complete(
     go_after: float | None,
     processes: list[ProcessReport],
     restarts: Mapping[str, int],
+    recovery_seconds: Mapping[str, float],
     hung: Iterable[str] = (),
 ) -> None:
     """Add what the launcher measured. `wall_seconds` and `go_after` are host seconds since the command's start.
@@ -98,6 +102,7 @@ def complete(
     report.wall_seconds = round(wall_seconds, 3)
     report.go_after_seconds = None if go_after is None else round(go_after, 3)
     report.processes, report.restarts = processes, dict(restarts)
+    report.recovery_seconds = {name: round(seconds, 3) for name, seconds in recovery_seconds.items()}
     report.hung = list(dict.fromkeys((*report.hung, *hung)))
 
 
@@ -174,9 +179,9 @@ def format_report(report: RunReport) -> str:
         lines.append(row)
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
-    restarted = [f"{name} {counted(count, 'time')}" for name, count in sorted(report.restarts.items())]
-    if restarted:
-        lines.append(f"started again: {', '.join(restarted)}")
+    seconds = report.recovery_seconds
+    restarted = {name: Restarted(count, seconds.get(name)) for name, count in report.restarts.items()}
+    lines += [restarts_text(restarted)] if restarted else []
     memory = sum(p.pss_mb for p in report.processes)
     lines.append(f"{counted(len(report.processes), 'process', 'processes')}, {memory:.0f} MB together (PSS)")
     return "\n".join(lines)

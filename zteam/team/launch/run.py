@@ -32,8 +32,9 @@ from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.launch.plan import plan_team, stop_order
 from zteam.team.launch.process import Process, exit_text, zteam_command
 from zteam.team.launch.progress import Progress, TeamOverview
+from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
-from zteam.team.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
+from zteam.team.launch.supervisor import GRACE, Again, Job, Member, Supervisor, log_failure
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR, rights_of
@@ -117,19 +118,37 @@ def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
 
 
 def start_router(
-    supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE, certificates: Path | None = None
+    supervisor: Supervisor,
+    listen: str = ANY_PORT,
+    lease: float = LEASE,
+    certificates: Path | None = None,
+    *,
+    restarts: bool = False,
 ) -> Process:
     """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
 
-    With a folder of certificates it listens there over TLS, and lets in those that are valid.
+    With a folder of certificates it listens there over TLS, and lets in those that are valid. With `restarts` it is
+    started again at that endpoint, when it has failed after that.
     """
     environment, config = dict.fromkeys(TLS_VARIABLES, ""), tuple[str, ...]()
     if certificates is not None:
         listen = f"tls/{listen.partition('/')[2]}"
         environment = files_of(certificates, ROUTER).environment
         config = ("--config", str(certificates.resolve() / ACCESS))
-    arguments = ("--listen", listen, "--announce", "--lease", str(lease), *config)
-    return supervisor.start(ROUTER_KIND.name, zteam_command(ROUTER_KIND.command, *arguments), environment)
+
+    def command(endpoint: str) -> list[str]:
+        return zteam_command(ROUTER_KIND.command, "--listen", endpoint, "--announce", "--lease", str(lease), *config)
+
+    def learn(job: Job, line: str) -> Job | None:
+        again = restarts and is_endpoint(line)
+        return msgspec.structs.replace(job, command=command(line), restarts=True) if again else None
+
+    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen), environment, learn=learn))
+
+
+def is_endpoint(line: str) -> bool:
+    """Whether the router has printed where it listens. Lines of its log begin with the time."""
+    return line.startswith(("tcp/", "tls/"))
 
 
 def wait_for_endpoint(
@@ -138,8 +157,8 @@ def wait_for_endpoint(
     """The endpoint that the router prints; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
 
     def endpoint() -> str:
-        # A copy, because a thread appends lines. Lines of the router's log begin with the time.
-        return next((line for line in list(router.lines) if line.startswith(("tcp/", "tls/"))), "")
+        # A copy, because a thread appends lines.
+        return next((line for line in list(router.lines) if is_endpoint(line)), "")
 
     supervisor.wait(lambda: stopped() or not router.running or bool(endpoint()), timeout)
     return endpoint()
@@ -164,6 +183,8 @@ class TeamRun:
         self._since_start = since_start or seconds_since_start
         self._hurry = False
         self._progress: Progress | None = None
+        self._recoveries: Recoveries | None = None
+        """None before there is a bus."""
         self._own: list[ProcessReport] = []
         self._hung: set[str] = set()
         self._faults: ChaosThread | None = None
@@ -202,6 +223,8 @@ class TeamRun:
 
     def _on_failure(self, member: Member, again: Again) -> None:
         log_failure(member.name, member.exit_code, again)
+        if self._recoveries is not None and again.delay is not None:
+            self._recoveries.note_failure(member.name)
 
     def _begin_progress(self) -> None:
         assert self.bus is not None
@@ -236,8 +259,8 @@ class TeamRun:
     def _open_log(self, bus: Bus) -> None:
         self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
 
-    def _serve(self, bus: Bus) -> None:
-        serve_restarts(bus, lambda: dict(self.supervisor.restarts.counts))
+    def _watch_recoveries(self, bus: Bus) -> None:
+        self._recoveries = Recoveries(bus, lambda: dict(self.supervisor.restarts.counts))
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
@@ -300,7 +323,8 @@ class TeamRun:
         restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
         rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
         wall = self._progress.wall or self._since_start()
-        complete(report, wall, self._progress.go_after, [*rows, *self._own], restarts, sorted(self._hung))
+        away = self._recoveries.seconds if self._recoveries is not None else {}
+        complete(report, wall, self._progress.go_after, [*rows, *self._own], restarts, away, sorted(self._hung))
         report.chaos = self.chaos
         return report
 
@@ -369,7 +393,7 @@ class ProcessRun(TeamRun):
         if self._certificates is not None:
             self._prepare_certificates(self._certificates, has_own_router)
         if has_own_router:
-            start_router(supervisor, choose_endpoint(), self._lease, self._certificates)
+            start_router(supervisor, choose_endpoint(), self._lease, self._certificates, restarts=self.launch.restarts)
         else:
             self._connect()
             assert self.bus is not None
@@ -405,7 +429,7 @@ class ProcessRun(TeamRun):
         options = msgspec.structs.replace(self._options_of(names.LAUNCHER), connect=self.endpoint, lease=self._lease)
         self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         self._open_log(self.bus)
-        self._serve(self.bus)
+        self._watch_recoveries(self.bus)
 
     def _wait_for_router(self) -> str:
         """The endpoint of the team's own router. Raises BusError if none listens."""
@@ -416,7 +440,9 @@ class ProcessRun(TeamRun):
             router.join(ROUTER_DEADLINE)
             # Robots that failed meanwhile have failed.
             self.supervisor.failures.remove(router)
-            router = start_router(self.supervisor, lease=self._lease, certificates=self._certificates)
+            router = start_router(
+                self.supervisor, lease=self._lease, certificates=self._certificates, restarts=self.launch.restarts
+            )
             endpoint = self._wait_for_endpoint()
         if not endpoint:
             last = list(router.lines)[-1:]

@@ -12,8 +12,6 @@ from typing import NamedTuple, Protocol
 
 import msgspec
 
-from zteam import names
-from zteam.bus import Bus, NoRequest
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.team.launch.process import Process, StartChild, exit_text, spawn
@@ -30,9 +28,9 @@ _CLEAN = frozenset({0, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.
 """Exit codes of a process that has not failed, or that was asked to end; systemd has the same."""
 
 
-DELAYS = (1.0, 2.0, 4.0, 8.0, 8.0)
+DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)
 """Host seconds before each restart in a row; after as many it is given up."""
-STEADY = 60.0
+STEADY = 10.0
 """A process that ran for so many host seconds has recovered: its next failure is the first in a row."""
 
 
@@ -110,11 +108,6 @@ class Restarts:
         self.cancel([*self._in_row])
 
 
-def serve_restarts(bus: Bus, counts: Callable[[], dict[str, int]]) -> None:
-    """Let the monitor ask how often each process was started again, by name."""
-    bus.serve(names.service_key(names.LAUNCHER, names.RESTARTS), NoRequest, lambda _: counts())
-
-
 def log_failure(name: str, code: int | None, again: Again) -> None:
     """Say that a process has failed, and whether and when it is started again."""
     told = f"{name} ended: {exit_text(code)}"
@@ -124,6 +117,11 @@ def log_failure(name: str, code: int | None, again: Again) -> None:
         log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
     else:
         log.error("%s; it is not started again", told)
+
+
+def keep(_job: "Job", _line: str) -> "Job | None":
+    """Learn nothing."""
+    return None
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -140,6 +138,9 @@ class Job(msgspec.Struct, frozen=True):
     """Whether it is started again when it has failed."""
     may_end: bool = False
     """Whether it may end by itself, with exit code 0."""
+    learn: "Callable[[Job, str], Job | None]" = keep
+    """`learn(job, line)` is asked for each line of the process: the job that follows when this one has failed, such as
+    one with the port that the process has found; None = the same as before."""
 
 
 class Member(Protocol):
@@ -186,6 +187,7 @@ class Supervisor:
         self._begin: dict[str, Callable[[], Member]] = {}
         self._may_end: set[str] = set()
         self._told: dict[str, str] = {}
+        self._jobs: dict[str, Job] = {}
         self.restarts = Restarts(self._start_after_failure)
         self._read_end, self._write_end = os.pipe()
         self._closing = threading.Event()
@@ -209,7 +211,8 @@ class Supervisor:
 
     def start_job(self, name: str, job: Job) -> Process:
         """As `start`. Raises ZteamError if the command cannot be started."""
-        process = self.start_member(name, partial(self._spawn, name, job), restarts=job.restarts, may_end=job.may_end)
+        self._jobs[name] = job
+        process = self.start_member(name, partial(self._spawn, name), restarts=job.restarts, may_end=job.may_end)
         assert isinstance(process, Process)
         return process
 
@@ -230,7 +233,8 @@ class Supervisor:
             self.members[name] = member
         return member
 
-    def _spawn(self, name: str, job: Job) -> Process:
+    def _spawn(self, name: str) -> Process:
+        job = self._jobs[name]
         try:
             process = Process(
                 name,
@@ -270,6 +274,11 @@ class Supervisor:
                 self.changed.notify_all()
 
     def _take_line(self, process: Process, line: str) -> None:
+        job = self._jobs[process.name]
+        learned = job.learn(job, line)
+        if learned is not None:
+            self._jobs[process.name] = learned
+            self.restarts.note_start(process.name, learned.restarts)
         self._on_line(process.name, line)
         with self.changed:
             self.changed.notify_all()

@@ -75,6 +75,11 @@ class TeamLaunch(msgspec.Struct, frozen=True):
         return self.pace.lockstep and is_simulated(fault)
 
     @property
+    def restarts(self) -> bool:
+        """Whether processes that are neither robots nor nodes are started again when they have failed."""
+        return self.team.team.restart == "on-failure"
+
+    @property
     def has_end(self) -> bool:
         """Whether the run ends by itself."""
         return self.run_for is not None or self.until is not None

@@ -104,6 +104,30 @@ def test_an_adopted_team_is_not_late() -> None:
     assert told(gate, "late") == []
 
 
+def test_adopted_robots_that_are_heard_of_one_by_one_are_not_late() -> None:
+    """The first robot's GO is adopted before the next robot's token has come. A robot without GO is late as ever."""
+    gate = Gate([0, 1, 2], 3)
+    come(gate, 0, 1, state=RUNNING, epoch=1)
+    come(gate, 2)
+    assert told(gate, "late") == ["robot_2 is ready late: told GO"]
+
+
+def test_another_simulator_gets_the_next_epoch() -> None:
+    """Once, and only after GO: the robots that obey the GO that stands are in another world then."""
+    gate = Gate([0], 1)
+    for session in ("one", "two"):
+        gate.take_simulator(session)
+    come(gate, 0)
+    gate.try_go(5)
+    told(gate)
+    gate.take_simulator("two")
+    assert (gate.epoch, told(gate)) == (1, [])
+    gate.take_simulator("three")
+    gate.take_simulator("three")
+    assert told(gate) == ["the world begins anew in another simulator (epoch 2)"]
+    assert (gate.gone, gate.status(1).epoch) == (True, 2)
+
+
 def test_the_highest_epoch_is_adopted() -> None:
     """Of robots that obey different GOs the newest wins."""
     gate = Gate([0, 1], 2)

@@ -13,8 +13,9 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.monitor.process import display as module
 from zteam.monitor.process.display import Poses
 from zteam.node.process_node import ProcessNode
+from zteam.node.restarts import Restarted
 from zteam.node.shutdown import Stop
-from zteam.team.launch.supervisor import serve_restarts
+from zteam.team.launch.recovery import Recoveries
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 
 
@@ -65,12 +66,12 @@ def test_restarts_come_from_the_launcher(hub: MemoryHub, monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "PERIOD", 0.01)
     stop, launcher, counts = Stop(), hub.bus(), {"robot_1": 1}
     node = ProcessNode(names.MONITOR, hub.bus(), stop)
-    serve_restarts(launcher, lambda: dict(counts))
+    Recoveries(launcher, lambda: dict(counts))
     found = Poses(node, list)
     try:
-        wait_for(node, lambda: found.restarts == {"robot_1": 1})
+        wait_for(node, lambda: found.restarts == {"robot_1": Restarted(1)})
         counts["planner"] = 3
-        wait_for(node, lambda: found.restarts == {"robot_1": 1, "planner": 3})
+        wait_for(node, lambda: found.restarts == {"robot_1": Restarted(1), "planner": Restarted(3)})
         launcher.close()
         wait_for(node, lambda: found.restarts == {})
     finally:

@@ -8,6 +8,7 @@ from zteam.messages import RobotDriver, RobotState, RobotStatus
 from zteam.monitor.process.display import Row, format_table, make_rows, team_notes
 from zteam.monitor.process.members import SILENT_AFTER
 from zteam.monitor.process.start_gate import Gate
+from zteam.node.restarts import Restarted
 
 POSE = Pose2(-12.345, 8.5, -3.1)
 
@@ -111,9 +112,9 @@ def test_what_was_started_again_is_told() -> None:
     """Robots and nodes below the table, and each robot's count in its row, for `--json`."""
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
-    restarts = {"robot_1": 2, "planner": 1}
+    restarts = {"robot_1": Restarted(2, 0.234), "planner": Restarted(1)}
     assert team_notes(gate, restarts, ["the simulator is gone"])[1:] == [
-        "started again: planner 1 time, robot_1 2 times",
+        "started again: planner 1 time, robot_1 2 times (back after 0.2 s)",
         "the simulator is gone",
     ]
     assert [row.restarts for row in make_rows(gate, {}, restarts, 0.0)] == [0, 2]

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import pytest
@@ -17,6 +17,7 @@ from zteam.node.process_options import (
     MonitorOptions,
     RobotOptions,
     SimOptions,
+    ViewOptions,
     from_line,
 )
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
@@ -25,6 +26,7 @@ from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
+from zteam.view.node import page_url
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")
@@ -107,13 +109,41 @@ def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
         "planner": Job([sys.executable, "planner.py", "2"], folder=Path("/t"), restarts=True, may_end=True),
         "camera": Job(["/bin/camera"], folder=Path("/u"), may_end=True),
     }
-    assert [name for name, job in plan.own.items() if job.restarts] == ["robot_0"]
     assert plan.optional == {"camera"}
     lockstep = told(plan, "sim", SimOptions).lockstep
     assert lockstep is not None
     assert lockstep.expected == ("tf", "robot_0", "planner")
     order = stop_order([*plan.jobs, "router"])
     assert order == [["robot_0", "planner", "camera"], ["tf", "monitor"], ["sim"], ["router"]]
+
+
+def test_the_word_of_the_team_holds_for_all_processes() -> None:
+    """Robots may say otherwise; a run with an end is over without its simulator, because another one begins anew."""
+    team = Team([RobotEntry(id=0), RobotEntry(id=1, restart="no")], TeamSection(restart="on-failure", map="hall.yaml"))
+
+    def restarting(**of_the_run: Any) -> set[str]:
+        plan = plan_team(TeamLaunch(team, WORLD, view=ViewOptions(name="view"), **of_the_run))
+        return {name for name, job in plan.jobs.items() if job.restarts}
+
+    assert restarting() == {"sim", "map", "tf", "monitor", "view", "robot_0"}
+    assert restarting(run_for=1.0) == restarting(until=10) == restarting() - {"sim"}
+
+
+def test_only_a_robot_that_says_so_is_started_again() -> None:
+    """What a robot says holds for no other process."""
+    plan = plan_team(TeamLaunch(Team([RobotEntry(id=0, restart="on-failure"), RobotEntry(id=1)]), WORLD))
+    assert [name for name, job in plan.jobs.items() if job.restarts] == ["robot_0"]
+
+
+def test_a_view_that_is_started_again_is_where_it_was() -> None:
+    """With the port and the token of its first line, and without a further page in the user's browser."""
+    job = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(host="::1", name="view"))).nodes["view"]
+    assert job.learn(job, "12:00:00 warning: port 8765 is taken: the view is at port 8766") is None
+    again = job.learn(job, f"the view is at {page_url('::1', 8766, 'a b/c')}")
+    assert again is not None
+    _, options = from_line(again.words, ViewOptions)
+    assert options == ViewOptions(host="::1", port=8766, token="a b/c", browser=False, name="view")
+    assert msgspec.structs.replace(again, words=job.words) == job
 
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:

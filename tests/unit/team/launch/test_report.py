@@ -147,7 +147,7 @@ def counted_report() -> RunReport:
 def written() -> dict[str, Any]:
     """The file of a run whose simulator counted COUNTED."""
     report = counted_report()
-    complete(report, 31.23456, 1.00049, [ROW], {"robot_1": 2})
+    complete(report, 31.23456, 1.00049, [ROW], {"robot_1": 2}, {"robot_1": 0.21234})
     found: dict[str, Any] = json.loads(msgspec.json.encode(report))
     return found
 
@@ -167,6 +167,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "dropped": {"clock": 2},
         "restarts": {"robot_1": 2},
         "chaos": None,
+        "recovery_seconds": {"robot_1": 0.212},
         "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
         "ticks": 301,
         "rtf": 3.0,
@@ -182,7 +183,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
 def test_what_did_not_stop_hung_too() -> None:
     """The report names it once, behind those that lock-step left behind."""
     report = counted_report()
-    complete(report, 1.0, 1.0, [ROW], {}, ["robot_2", "robot_1"])
+    complete(report, 1.0, 1.0, [ROW], {}, {}, ["robot_2", "robot_1"])
     assert report.hung == ["robot_1", "robot_2"]
 
 
@@ -190,6 +191,7 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
     """A new figure is added to RunFigures alone: the launcher copies every field and repeats none."""
     own = {
         "wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "restarts", "real_time_factor", "chaos",
+        "recovery_seconds",
     }  # fmt: skip
     assert set(RunReport.__struct_fields__) - set(RunFigures.__struct_fields__) == own - {"real_time_factor"}
     assert own == set(RunReport.__annotations__)
@@ -199,7 +201,7 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
 def test_a_run_without_go_has_no_time_of_go() -> None:
     """The value is null."""
     report = counted_report()
-    complete(report, 1.0, None, [], {})
+    complete(report, 1.0, None, [], {}, {})
     assert report.go_after_seconds is None
 
 

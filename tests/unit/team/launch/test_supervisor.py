@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from support.limits import LIMIT
 from support.transports import wait_until_true
@@ -257,6 +258,29 @@ def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPat
         assert [process.name for process in supervisor.failures] == ["camera"]
         assert supervisor.ended == {"camera"}
         assert other.running
+
+
+def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the line on that was learned: before it, a failure of this process is final."""
+    monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
+
+    def learn(job: Job, line: str) -> Job | None:
+        return (
+            structs.replace(job, command=python("print('port 7', flush=True)"), restarts=True)
+            if "port" in line
+            else None
+        )
+
+    def python(code: str) -> list[str]:
+        return [sys.executable, "-c", f"{code}; import sys; sys.exit('no more')"]
+
+    with Watched() as supervisor:
+        supervisor.start_job("early", Job(python("pass"), learn=learn))
+        supervisor.start_job("router", Job(python("print('port 3', flush=True)"), learn=learn))
+        assert supervisor.wait(lambda: supervisor.ended == {"early", "router"}, LIMIT)
+        assert [line for name, line in supervisor.heard if name == "early"] == ["no more"]
+        said = [line for name, line in supervisor.heard if name == "router"]
+        assert said == ["port 3", "no more", "port 7", "no more", "port 7", "no more"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

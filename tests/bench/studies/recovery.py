@@ -1,0 +1,195 @@
+"""How long a team needs to recover from the death of each of its processes, and from a simulator that stands still."""
+
+import os
+import re
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.presence import ProcessInfo
+from zteam.bus.router import read_admin
+from zteam.cli.tables import format_table
+from zteam.clock import monotonic, pause, wait_until
+from zteam.errors import ZteamError
+from zteam.messages import Odometry
+from zteam.team.launch.process import zteam_command
+
+ROUTER = "router"
+FROZEN = "sim frozen 5 s"
+PROCESSES = ("robot_0", "robot_2", names.AGGREGATOR, names.MONITOR, names.VIEW, ROUTER, names.SIMULATOR)
+ROWS = (*PROCESSES, FROZEN)
+LIMIT = 30.0
+"""Host seconds for anything."""
+_FREEZE = 5.0
+_STANDS = 0.35
+"""Host seconds without motion from which on a robot stands: three ticks."""
+_MOVES = 0.01
+"""m/s or rad/s."""
+_ROBOTS = 4
+
+
+class Recovery(msgspec.Struct):
+    """One fault, in host seconds from the moment of it; for a freeze, from its end."""
+
+    fault: str
+    back: float | None
+    """Until the process was back, by the launcher's word."""
+    stood: int
+    """Robots that stood meanwhile."""
+    drives: float
+    """Until the last of these drove again."""
+
+
+class _Motion:
+    """When each robot moved, by the ground truth."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.changed = threading.Condition()
+        self.moved: dict[int, list[float]] = {robot_id: [] for robot_id in range(_ROBOTS)}
+        bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._take)
+
+    def _take(self, key: str, truth: Odometry) -> None:
+        target, twist = names.split_robot_key(key), truth.twist.twist
+        if target is not None and max(abs(twist.linear.x), abs(twist.angular.z)) > _MOVES:
+            with self.changed:
+                self.moved[target[0]].append(monotonic())
+                self.changed.notify_all()
+
+    def wait_for_all(self, since: float) -> None:
+        """Wait until each robot has moved after host time `since`."""
+        with self.changed:
+            if not wait_until(self.changed, lambda: all(m and m[-1] > since for m in self.moved.values()), LIMIT):
+                standing = [i for i, moved in self.moved.items() if not moved or moved[-1] <= since]
+                raise ZteamError(f"robots {standing} do not drive within {LIMIT:g} s")
+
+    def gaps(self, since: float) -> list[float]:
+        """Of each robot that stood after `since`, the seconds from `since` to the end of its last standing."""
+        with self.changed:
+            found = []
+            for moved in self.moved.values():
+                ends = [end - since for begin, end in pairwise(moved) if end > since and end - begin > _STANDS]
+                found += ends[:1]
+            return found
+
+
+class _Launch:
+    """`zteam up` as a child, with its lines."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self.lines: list[str] = []
+        self._changed = threading.Condition()
+        self._child = subprocess.Popen(
+            zteam_command("zteam", "up", "line", "restart=on-failure", "--view", "--no-browser", *arguments),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, "ZTEAM_CONNECT": "", "ZTEAM_NAMESPACE": ""},
+        )
+        threading.Thread(target=self._read, daemon=True).start()
+        try:
+            self.endpoint = self.wait_for(r"router at ([^;\s]+);")[0]
+        except ZteamError:
+            self.close()
+            raise
+
+    def _read(self) -> None:
+        assert self._child.stdout is not None
+        for line in self._child.stdout:
+            with self._changed:
+                self.lines.append(line.rstrip())
+                self._changed.notify_all()
+
+    def wait_for(self, pattern: str, since: int = 0) -> Sequence[str]:
+        """The groups of the first line from number `since` on that has the pattern."""
+        found: list[re.Match[str]] = []
+
+        def look() -> bool:
+            found[:] = [match for line in self.lines[since:] if (match := re.search(pattern, line))]
+            return bool(found)
+
+        with self._changed:
+            if not wait_until(self._changed, look, LIMIT):
+                raise ZteamError(f"zteam up never said {pattern!r}:\n" + "\n".join(self.lines[-20:]))
+        return found[0].groups()
+
+    def close(self) -> None:
+        """Stop the team."""
+        self._child.terminate()
+        self._child.wait(LIMIT)
+
+
+@contextmanager
+def _team(arguments: Sequence[str]) -> Iterator[tuple[_Launch, Bus]]:
+    launch = _Launch(arguments)
+    try:
+        bus = connect(BusOptions(connect=launch.endpoint), patience=LIMIT)
+        try:
+            yield launch, bus
+        finally:
+            bus.close()
+    finally:
+        launch.close()
+
+
+def _pid(name: str, endpoint: str, bus: Bus) -> int:
+    if name == ROUTER:
+        record = read_admin(BusOptions(connect=endpoint))
+        assert record is not None and record.metadata is not None and record.metadata.pid is not None
+        return record.metadata.pid
+    return bus.ask(names.info_key(name), ProcessInfo).pid
+
+
+def _inflict(fault: str, launch: _Launch, bus: Bus) -> tuple[float, float | None]:
+    """Host time of the fault, or of the end of a freeze, and how long the process was away by the launcher's word."""
+    name = names.SIMULATOR if fault == FROZEN else fault
+    pid, line = _pid(name, launch.endpoint, bus), len(launch.lines)
+    if fault != FROZEN:
+        begin = monotonic()
+        os.kill(pid, signal.SIGKILL)
+        return begin, float(launch.wait_for(rf"\b{name} is back after ([\d.]+) s", line)[0])
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        pause(_FREEZE)
+    finally:
+        begin = monotonic()
+        os.kill(pid, signal.SIGCONT)
+    return begin, None
+
+
+def measure_recovery(faults: Sequence[str], arguments: Sequence[str], say: Callable[[str], None]) -> list[Recovery]:
+    """Each fault in a team of its own: four robots that drive in a line, started with these further arguments."""
+    found = []
+    for fault in faults:
+        say(fault)
+        found.append(_measure(fault, arguments))
+    return found
+
+
+def _measure(fault: str, arguments: Sequence[str]) -> Recovery:
+    with _team(arguments) as (launch, bus):
+        motion = _Motion(bus)
+        launch.wait_for("the view is at")
+        motion.wait_for_all(monotonic() + 1.0)
+        begin, back = _inflict(fault, launch, bus)
+        motion.wait_for_all(begin + max(back or 0.0, 1.0))
+        # What follows late would show up here.
+        pause(1.0)
+        gaps = motion.gaps(begin)
+    return Recovery(fault, back, len(gaps), max(gaps, default=0.0))
+
+
+def format_recovery(found: Sequence[Recovery]) -> str:
+    """One row a fault."""
+    rows = [
+        (row.fault, "-" if row.back is None else f"{row.back:.1f} s", str(row.stood), f"{row.drives:.2f} s")
+        for row in found
+    ]
+    return format_table(("killed", "back after", "robots that stood", "all drive after"), rows)

@@ -1,0 +1,180 @@
+"""A team whose processes are killed one after the other, and what was commanded while a part of it was away."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from support.limits import LIMIT
+from zteam import names
+from zteam.bus import BusOptions, connect
+from zteam.clock import monotonic, pause
+from zteam.config.resources import find_team
+from zteam.messages import RobotState, TeamState, Twist, Vector3
+from zteam.node.kinds import ROUTER
+from zteam.node.process_options import ViewOptions
+from zteam.node.shutdown import Stop
+from zteam.team.file.reading import read_team_file
+from zteam.team.launch import run as running
+from zteam.team.launch import supervisor as supervising
+from zteam.team.launch.check import check_team
+from zteam.team.launch.run import ANY_PORT, ProcessRun
+from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.testing.processes import WARM_PARENT
+from zteam.team.testing.view import ObservedTeam
+
+pytestmark = pytest.mark.team
+
+ROBOTS = [0, 1, 2, 3]
+KILLED = (ROUTER, "robot_1", names.AGGREGATOR, names.MONITOR, names.VIEW, names.SIMULATOR)
+"""The router first: then every process has seen it go and come."""
+LEASE = 30.0
+"""Host seconds: on a crowded machine no process looks dead that lives."""
+MOVES = 0.01
+"""m/s."""
+TICK = 100_000_000
+"""Simulated ns."""
+TICKS = 10
+"""In which nothing may move."""
+
+
+class Line:
+    """The shipped line of four robots and a view, as `zteam up line restart=on-failure --view` has them."""
+
+    def __init__(self, run: ProcessRun, lines: list[tuple[str, str]], seen: ObservedTeam) -> None:
+        self.run, self.lines, self.seen = run, lines, seen
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()`, which is looked at with every message and token."""
+        deadline = monotonic() + LIMIT
+        while not condition():
+            assert monotonic() < deadline, "\n".join(f"[{name}] {line}" for name, line in self.lines)
+            self.seen.wait_for_news(self.seen.version, 0.1)
+
+    def speeds(self) -> list[float]:
+        """m/s of each robot ahead, by the ground truth."""
+        truths = [self.seen.robot(robot_id).truth for robot_id in ROBOTS]
+        return [0.0 if truth is None else truth.twist.twist.linear.x for truth in truths]
+
+    def wait_until_all_drive(self) -> None:
+        """Wait until each robot has moved by a truth that comes from now on."""
+        before = [self.seen.robot(robot_id).truth for robot_id in ROBOTS]
+        driven: set[int] = set()
+
+        def look() -> bool:
+            for robot_id, speed in zip(ROBOTS, self.speeds(), strict=True):
+                if abs(speed) > MOVES and self.seen.robot(robot_id).truth is not before[robot_id]:
+                    driven.add(robot_id)
+            return len(driven) == len(ROBOTS)
+
+        self.wait_for(look)
+
+    def wait_for_ticks(self, count: int) -> list[list[float]]:
+        """Wait until so many ticks have passed; the speeds after each."""
+        begin, found = self.seen.now, dict[int, list[float]]()
+
+        def look() -> bool:
+            found[self.seen.now] = self.speeds()
+            return self.seen.now >= begin + count * TICK
+
+        self.wait_for(look)
+        return list(found.values())
+
+    def kill(self, name: str) -> None:
+        """Kill a process and wait until it is back."""
+        recoveries = self.run._recoveries
+        assert recoveries is not None
+        self.run.supervisor.processes[name].signal(signal.SIGKILL)
+        self.wait_for(lambda: name in recoveries.seconds)
+
+    def said(self, name: str, text: str) -> list[str]:
+        """The lines of a process that have this text."""
+        return [line for process, line in self.lines if process == name and text in line]
+
+
+@contextmanager
+def started(monkeypatch: pytest.MonkeyPatch, pace: Pace, lease: float = LEASE) -> Iterator[Line]:
+    """The line at a router of its own, with GO and all robots driving."""
+    monkeypatch.setattr(running, "choose_endpoint", lambda: ANY_PORT)
+    file = read_team_file(find_team("line"), {"restart": "on-failure"})
+    view = ViewOptions(port=0, browser=False, name=names.VIEW)
+    launch = TeamLaunch(file.team, check_team(file), team_file=file.path, pace=pace, view=view)
+    lines: list[tuple[str, str]] = []
+    with ExitStack() as stack:
+        run = ProcessRun(
+            launch, BusOptions(lease=lease), Stop(), lambda name, line: lines.append((name, line)), WARM_PARENT
+        )
+        stack.enter_context(run)
+        run.start()
+        bus = connect(BusOptions(connect=run.endpoint, lease=lease))
+        stack.callback(bus.close)
+        line = Line(run, lines, ObservedTeam(bus, lambda _: None))
+        line.wait_until_all_drive()
+        line.wait_for(lambda: bool(line.said(names.VIEW, "the view is at")))
+        yield line
+
+
+@pytest.mark.parametrize("pace", [pytest.param(Pace(), marks=pytest.mark.real_time), Pace(lockstep=True, speed="5")])
+def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> None:
+    """Each comes back, all robots drive again, the router's loss is said once by each process, the view stays where it
+    is, and another simulator has another epoch."""
+    with started(monkeypatch, pace) as line:
+        others = [name for name in line.run.supervisor.processes if name != ROUTER]
+        for name in KILLED:
+            line.kill(name)
+            if name not in (names.MONITOR, names.VIEW):
+                line.wait_until_all_drive()
+            if name == ROUTER:
+                line.wait_for(lambda: all(line.said(other, "router is back") for other in others))
+        line.wait_for(lambda: getattr(line.seen.team_status, "epoch", 0) == 2)
+        assert line.seen.team_status is not None
+        assert line.seen.team_status.state == TeamState.GO
+        line.wait_for(lambda: all(getattr(line.seen.robot(i).status, "epoch", 0) == 2 for i in ROBOTS))
+        assert {line.seen.robot(i).status.state for i in ROBOTS} == {RobotState.RUNNING}
+        assert line.run.supervisor.restarts.counts == dict.fromkeys(KILLED, 1)
+        for other in others:
+            assert len(line.said(other, "router lost: waiting")) == 1
+            assert len(line.said(other, "warning: router is back")) == 1
+        first, again = line.said(names.VIEW, "the view is at")
+        assert first == again
+        assert line.run.failed == set()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("fault", [ROUTER, names.SIMULATOR])
+def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+    """While the router is away or the simulator is frozen, another process commands a robot. Afterwards nothing moves
+    as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they drive."""
+    # The lease is over meanwhile.
+    with started(monkeypatch, Pace(), lease=1.0) as line:
+        processes, bus, seen = line.run.supervisor.processes, line.run.bus, line.seen
+        assert bus is not None
+        robots, faulty = [processes[names.robot_name(i)] for i in ROBOTS], processes[fault]
+        commands = bus.publisher(names.robot_key(0, names.CMD_VEL), Twist)
+        monkeypatch.setattr(supervising, "DELAYS", (1.5,))
+        for robot in robots:
+            robot.signal(signal.SIGSTOP)
+        faulty.signal(signal.SIGKILL if fault == ROUTER else signal.SIGSTOP)
+        for _ in range(12):
+            commands.put(Twist(Vector3(-0.4)))
+            pause(0.1)
+        if fault == ROUTER:
+            line.wait_for(lambda: bool(line.said(names.SIMULATOR, "router is back")))
+        else:
+            pause(1.0)
+        stamp, begin = seen.now, monotonic()
+        faulty.signal(signal.SIGCONT)
+        line.wait_for(lambda: seen.now > stamp)
+        if fault == names.SIMULATOR:
+            assert seen.now - stamp <= 2 * TICK
+        speeds = line.wait_for_ticks(TICKS)
+        if fault == names.SIMULATOR:
+            assert monotonic() - begin > 0.05 * TICKS
+            assert speeds[0][0] > -0.05, speeds
+            # A robot's own last command holds for 0.2 s of this time.
+            del speeds[:4]
+        assert all(abs(speed) <= MOVES for at_once in speeds for speed in at_once), speeds
+        for robot in robots:
+            robot.signal(signal.SIGCONT)
+        line.wait_until_all_drive()
