@@ -94,7 +94,7 @@ class Line:
 
 
 @contextmanager
-def started(monkeypatch: pytest.MonkeyPatch, pace: Pace, lease: float = LEASE) -> Iterator[Line]:
+def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
     """The line at a router of its own, with GO and all robots driving."""
     monkeypatch.setattr(running, "choose_endpoint", lambda: ANY_PORT)
     file = read_team_file(find_team("line"), {"restart": "on-failure"})
@@ -103,11 +103,11 @@ def started(monkeypatch: pytest.MonkeyPatch, pace: Pace, lease: float = LEASE) -
     lines: list[tuple[str, str]] = []
     with ExitStack() as stack:
         run = ProcessRun(
-            launch, BusOptions(lease=lease), Stop(), lambda name, line: lines.append((name, line)), WARM_PARENT
+            launch, BusOptions(lease=LEASE), Stop(), lambda name, line: lines.append((name, line)), WARM_PARENT
         )
         stack.enter_context(run)
         run.start()
-        bus = connect(BusOptions(connect=run.endpoint, lease=lease))
+        bus = connect(BusOptions(connect=run.endpoint, lease=LEASE))
         stack.callback(bus.close)
         line = Line(run, lines, ObservedTeam(bus, lambda _: None))
         line.wait_until_all_drive()
@@ -146,8 +146,7 @@ def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: py
 def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
     """While the router is away or the simulator is frozen, another process commands a robot. Afterwards nothing moves
     as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they drive."""
-    # The lease is over meanwhile.
-    with started(monkeypatch, Pace(), lease=1.0) as line:
+    with started(monkeypatch, Pace()) as line:
         processes, bus, seen = line.run.supervisor.processes, line.run.bus, line.seen
         assert bus is not None
         robots, faulty = [processes[names.robot_name(i)] for i in ROBOTS], processes[fault]
