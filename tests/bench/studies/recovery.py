@@ -18,7 +18,7 @@ from zteam.bus.router import read_admin
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic, pause, wait_until
 from zteam.errors import ZteamError
-from zteam.messages import Odometry
+from zteam.messages import Odometry, Twist
 from zteam.team.launch.process import zteam_command
 
 ROUTER = "router"
@@ -28,8 +28,8 @@ ROWS = (*PROCESSES, FROZEN)
 LIMIT = 30.0
 """Host seconds for anything."""
 _FREEZE = 5.0
-_STANDS = 0.35
-"""Host seconds without motion from which on a robot stands: three ticks."""
+_SILENT = 0.25
+"""Host seconds without a command from which on a robot stands: the simulator obeys the last one for 0.2."""
 _MOVES = 0.01
 """m/s or rad/s."""
 _ROBOTS = 4
@@ -42,18 +42,28 @@ class Recovery(msgspec.Struct):
     back: float | None
     """Until the process was back, by the launcher's word."""
     stood: int
-    """Robots that stood meanwhile."""
-    drives: float
-    """Until the last of these drove again."""
+    """Robots that were not commanded meanwhile, so that they stood."""
+    commanded: float
+    """Until the last of these was commanded again."""
+    moves: float
+    """Until the first robot moved, by the ground truth, after the last standstill of all; 0 without one."""
 
 
 class _Motion:
-    """When each robot moved, by the ground truth."""
+    """When each robot was commanded, and when it moved by the ground truth."""
 
     def __init__(self, bus: Bus) -> None:
         self.changed = threading.Condition()
         self.moved: dict[int, list[float]] = {robot_id: [] for robot_id in range(_ROBOTS)}
+        self.commanded: dict[int, list[float]] = {robot_id: [] for robot_id in range(_ROBOTS)}
         bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._take)
+        bus.subscribe(names.all_robots_key(names.CMD_VEL), Twist, self._take_command)
+
+    def _take_command(self, key: str, _command: Twist) -> None:
+        target = names.split_robot_key(key)
+        if target is not None:
+            with self.changed:
+                self.commanded[target[0]].append(monotonic())
 
     def _take(self, key: str, truth: Odometry) -> None:
         target, twist = names.split_robot_key(key), truth.twist.twist
@@ -69,14 +79,22 @@ class _Motion:
                 standing = [i for i, moved in self.moved.items() if not moved or moved[-1] <= since]
                 raise ZteamError(f"robots {standing} do not drive within {LIMIT:g} s")
 
-    def gaps(self, since: float) -> list[float]:
-        """Of each robot that stood after `since`, the seconds from `since` to the end of its last standing."""
+    def silences(self, since: float) -> list[float]:
+        """Of each robot that was silent after `since`, the seconds from `since` to the end of its last silence."""
         with self.changed:
-            found = []
-            for moved in self.moved.values():
-                ends = [end - since for begin, end in pairwise(moved) if end > since and end - begin > _STANDS]
-                found += ends[:1]
-            return found
+            ends = [_ends(commanded, since) for commanded in self.commanded.values()]
+        return [each[-1] for each in ends if each]
+
+    def standstill(self, since: float) -> float:
+        """The seconds from `since` to the end of the last standstill of all robots; 0 without one."""
+        with self.changed:
+            ends = _ends(sorted(moment for moved in self.moved.values() for moment in moved), since)
+        return ends[-1] if ends else 0.0
+
+
+def _ends(moments: Sequence[float], since: float) -> list[float]:
+    """Ends of the silences between these moments, in seconds from `since`."""
+    return [end - since for begin, end in pairwise(moments) if end > since and end - begin > _SILENT]
 
 
 class _Launch:
@@ -182,14 +200,20 @@ def _measure(fault: str, arguments: Sequence[str]) -> Recovery:
         motion.wait_for_all(begin + max(back or 0.0, 1.0))
         # What follows late would show up here.
         pause(1.0)
-        gaps = motion.gaps(begin)
-    return Recovery(fault, back, len(gaps), max(gaps, default=0.0))
+        silences = motion.silences(begin)
+        return Recovery(fault, back, len(silences), max(silences, default=0.0), motion.standstill(begin))
 
 
 def format_recovery(found: Sequence[Recovery]) -> str:
     """One row a fault."""
     rows = [
-        (row.fault, "-" if row.back is None else f"{row.back:.1f} s", str(row.stood), f"{row.drives:.2f} s")
+        (
+            row.fault,
+            "-" if row.back is None else f"{row.back:.1f} s",
+            str(row.stood),
+            f"{row.commanded:.2f} s",
+            f"{row.moves:.2f} s",
+        )
         for row in found
     ]
-    return format_table(("killed", "back after", "robots that stood", "all drive after"), rows)
+    return format_table(("killed", "back after", "robots that stood", "all commanded after", "moves after"), rows)
