@@ -30,6 +30,9 @@ LIMIT = 30.0
 _FREEZE = 5.0
 _SILENT = 0.25
 """Host seconds without a command from which on a robot stands: the simulator obeys the last one for 0.2."""
+_LATEST = 1.0
+"""Host seconds after the fault, or until the process is back, in which a silence begins that follows from it: a robot
+stops after 0.75 s without the aggregator."""
 _MOVES = 0.01
 """m/s or rad/s."""
 _ROBOTS = 4
@@ -79,22 +82,23 @@ class _Motion:
                 standing = [i for i, moved in self.moved.items() if not moved or moved[-1] <= since]
                 raise ZteamError(f"robots {standing} do not drive within {LIMIT:g} s")
 
-    def silences(self, since: float) -> list[float]:
-        """Of each robot that was silent after `since`, the seconds from `since` to the end of its last silence."""
+    def silences(self, since: float, until: float) -> list[float]:
+        """Of each robot with a silence between `since` and `until`, the seconds from `since` to the end of the last."""
         with self.changed:
-            ends = [_ends(commanded, since) for commanded in self.commanded.values()]
+            ends = [_ends(commanded, since, until) for commanded in self.commanded.values()]
         return [each[-1] for each in ends if each]
 
-    def standstill(self, since: float) -> float:
-        """The seconds from `since` to the end of the last standstill of all robots; 0 without one."""
+    def standstill(self, since: float, until: float) -> float:
+        """In the same way, the seconds to the end of the last standstill of all robots; 0 without one."""
         with self.changed:
-            ends = _ends(sorted(moment for moved in self.moved.values() for moment in moved), since)
-        return ends[-1] if ends else 0.0
+            moments = sorted(moment for moved in self.moved.values() for moment in moved)
+        return max(_ends(moments, since, until), default=0.0)
 
 
-def _ends(moments: Sequence[float], since: float) -> list[float]:
-    """Ends of the silences between these moments, in seconds from `since`."""
-    return [end - since for begin, end in pairwise(moments) if end > since and end - begin > _SILENT]
+def _ends(moments: Sequence[float], since: float, until: float) -> list[float]:
+    """Ends of the silences between these moments that reach into the time from `since` to `until`."""
+    silences = [(begin, end) for begin, end in pairwise(moments) if end - begin > _SILENT]
+    return [end - since for begin, end in silences if end > since and begin < until]
 
 
 class _Launch:
@@ -197,11 +201,11 @@ def _measure(fault: str, arguments: Sequence[str]) -> Recovery:
         launch.wait_for("the view is at")
         motion.wait_for_all(monotonic() + 1.0)
         begin, back = _inflict(fault, launch, bus)
-        motion.wait_for_all(begin + max(back or 0.0, 1.0))
-        # What follows late would show up here.
-        pause(1.0)
-        silences = motion.silences(begin)
-        return Recovery(fault, back, len(silences), max(silences, default=0.0), motion.standstill(begin))
+        # Later silences are chance: the machine may be busy.
+        until = begin + max(back or 0.0, _LATEST)
+        motion.wait_for_all(until + _LATEST)
+        silences, standstill = motion.silences(begin, until), motion.standstill(begin, until)
+        return Recovery(fault, back, len(silences), max(silences, default=0.0), standstill)
 
 
 def format_recovery(found: Sequence[Recovery]) -> str:

@@ -81,13 +81,13 @@ class Pretend:
         run = ProcessRun(
             launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
         )
-        start = run.supervisor.start
+        start = run.supervisor.start_job
 
         def keep(*arguments: Any) -> Process:
             self._started.append(start(*arguments))
             return self._started[-1]
 
-        run.supervisor.start = keep  # type: ignore[method-assign]
+        run.supervisor.start_job = keep  # type: ignore[method-assign]
         return run
 
     def tidy(self) -> None:
