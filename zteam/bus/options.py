@@ -196,8 +196,8 @@ def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
     try:
         return zenoh.open(config)
     finally:
-        # It is read once; a child process makes its own choice.
-        del os.environ[RUNTIME_VARIABLE]
+        # It is read once; a child process makes its own choice. Another thread may have opened a session meanwhile.
+        os.environ.pop(RUNTIME_VARIABLE, None)
 
 
 def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session | None:

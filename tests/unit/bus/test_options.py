@@ -1,10 +1,20 @@
 """The connection options that the environment gives: certificates."""
 
+import os
 from pathlib import Path
 
 import pytest
 
-from zteam.bus.options import TLS_VARIABLES, BusOptions, RouterOptions, TlsFiles, client_config, router_config
+from zteam.bus.options import (
+    RUNTIME_VARIABLE,
+    TLS_VARIABLES,
+    BusOptions,
+    RouterOptions,
+    TlsFiles,
+    client_config,
+    open_session,
+    router_config,
+)
 from zteam.errors import UsageError
 
 
@@ -51,3 +61,12 @@ def test_another_protocol_is_a_mistake(files: TlsFiles, endpoint: str) -> None:
     """Zenoh would only not find the router."""
     with pytest.raises(UsageError, match=r"with ZTEAM_TLS_CA it must be tls/10\.0\.0\.1:7447"):
         client_config(BusOptions(connect=endpoint, tls=files))
+
+
+def test_two_threads_may_open_sessions_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each sets the runtime of the process and takes it back: the one that finds it taken back has no error."""
+    monkeypatch.delenv(RUNTIME_VARIABLE, raising=False)
+    # The other thread's end comes while this one opens.
+    monkeypatch.setattr("zenoh.open", lambda _config: os.environ.pop(RUNTIME_VARIABLE))
+    assert open_session(client_config(BusOptions()), "usual")
+    assert RUNTIME_VARIABLE not in os.environ
