@@ -8,7 +8,7 @@ from zteam.bus.transport import RawSample
 from zteam.clock import monotonic
 
 LATE = 0.5
-"""Host seconds from which on a command is too old to be obeyed, as other old data is."""
+"""Host seconds from which on a message is too old to act on, as other old data is."""
 CLOCKS_APART = 1.0
 """Seconds that the clocks of hosts may differ: a session whose quickest message took longer has a slow link."""
 _LONGEST_LINK = 10.0
@@ -36,6 +36,7 @@ class Lateness:
         return delay - apart
 
     def problem(self, sample: RawSample) -> str:
-        """Why a command is not obeyed that has just come; empty if it is in time."""
-        late = self.measure(sample.source, sample.delay, monotonic())
-        return f"it came {late:.1f} s late: its link is slow, or was cut" if late > LATE else ""
+        """Why a message that has just come is too old to act on; empty if it is in time."""
+        is_late = self.measure(sample.source, sample.delay, monotonic()) > LATE
+        # The same text each time: the log repeats it ever less often.
+        return f"it came more than {LATE:g} s late: its link is slow, or was cut" if is_late else ""

@@ -45,12 +45,12 @@ def test_sessions_are_measured_each_by_itself() -> None:
     assert len(lateness._quickest) <= 4096
 
 
-def test_a_late_command_is_named_with_its_lateness() -> None:
+def test_a_late_command_is_named() -> None:
     """One without a stamp has no delay: it is in time."""
     lateness = Lateness()
     on_time, late = (RawSample("robot_1/cmd_vel", b"", "", 1, "a", delay) for delay in (0.0, 1.6))
     assert [lateness.problem(sample) for sample in (on_time, late)] == [
         "",
-        "it came 1.6 s late: its link is slow, or was cut",
+        "it came more than 0.5 s late: its link is slow, or was cut",
     ]
     assert not lateness.problem(RawSample("robot_1/cmd_vel", b"", ""))

@@ -144,7 +144,7 @@ class RobotNode:
         self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team)
         self._heartbeat = Every(_HEARTBEAT)
         self._lateness = Lateness()
-        """Of velocities that others send."""
+        """Of scans, and of velocities that others send."""
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self._alive: TokenSet | None = None
@@ -164,7 +164,7 @@ class RobotNode:
 
     def _subscribe(self) -> None:
         node, key, numbers = self._node, partial(names.robot_key, self._id), count()
-        node.subscribe(key(names.BASE_SCAN), LaserScan, self._on_scan)
+        node.subscribe_from(key(names.BASE_SCAN), LaserScan, self._on_scan, self._lateness_of_scan)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.subscribe(key(names.ODOM), Odometry, partial(self._on_input, self._inputs.take_odom))
@@ -186,13 +186,17 @@ class RobotNode:
         """Why a velocity comes too late to be obeyed; empty if it does not. In lock-step the world waits."""
         return "" if self._part.active else self._lateness.problem(sample)
 
+    def _lateness_of_scan(self, sample: RawSample) -> str:
+        """As of velocities: simulated time comes over the same link, so it cannot tell. A base's scan has the host's."""
+        return self._lateness_of(sample) if self._node.clock.simulated else ""
+
     def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
         with self._node.changed:
             return CancelReply(self._driver.behavior.cancel_goal())
 
     # Inputs
 
-    def _on_scan(self, _key: str, scan: LaserScan) -> None:
+    def _on_scan(self, _key: str, scan: LaserScan, _source: str) -> None:
         self._inputs.take_scan(scan)
         self._part.take_stamp(self._inputs.scan_stamp)
         self._first_data = self._first_data or monotonic()
