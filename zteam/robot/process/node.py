@@ -187,7 +187,7 @@ class RobotNode:
         return "" if self._part.active else self._lateness.problem(sample)
 
     def _lateness_of_scan(self, sample: RawSample) -> str:
-        """As of velocities: simulated time comes over the same link, so it cannot tell. A base's scan has the host's."""
+        """As of velocities: simulated time, which comes over the same link, cannot tell. A base has the host's time."""
         return self._lateness_of(sample) if self._node.clock.simulated else ""
 
     def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
