@@ -75,6 +75,10 @@ BASE_LASER_LINK = "base_laser_link"
 
 # `robot_*` is not a valid key expression.
 ALL_ROBOTS = "robot_$*"
+KEYS_WITHOUT_MAPS = tuple(
+    f"**/{key}" for key in (f"{ALL_ROBOTS}/*", f"{SIMULATOR}/*", CLOCK, DONE, TF, TF_STATIC, TEAM_STATUS)
+)
+"""In all namespaces: keys on which large messages are a mistake. A robot's costmaps have one chunk more."""
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
 _BASE = "base_"

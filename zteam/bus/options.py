@@ -13,7 +13,7 @@ import zenoh
 from zteam.clock import HOST_FACTOR, factor_from
 from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError
-from zteam.names import service_key
+from zteam.names import KEYS_WITHOUT_MAPS, service_key
 from zteam.version import __version__
 
 log = logging.getLogger("zteam.bus")
@@ -224,6 +224,9 @@ def _build(config: str | None, settings: dict[str, Any]) -> zenoh.Config:
     return built
 
 
+_MAX_MESSAGE = 65 * 1024 * 1024
+"""Bytes of a message: a little more than MAX_PAYLOAD of `transport.py`, which the router does not import."""
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     # Opening a session waits this long for others even with scouting off.
@@ -231,6 +234,8 @@ _COMMON: dict[str, Any] = {
     "transport/shared_memory/enabled": False,
     # The default of 2 batches loses messages in bursts; 16 lost none in 76,000 ticks of 20 robots.
     "transport/link/tx/queue/size/data": 16,
+    # A larger one is refused anyway; the default of 1 GB would be held in memory first.
+    "transport/link/rx/max_message_size": _MAX_MESSAGE,
     # Zenoh's own time stamps need clocks that agree (`stamps.py`).
     "timestamping/enabled": False,
 }
@@ -257,6 +262,32 @@ def client_config(options: BusOptions) -> zenoh.Config:
     if options.namespace:
         settings["namespace"] = options.namespace
     return _build(options.config, settings)
+
+
+_NEVER_BLOCK = [
+    {
+        "id": "never_block",
+        "messages": ["put", "delete"],
+        "key_exprs": ["**"],
+        "flows": ["ingress"],
+        "overwrite": {"congestion_control": "drop"},
+    }
+]
+"""What a sender marks with BLOCK would hold a thread of the router until the slowest receiver has room, and with it the
+messages and signs of life of all sessions."""
+
+
+_NO_LARGE_ONES = [
+    {
+        "id": "no_large_ones",
+        "messages": ["put"],
+        "key_exprs": list(KEYS_WITHOUT_MAPS),
+        "flows": ["ingress"],
+        "size_limit": 16 * 1024 * 1024,
+    }
+]
+"""Bytes of a message on a key that carries no map: an image of 1920 x 1080 has 6 MB. Receivers would hold the pieces
+of a larger one until the last has come."""
 
 
 class RouterOptions(msgspec.Struct, frozen=True):
@@ -292,6 +323,8 @@ def router_config(options: RouterOptions) -> zenoh.Config:
             "transport/unicast/open_timeout": 700,
             # With the default of 100, a few hundred connections that say nothing keep all others out.
             "transport/unicast/accept_pending": 1000,
+            "qos/network": _NEVER_BLOCK,
+            "low_pass_filter": _NO_LARGE_ONES,
             "adminspace/enabled": True,
             "metadata": {"name": "zteam-router", "uid": os.getuid(), "pid": os.getpid(), "version": __version__},
             **(tls.settings if tls is not None else {}),

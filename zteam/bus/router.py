@@ -46,6 +46,22 @@ class RouterMetadata(msgspec.Struct):
     pid: int | None = None
 
 
+class RouterLink(msgspec.Struct):
+    """A connection of a session; `dst` is the session's end, such as tcp/127.0.0.1:33004."""
+
+    dst: str = ""
+
+
+class RouterSession(msgspec.Struct):
+    """A session at a router."""
+
+    peer: str = ""
+    """Its id."""
+    whatami: str = ""
+    """client, peer or router."""
+    links: list[RouterLink] = msgspec.field(default_factory=list)
+
+
 class RouterRecord(msgspec.Struct):
     """What a router says of itself in Zenoh's admin space; one that is not zteam's has no metadata."""
 
@@ -53,9 +69,10 @@ class RouterRecord(msgspec.Struct):
     locators: list[str] = msgspec.field(default_factory=list)
     metadata: RouterMetadata | None = None
     version: str = ""
+    sessions: list[RouterSession] = msgspec.field(default_factory=list)
 
 
-def _read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
+def read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
     for reply in session.get(f"@/{router}/router", timeout=1.0):
         if reply.ok is not None:
             try:
@@ -75,7 +92,7 @@ def read_admin(options: BusOptions) -> RouterRecord | None:
         return None
     with session:
         # Routers that are linked to it would answer too.
-        return next((_read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        return next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
 
 
 def _find_endpoint(listen: str, locators: Sequence[str]) -> str:
@@ -101,7 +118,7 @@ class Router:
         self._idle_since = monotonic()
         self._idle_exit: float | None = None
         self._session = self._open(self._config, options.listen)
-        record = _read_record(self._session, str(self._session.zid()))
+        record = read_record(self._session, str(self._session.zid()))
         locators = record.locators if record else []
         self.endpoint = _find_endpoint(options.listen[0], locators)
         # An endpoint with a host such as 0.0.0.0 stands for several, of which a locator is one.

@@ -5,8 +5,8 @@ import platform
 import sys
 import textwrap
 import threading
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Container, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
@@ -22,6 +22,7 @@ from zteam.bus.options import TlsFiles, port_accepts
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
+from zteam.bus.strangers import find_strangers
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
@@ -36,7 +37,7 @@ from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, deco
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, UnusableMessages, note, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, find_status
@@ -96,10 +97,11 @@ _MAX_ROUTERS = 32
 
 def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
-    before = find_status(bus)
+    before, begin = find_status(bus), monotonic()
     nodes = find_nodes(bus)
-    heard = _listen(bus, nodes)
-    after = find_status(bus)
+    survey, strangers = _listen(bus, nodes), find_strangers(options)
+    after, seconds = find_status(bus), monotonic() - begin
+    heard = survey.samples
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
 
@@ -109,6 +111,8 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             return "a client without time stamps (plain Zenoh)"
         return writer_names(nodes, [sample.source], sample.key)[0]
 
+    loads = survey.loads(name_of, {node.instance for node in nodes})
+    tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
@@ -125,6 +129,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
+        loads=loads,
+        tick_rate=tick_rate,
+        strangers=strangers,
         clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
@@ -132,26 +139,71 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     )
 
 
-def _listen(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[RawSample]]:
-    """Listen to all keys, latched ones included, until every robot that answers has told its status.
+class _Survey:
+    """What was heard on all keys within a while. The bus's thread calls `take`."""
 
-    The newest sample of each session, by key.
-    """
-    heard: dict[str, dict[str, RawSample]] = defaultdict(dict)
-    lock, waiter = threading.Lock(), Waiter()
+    def __init__(self) -> None:
+        self._newest: dict[str, dict[str, RawSample]] = defaultdict(dict)
+        self._counts: dict[str, Counter[str]] = defaultdict(Counter)
+        """Messages by key, of each session."""
+        self._sizes = Counter[str]()
+        """Bytes of each session."""
+        self._begin = monotonic()
+        self._seconds = 0.0
+
+    def take(self, sample: RawSample) -> None:
+        """A message has come."""
+        self._newest[sample.key][sample.source] = sample
+        self._counts[sample.source][sample.key] += 1
+        self._sizes[sample.source] += len(sample.payload)
+        self._seconds = monotonic() - self._begin
+
+    def has(self, keys: Set[str]) -> bool:
+        """Whether something came on all these keys."""
+        return keys <= self._newest.keys()
+
+    @property
+    def samples(self) -> dict[str, list[RawSample]]:
+        """The newest sample of each session, by key."""
+        return {key: list(by.values()) for key, by in sorted(self._newest.items())}
+
+    def loads(self, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
+        """What each session sends; `known` are those of the team's processes."""
+        found = []
+        for session, counts in self._counts.items():
+            key, most = counts.most_common(1)[0]
+            # A latched message came at once, and is one that was sent long ago.
+            per_second = 1.0 / max(SURVEY, self._seconds)
+            found.append(
+                Load(
+                    writer=name_of(self._newest[key][session]),
+                    known=session in known,
+                    key=key,
+                    rate=most * per_second,
+                    total_rate=counts.total() * per_second,
+                    keys=len(counts),
+                    bytes_rate=self._sizes[session] * per_second,
+                )
+            )
+        return found
+
+
+def _listen(bus: Bus, nodes: list[ProcessInfo]) -> _Survey:
+    """Listen to all keys, latched ones included, until every robot that answers has told its status."""
+    survey, lock, waiter = _Survey(), threading.Lock(), Waiter()
     robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
 
     def take(sample: RawSample) -> None:
         with lock:
-            heard[sample.key][sample.source] = sample
+            survey.take(sample)
         waiter.notify()
 
     with closing(bus.subscribe_raw("**", take, latched=True)):
         waiter.wait(lambda: False, SURVEY, "")
-        waiter.wait(lambda: due <= heard.keys(), LONGER, "")
+        waiter.wait(lambda: survey.has(due), LONGER, "")
     with lock:
-        return {key: list(by.values()) for key, by in sorted(heard.items())}
+        return survey
 
 
 def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
