@@ -90,6 +90,13 @@ def test_too_little_memory_is_one_line(error: BaseException, reason: str) -> Non
     assert "\n" not in text
 
 
+@pytest.mark.parametrize("text", ["[Errno 24] Too many open files", "x.so: Too many open files", "Failed to init tx"])
+def test_too_few_descriptors_are_one_line(text: str) -> None:
+    """The line names the limit of open files."""
+    assert shortage_text(BaseException(text)).startswith("the system gives no more open files")
+    assert "'ulimit -n'" in shortage_text(BaseException(text))
+
+
 def test_another_error_is_no_shortage() -> None:
     """Its traceback is needed."""
     assert shortage_text(RuntimeError("no way")) == ""

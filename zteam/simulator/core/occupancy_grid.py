@@ -46,7 +46,8 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
 
 def map_metadata(world: World, resolution: float) -> MapMetaData:
     """Origin and size of the map of everything that stands still. Raises UsageError for more than MAX_CELLS."""
-    corners = [robot.pose[:2] for robot in world.robots]
+    # A world may be empty: its robots come later.
+    corners = [robot.pose[:2] for robot in world.robots] or [(0.0, 0.0)]
     low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
     if columns * rows > MAX_CELLS:

@@ -14,6 +14,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
+from zteam.node.faults import shortage_text
 from zteam.team.launch.process import Process, StartChild, exit_text, spawn
 
 log = logging.getLogger("zteam")
@@ -247,7 +248,8 @@ class Supervisor:
                 start_child=self._start_child,
             )
         except OSError as error:
-            raise ZteamError(f"{name}: cannot start {job.command[0]}: {error.strerror or error}") from None
+            reason = shortage_text(error) or error.strerror or error
+            raise ZteamError(f"{name}: cannot start {job.command[0]}: {reason}") from None
         if job.words:
             process.write_line(job.words, last=False)
         if name in self._told:

@@ -95,3 +95,9 @@ def test_the_metadata_is_that_of_the_message() -> None:
     info = map_metadata(World("w", 100_000_000, (), (make_box("box", 2.0, 1.0),), (make_robot(),)), 0.07)
     assert (info.width, info.height, info.resolution) == (6, 6, 0.07)
     assert (info.origin.position.x, info.origin.position.y) == pytest.approx((1.8, 0.8))
+
+
+def test_an_empty_world_has_a_map() -> None:
+    """A world without robots and models, whose robots come later, has a map of one cell."""
+    grid = map_message(World("w", 100_000_000, (), (), ()), 0.1)
+    assert (grid.info.width, grid.info.height, grid.data.tolist()) == (1, 1, [0])

@@ -1,0 +1,168 @@
+"""A team of all kinds of processes, and a sender that means harm: every key and every query, payload by payload."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+from hypothesis import given, seed
+from hypothesis import strategies as st
+
+from support.examples import examples
+from support.hostile import expanded, listed, payloads_of, requests
+from zteam import names
+from zteam.bus.options import BusOptions, client_config
+from zteam.bus.presence import ProcessInfo
+from zteam.bus.receiving import KeyCount
+from zteam.errors import BusError, DecodeError
+from zteam.messages import decode
+from zteam.messages.topics import type_of_key
+from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.map_files import write_map
+from zteam.simulator.client import SimStatus, StepRequest
+from zteam.team.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+log = logging.getLogger("hostile")
+TEAM = """
+[team]
+world = "arena"
+map = "hall.yaml"
+[[robots]]
+id = 0
+behavior = "wander"
+[[robots]]
+id = 1
+navigation = {localizer = "fake"}
+"""
+PROCESSES = ["sim", "map", "tf", "monitor", "robot_0", "robot_1", "nav_1", "view"]
+ROBOTS = [0, 1, 9]
+"""One of them is not there."""
+GROWTH = 40
+"""MB by which a process may grow."""
+_ROUNDS = 2
+"""The first one lets each process have whatever it keeps of a hostile sender."""
+_CHUNK = 20
+"""Payloads between two questions to all processes."""
+
+
+def memory(pid: int) -> int:
+    """MB of a process."""
+    return int(Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0]) // 1024
+
+
+class Sender:
+    """Sends payloads to a running team, and lets the world go on between them."""
+
+    def __init__(self, team: TeamFixture, session: zenoh.Session) -> None:
+        self.team, self._session = team, session
+        self.sent, self.undecodable = Counter[str](), Counter[str]()
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Publish it."""
+        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+        kind = type_of_key(key)
+        try:
+            decode(kind, payload) if kind else None
+        except DecodeError:
+            self.undecodable[key] += 1
+        self._count(key)
+
+    def ask(self, key: str, payload: bytes) -> None:
+        """Ask with it. An answer may take its time, and is not waited for."""
+        self._session.get(key, lambda _: None, payload=payload, timeout=5.0)
+        self._count(key)
+
+    def _count(self, key: str) -> None:
+        self.sent[key] += 1
+        if self.sent.total() % _CHUNK == 0:
+            self.check()
+
+    def subscribed(self) -> list[str]:
+        """The keys to which the processes subscribe."""
+        told = [each.key for each in self.team.bus.declarations() if not each.publishes]
+        return [key for key_expr in told for key in names.keys_in(key_expr, ROBOTS) if type_of_key(key)]
+
+    def check(self) -> None:
+        """All processes answer."""
+        step = StepRequest(ticks=1, wait=False)
+        with suppress(BusError):
+            self.team.bus.query(names.service_key(names.SIMULATOR, "step"), SimStatus, step, timeout=20.0)
+        told = [info.name for _, info in self.team.bus.query(names.info_key("*"), ProcessInfo, timeout=20.0)]
+        assert {*told} >= {*PROCESSES}, told
+
+    def restores(self) -> bool:
+        """Whether the world could be put back to its start, at rest."""
+        try:
+            self.team.sim.set_speed(None)
+            self.team.sim.pause()
+            self.team.sim.reset()
+        except BusError as error:
+            log.info("%s", error)
+            return False
+        return True
+
+    def refused(self, name: str) -> dict[str, int]:
+        """The payloads that a process has refused, by key."""
+        stats = self.team.bus.ask(names.stats_key(name), dict[str, KeyCount], timeout=20.0)
+        return {key: count.dropped for key, count in stats.items()}
+
+
+@pytest.fixture
+def sender(team: TeamFixture, tmp_path: Path) -> Iterator[Sender]:
+    """The sender, and its running team."""
+    write_map(make_map(np.zeros((200, 200), np.int8), 0.05), tmp_path / "hall.yaml")
+    path = tmp_path / "team.toml"
+    path.write_text(TEAM)
+    team.launch(path)
+    team.spawn("zteam-view", "--port", "0", "--no-browser", "--name", names.VIEW, name=names.VIEW)
+    team.wait_for_processes(*PROCESSES)
+    team.wait_for_go()
+    session = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
+    yield Sender(team, session)
+    session.close()  # type: ignore[no-untyped-call]
+
+
+def flood(act: Callable[[str, bytes], None], key: str, payloads: st.SearchStrategy[bytes], number: int) -> None:
+    """Some payloads on one key; `number` chooses them."""
+    drawn = list[bytes]()
+
+    @seed(number)
+    @examples(3)
+    @given(payloads)
+    def draw(payload: bytes) -> None:
+        drawn.append(payload)
+
+    draw()
+    # The first one that hypothesis draws is always the simplest.
+    for payload in drawn[1:]:
+        act(key, payload)
+
+
+def test_hostile_payloads_do_no_harm(sender: Sender) -> None:
+    """On every key and query: all processes live, answer, count what they refuse, keep their size, and still drive."""
+    team = sender.team
+    keys = expanded([*listed("Keys"), *sender.subscribed()], PROCESSES, ROBOTS)
+    queries = [*expanded(listed("Queries"), [*PROCESSES, names.LAUNCHER], ROBOTS), "**"]
+    floods = [(sender.put, key, payloads_of(key)) for key in keys] + [(sender.ask, key, requests()) for key in queries]
+    pids, sizes = {name: team.pid(name) for name in PROCESSES}, dict[str, int]()
+    for number, flood_of_key in enumerate(_ROUNDS * floods):
+        if number == len(floods):
+            sizes = {name: memory(pid) for name, pid in pids.items()}
+        flood(*flood_of_key, number)
+    grown = {name: memory(pid) - sizes[name] for name, pid in pids.items()}
+    refused = {name: sender.refused(name) for name in PROCESSES}
+    log.info("%d payloads on %d keys and %d queries", sender.sent.total(), len(keys), len(queries))
+    log.info("refused: %s", {name: sum(counts.values()) for name, counts in refused.items()})
+    log.info("grown by MB: %s", grown)
+    sender.check()
+    assert max(grown.values()) < GROWTH
+    assert all(refused.values())
+    team.wait_for(sender.restores)
+    # Not `team.robot`: what it saw of the robots was forged as well.
+    team.until(lambda: team.report.robots[0].distance_m > 0.5, within=20)
