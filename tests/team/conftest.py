@@ -12,6 +12,9 @@ from zteam.team.testing.team import TeamFixture
 @pytest.fixture
 def outsider(team: TeamFixture) -> Iterator[zenoh.Session]:
     """A session outside the team's namespace, as a program without zteam would open it."""
-    session = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
+    config = client_config(BusOptions(connect=team.endpoint))
+    # As a plain client does whose answers count (docs/time.md).
+    config.insert_json5("timestamping/enabled", "true")
+    session = zenoh.open(config)
     yield session
     session.close()  # type: ignore[no-untyped-call]
