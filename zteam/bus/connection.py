@@ -30,6 +30,7 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
+from zteam.bus.sockets import Ends, cut, links_of
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
 from zteam.errors import BusError
@@ -61,8 +62,6 @@ _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
-_MAX_DESCRIPTORS = 4096
-"""A process of zteam has some dozens of files and connections."""
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
@@ -96,6 +95,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     transport.watch_link(LinkCheck(session, options).on_link)
     if options.tls is not None:
         _say_why_link_stays_away(transport, options)
+        transport.limit_silence(options.lease)
         return Bus(transport, partial(_is_seen, options))
     if options.connect is None:
         _keep_router_alive(transport, options)
@@ -318,7 +318,7 @@ class LinkCheck:
     def _run(self, change: int) -> None:
         failed = 0
         for _ in range(_LINK_QUESTIONS):
-            links = _links(self._session)
+            links = links_of(self._session)
             reached = self._is_reached()
             if self._changes != change or self._session.is_closed():
                 return
@@ -342,45 +342,10 @@ class LinkCheck:
             log.debug("link: %s", error)
             return None
 
-    def _replace(self, links: set[tuple[str, str]]) -> None:
+    def _replace(self, links: set[Ends]) -> None:
         if self._cuts == _LINK_CUTS:
             log.error("no query reaches this process after %d new links: start it again", _LINK_CUTS)
             return
         self._cuts += 1
         log.warning("no query reaches this process on the link that came back: opening another link")
-        _cut(links)
-
-
-def _links(session: zenoh.Session) -> set[tuple[str, str]]:
-    try:
-        return {(link.src, link.dst) for link in session.info.links()}
-    except zenoh.ZError:
-        # Closed meanwhile.
-        return set()
-
-
-def _cut(links: set[tuple[str, str]]) -> None:
-    """End TCP connections, given as Zenoh's endpoints of both ends: it offers no way to end the link of a session."""
-    wanted = {(src.partition("/")[2], dst.partition("/")[2]) for src, dst in links}
-    for descriptor in range(_MAX_DESCRIPTORS):
-        try:
-            connection = socket.socket(fileno=descriptor)
-        except OSError:
-            # No socket, or closed meanwhile.
-            continue
-        try:
-            if (_address(connection.getsockname()), _address(connection.getpeername())) in wanted:
-                connection.shutdown(socket.SHUT_RDWR)
-        except OSError as error:
-            # It is not connected.
-            log.debug("link: %s", error)
-        finally:
-            # Zenoh's own: it closes it.
-            connection.detach()
-
-
-def _address(name: object) -> str:
-    match name:
-        case (str(host), int(port), *_):
-            return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-    return ""
+        cut(links)

@@ -23,6 +23,7 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
+from zteam.bus.sockets import limit_silence
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError, UsageError
 
@@ -110,7 +111,7 @@ class Router:
 
             if fault := own_fault(options.tls):
                 raise BusError(fault)
-        self._file = options.config
+        self._file, self._lease = options.config, options.lease
         self._version = _version_of(options.config)
         self._config = router_config(options)
         self._clients: set[str] = set()
@@ -150,6 +151,7 @@ class Router:
             self._clients.clear()
             self._idle_since = monotonic()
         self._events = session.info.declare_transport_events_listener(self._on_transport, history=True)
+        self._silence = limit_silence(session, self._lease)
         if self._idle_exit is not None:
             self._serve_release(session)
         return session

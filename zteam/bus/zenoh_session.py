@@ -16,6 +16,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
+from zteam.bus.sockets import limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
 from zteam.bus.transport import (
     Closeable,
@@ -366,6 +367,10 @@ class ZenohTransport:
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)
+
+    def limit_silence(self, seconds: float) -> None:
+        """Let the system end a link over which data goes unacknowledged for so long (`sockets.py`)."""
+        Declared(limit_silence(self._session, seconds), self._declared)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         zid = str(event.transport.zid)

@@ -1,0 +1,90 @@
+"""The TCP sockets behind a session's links: Zenoh offers no way to end a link, nor to say how long it may be silent."""
+
+import logging
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+log = logging.getLogger("zteam.bus")
+
+Ends = tuple[str, str]
+"""Zenoh's endpoints of a link: this process's and the other one's."""
+
+
+def links_of(session: zenoh.Session) -> set[Ends]:
+    """The links of a session."""
+    try:
+        return {(link.src, link.dst) for link in session.info.links()}
+    except zenoh.ZError:
+        # Closed meanwhile.
+        return set()
+
+
+def cut(links: set[Ends]) -> None:
+    """End links."""
+    for connection in _find(links):
+        with _noted():
+            connection.shutdown(socket.SHUT_RDWR)
+
+
+def limit_silence(session: zenoh.Session, seconds: float) -> "zenoh.LinkEventsListener[None]":
+    """Let the system end each link of a session, now and later, over which data goes unacknowledged for so long.
+
+    Zenoh ends a link after its lease. But over TLS it first sends a goodbye, behind all that waits to be sent, and so
+    it would wait for a host that is cut off for many minutes. Systems other than Linux have no such limit.
+    """
+    option = getattr(socket, "TCP_USER_TIMEOUT", None)
+
+    def limit(event: zenoh.LinkEvent) -> None:
+        if option is not None and event.kind == zenoh.SampleKind.PUT:
+            for connection in _find({(event.link.src, event.link.dst)}):
+                with _noted():
+                    connection.setsockopt(socket.IPPROTO_TCP, option, round(seconds * 1e3))
+
+    callback: Any = zenoh.handlers.Callback(limit, indirect=False)
+    return session.info.declare_link_events_listener(callback, history=True)
+
+
+@contextmanager
+def _noted() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        # It has ended meanwhile.
+        log.debug("link: %s", error)
+
+
+def _find(links: set[Ends]) -> Iterator[socket.socket]:
+    """This process's sockets of TCP links. They are Zenoh's, which closes them."""
+    wanted = {(src.partition("/")[2], dst.partition("/")[2]) for src, dst in links}
+    descriptors: list[int] = []
+    with _noted():
+        descriptors += [int(path.name) for path in Path("/dev/fd").iterdir()]
+    for descriptor in descriptors:
+        try:
+            connection = socket.socket(fileno=descriptor)
+        except OSError:
+            # No socket, or closed meanwhile.
+            continue
+        try:
+            if _ends(connection) in wanted:
+                yield connection
+        finally:
+            connection.detach()
+
+
+def _ends(connection: socket.socket) -> Ends | None:
+    with _noted():
+        return _address(connection.getsockname()), _address(connection.getpeername())
+    return None
+
+
+def _address(name: object) -> str:
+    match name:
+        case (str(host), int(port), *_):
+            return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    return ""
