@@ -68,6 +68,8 @@ class FaultFigures(msgspec.Struct):
     violations: int
     """How often a robot moved longer than the watchdog allows."""
     restarts: dict[str, int]
+    hung: list[str]
+    """What lock-step left behind; `router` where the simulator lost its link. It makes the exit code 1."""
     crashed: list[str]
     """Processes that ended by an error or a signal that the plan did not send."""
     left_processes: list[str]
@@ -241,6 +243,7 @@ def _figures(
         round(times[-1], 3) if times else None,
         len(report.chaos.violations),
         report.restarts,
+        report.hung,
         crashed,
         left,
         files,

@@ -1,9 +1,10 @@
 """The count of a run since GO: distances, gaps, stalls, late steps, latencies; and where a tick's time goes. No bus."""
 
 import hashlib
+import itertools
 import math
 import threading
-from collections import deque
+from array import array
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -20,7 +21,7 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int_]
 
 _MAX_LATENCIES = 100_000
-"""Only the newest latencies are kept, so that the memory of a run of days does not grow."""
+"""Only the newest latencies are kept, in a place that is taken at the start: memory does not grow."""
 _FIRST_LATE_TICK = 2
 """Ticks after that of GO from which on a missing command is late. GO may arrive after the scans of two ticks, so
 before that a robot may rightly have sent no command."""
@@ -73,7 +74,9 @@ class RunStatistics:
         self._sums = np.zeros(0, _SUMS)
         self._present: tuple[int, ...] | None = None
         """The robots of the last tick; None before the first one."""
-        self._latencies: deque[float] = deque(maxlen=_MAX_LATENCIES)
+        self._latencies = array("d", bytes(8 * _MAX_LATENCIES))
+        self._places = itertools.count()
+        self._measured = 0
         self._trajectory = hashlib.sha256()
         self._started = 0.0
         self._counted = 0.0
@@ -143,7 +146,10 @@ class RunStatistics:
     def add_latency(self, seconds: float) -> None:
         """Count a command that came this long after its robot's scan was sent."""
         if self.go_stamp is not None:
-            self._latencies.append(seconds)
+            # Several threads come here.
+            place = next(self._places)
+            self._latencies[place % _MAX_LATENCIES] = seconds
+            self._measured = place + 1
 
     def add_external_command(self) -> None:
         """Count a command that did not come from the process that holds the robot's name."""
@@ -181,8 +187,7 @@ class RunStatistics:
 
     def latency(self) -> Latency:
         """Milliseconds from a robot's scan to its command."""
-        # A copy is made in one piece: commands go on coming meanwhile.
-        milliseconds = [1e3 * seconds for seconds in self._latencies.copy()]
+        milliseconds = [1e3 * seconds for seconds in self._latencies[: self._measured]]
         return Latency(percentile(milliseconds, 0.5), percentile(milliseconds, 0.99), len(milliseconds))
 
 

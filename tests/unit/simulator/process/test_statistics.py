@@ -186,18 +186,16 @@ def test_a_gap_that_was_never_measured_is_none() -> None:
     assert not any(math.isnan(robot.distance_m) for robot in statistics.robots())
 
 
-def test_commands_may_come_while_latencies_are_counted() -> None:
-    """The report is made on the thread of queries, and commands come on another."""
-
-    class Interrupted(float):
-        def __rmul__(self, factor: float) -> float:
-            statistics.add_latency(0.2)
-            return factor * float(self)
-
+def test_only_the_newest_latencies_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long run forgets the first ones, and takes no more memory for those that come."""
+    monkeypatch.setattr("zteam.simulator.process.statistics._MAX_LATENCIES", 3)
     statistics = started()
-    statistics.add_latency(Interrupted(0.1))
-    assert statistics.latency() == Latency(100.0, 100.0, 1)
+    for seconds in (0.9, 0.1):
+        statistics.add_latency(seconds)
     assert statistics.latency().count == 2
+    for seconds in (0.2, 0.3):
+        statistics.add_latency(seconds)
+    assert statistics.latency() == Latency(200.0, 300.0, 3)
 
 
 @pytest.fixture
