@@ -14,7 +14,7 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 
 if TYPE_CHECKING:
     from zteam.bus import Bus
@@ -96,9 +96,11 @@ def _work(args: argparse.Namespace) -> int:
             means_on_bus(bus, options, lockstep=lockstep),
             say=lambda line: print(line, file=sys.stderr, flush=True),
         )
+    problem = report.faults[0].problem if args.fault is not None and report.faults else ""
+    if problem and not report.violations:
+        raise ZteamError(problem)
     print_report(report, as_json=args.json)
-    refused = [each.problem for each in report.faults if each.problem]
-    return 1 if report.violations or (refused and len(report.faults) == 1) else 0
+    return 1 if report.violations else 0
 
 
 def _processes(bus: "Bus") -> list[str]:

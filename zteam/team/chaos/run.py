@@ -59,8 +59,10 @@ class ChaosReport(msgspec.Struct):
 class _Watched:
     """A fault that has begun, and what it takes to see its end."""
 
-    def __init__(self, fault: Fault, observer: Observer, stroke: Stroke | None) -> None:
-        self.fault, self.stroke = fault, stroke
+    def __init__(self, fault: Fault, observer: Observer, *, planned: bool) -> None:
+        self.fault = fault
+        self.stroke: Stroke | None = None
+        """None for a fault that the simulator knows already."""
         self.outcome = Outcome(round(observer.elapsed, 3), fault.fault, fault.name, fault.lasts)
         self._observer = observer
         self._before = observer.instances(fault.name)
@@ -68,8 +70,10 @@ class _Watched:
         # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
         is_robot = names.robot_id_of(fault.name) is not None
         self._drove = [name for name in drove if name == fault.name] if is_robot else drove
-        self._began = observer.now
-        self._elapsed_end = observer.elapsed + fault.lasts
+        # This process hears of it later than the simulator, whose plan counts from GO.
+        late = observer.elapsed - fault.at if planned else 0.0
+        self._began = observer.now - to_ns(late)
+        self._elapsed_end = observer.elapsed - late + fault.lasts
         self._host_end = monotonic() + fault.lasts
         self._end_stamp, self._ended_at = 0, 0.0
         self._since: dict[str, tuple[int, int]] | None = None
@@ -169,11 +173,16 @@ def carry_out(
                 outcomes.append(begun.outcome)
                 if not begun.outcome.problem:
                     (recovering if begun.fault.fault == "kill" else open_now).append(begun)
+        # What the simulator has begun meanwhile, in a fast run.
+        missed = [_Watched(fault, observer, planned=True) for fault in waiting if planned(fault)]
+        open_now += [each for each in missed if observer.reaches(each.fault.at)]
+        outcomes += [each.outcome for each in missed if each in open_now]
     finally:
         for each in open_now:
             _end(each, say)
         for each in (*open_now, *recovering):
-            each.outcome.problem = each.outcome.problem or "the run ended first"
+            if not each.has_recovered:
+                each.outcome.problem = "the run ended first"
     return ChaosReport(outcomes, list(observer.violations))
 
 
@@ -181,9 +190,10 @@ def _begin(
     fault: Fault, observer: Observer, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
 ) -> _Watched:
     told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
-    watched = _Watched(fault, observer, None)
+    is_planned = planned(fault)
+    watched = _Watched(fault, observer, planned=is_planned)
     try:
-        if not planned(fault):
+        if not is_planned:
             watched.stroke = Stroke(fault, means)
         say(f"{observer.elapsed:.1f} s: {told}")
     except ZteamError as error:

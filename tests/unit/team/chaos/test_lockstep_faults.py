@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import zteam
 from zteam.cli.up import main
 from zteam.config.fault import Fault
 from zteam.team.chaos.plan import plan_text
@@ -31,6 +32,16 @@ def test_a_plan_repeats_to_the_bit_and_each_plan_is_another_run(tmp_path: Path) 
     )
     assert pause == again == cut
     assert len({none, pause, slow}) == 3
+
+
+@pytest.mark.ci
+def test_a_run_from_python_takes_a_plan(tmp_path: Path) -> None:
+    """Its report tells when the robot stood, and that it drove on."""
+    plan = tmp_path / "plan.toml"
+    plan.write_text(plan_text([PAUSE]))
+    found = zteam.run_team("line", seconds=5.0, chaos=plan).chaos
+    assert found is not None and found.violations == []
+    assert [(each.name, each.problem) for each in found.faults] == [("robot_1", "")]
 
 
 def test_faults_that_need_processes_are_refused_in_one_process(
