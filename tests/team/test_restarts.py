@@ -15,6 +15,7 @@ from zteam.messages import RobotState, TeamState, Twist, Vector3
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
 from zteam.node.shutdown import Stop
+from zteam.simulator.client import SimulatorClient
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch import run as running
 from zteam.team.launch import supervisor as supervising
@@ -152,6 +153,9 @@ def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPa
         robots, faulty = [processes[names.robot_name(i)] for i in ROBOTS], processes[fault]
         commands = bus.publisher(names.robot_key(0, names.CMD_VEL), Twist)
         monkeypatch.setattr(supervising, "DELAYS", (1.5,))
+        # How old the messages of a session are is known from an earlier one.
+        commands.put(Twist())
+        line.wait_for(lambda: SimulatorClient(bus).report().external_commands > 0)
         for robot in robots:
             robot.signal(signal.SIGSTOP)
         faulty.signal(signal.SIGKILL if fault == ROUTER else signal.SIGSTOP)
