@@ -2,9 +2,11 @@
 
 import json
 import logging
+import select
+import socket
 import threading
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from itertools import count
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pytest
 from support.limits import LIMIT
 from support.transports import RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
-from zteam.bus.options import RouterOptions
+from zteam.bus.options import RouterOptions, host_port
 from zteam.bus.router import Router, find_local_routers, read_admin
 
 
@@ -136,3 +138,20 @@ def test_a_router_listens_at_several_endpoints_and_links_itself_to_another(tmp_p
                 far.close()
     finally:
         near.close()
+
+
+def test_connections_that_say_nothing_keep_nobody_out() -> None:
+    """A session comes in while 300 of them are open, three times as many as Zenoh takes by default."""
+    router = Router(RouterOptions(("tcp/127.0.0.1:0",)))
+    address = host_port(router.endpoint)
+    assert address is not None
+
+    def comes_in_beside_them() -> bool:
+        with ExitStack() as silent:
+            opened = [silent.enter_context(socket.create_connection(address, LIMIT)) for _ in range(300)]
+            _session(router).close()
+            # The router ends each after a while. One that it has ended has something to read.
+            return not select.select(opened, [], [], 0.0)[0]  # noqa: TID251 - it does not wait
+
+    with closing(router):
+        assert any(comes_in_beside_them() for _ in range(5))

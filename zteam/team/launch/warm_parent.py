@@ -20,7 +20,7 @@ from typing import IO
 
 import msgspec
 
-from zteam.clock import HOST_FACTOR
+from zteam.clock import HOST_FACTOR, pause
 from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
 from zteam.team.launch.process import Child, environment_of, spawn
 
@@ -151,14 +151,17 @@ class ForkedChild:
 
     def wait(self) -> int:
         """Wait until it has ended; the warm parent ends the rest of its group and releases its process id."""
-        with self._lock:
-            # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
-            descriptor = os.dup(self._descriptor) if self.returncode is None else None
+        descriptor = None
+        with self._lock, contextlib.suppress(OSError):
+            if self.returncode is None:
+                # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
+                descriptor = os.dup(self._descriptor)
         if descriptor is not None:
             _wait_for(descriptor, None)
             os.close(descriptor)
-        code = self.poll()
-        assert code is not None
+        while (code := self.poll()) is None:
+            # There was no descriptor left for the copy.
+            pause(0.1)
         return code
 
     def send_signal(self, sig: int) -> None:

@@ -1,5 +1,6 @@
 """What a warm parent forks, and what it cannot; nothing of it outlives the launcher; without it all still works."""
 
+import errno
 import os
 import resource
 import signal
@@ -131,6 +132,18 @@ def test_a_warm_parent_without_descriptors_says_so(
     assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
     resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
     assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+
+
+def test_a_child_is_waited_for_without_a_free_descriptor(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A launcher that may open no further file learns its exit code all the same."""
+
+    def refuse(_descriptor: int) -> int:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr(warm_parent.os, "dup", refuse)
+    assert Started(warm.start, lifeline, obey("raise SystemExit(7)")).finish() == 7
 
 
 def test_nothing_is_left_when_it_is_closed(warm: WarmParent, lifeline: int) -> None:
