@@ -71,6 +71,7 @@ def stands(team: TeamFixture) -> bool:
     return team.robot(1).pose == before
 
 
+@pytest.mark.real_time
 def test_old_commands_move_no_robot(team: TeamFixture) -> None:
     """With an uplink that is 1.6 s late robot_1 stands, though its commands come. On a late downlink it leaves out the
     scans, brakes and stands. On a good link it drives again."""
