@@ -1,0 +1,126 @@
+"""Teams in which each process has a certificate of its own."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from support.limits import LIMIT
+from zteam.node.kinds import ROUTER
+from zteam.team.launch.process import zteam_command
+from zteam.team.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+TEAM = """
+[team]
+world = "arena"
+
+[[robots]]
+id = 0
+behavior = "wander"
+
+[[robots]]
+id = 1
+behavior = "wander"
+
+[security.grants]
+operator = ["simulation"]
+"""
+
+
+@pytest.fixture
+def team_file(tmp_path: Path) -> Path:
+    """Two robots that wander; people's tools may pause the world."""
+    path = tmp_path / "pair.toml"
+    path.write_text(TEAM)
+    return path
+
+
+def zteam(*words: str, environment: dict[str, str], cwd: Path) -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end."""
+    return subprocess.run(
+        zteam_command("zteam", *words),
+        env={**os.environ, **environment},
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def test_a_secure_team_drives_as_a_plain_one(team_file: Path, tmp_path: Path) -> None:
+    """In lock-step to the bit; the folder is made on the way."""
+    hashes = []
+    for more in (["--secure"], ["--in-process"]):
+        done = zteam(
+            "up", str(team_file), "--lockstep", "--for", "5", "--report", "r.json", *more, environment={}, cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        report = json.loads((tmp_path / "r.json").read_text())
+        assert min(robot["distance_m"] for robot in report["robots"]) > 0.5
+        hashes.append(report["trajectory_sha256"])
+    assert hashes[0] == hashes[1]
+    assert (tmp_path / "certs" / "robot_1.pem").exists()
+
+
+def test_tools_are_let_in_with_the_certificate_that_up_prints(team_file: Path, tmp_path: Path) -> None:
+    """The doctor finds no problem, and the simulator obeys; a tool without a certificate is told what is missing."""
+    launcher = subprocess.Popen(
+        zteam_command("zteam", "up", str(team_file), "--secure", "my certs"),
+        cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        assert launcher.stdout is not None
+        told, go = "", False
+        for line in launcher.stdout:
+            told = line.partition("export ")[2].strip() or told
+            go = go or "All robots GO!" in line
+            if told and go:
+                break
+        # As a shell reads it.
+        shown = subprocess.run(["bash", "-c", f"export {told}; env -0"], capture_output=True, text=True, check=True)
+        environment = dict(pair.split("=", 1) for pair in shown.stdout.split("\0") if pair.startswith("ZTEAM_"))
+        endpoint = environment.setdefault("ZTEAM_CONNECT", "tls/127.0.0.1:7447")
+        done = zteam("doctor", "--json", environment=environment, cwd=tmp_path)
+        found = {row["what"]: row for row in json.loads(done.stdout)}
+        assert done.returncode == 0, found
+        assert found["certificate"]["text"].startswith("operator.1, valid for ")
+        assert zteam("sim", "pause", environment=environment, cwd=tmp_path).returncode == 0
+        outside = zteam("node", "list", "--connect", endpoint.replace("tls/", "tcp/"), environment={}, cwd=tmp_path)
+        assert outside.returncode == 1
+        assert "takes TLS only" in outside.stderr
+    finally:
+        launcher.terminate()
+        launcher.communicate(timeout=LIMIT)
+    assert launcher.returncode == 0
+
+
+@pytest.mark.real_time
+def test_a_revoked_robot_is_out(team: TeamFixture, team_file: Path, tmp_path: Path) -> None:
+    """Its wheels stand and it is not heard, while the other drives on; its next certificate lets it in again."""
+
+    def certs(verb: str) -> None:
+        done = zteam("certs", verb, "robot_1", environment={}, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+
+    team.launch(team_file, lockstep=False, secure=tmp_path / "certs")
+    team.wait_for_go()
+    team.until(lambda: team.robot(1).speed > 0.1, within=LIMIT)
+    team.expect_end("robot_1")
+    certs("revoke")
+    team.wait_for_line(ROUTER, "the router has taken it")
+    team.until(lambda: not team.alive("robot_1") and team.alive("robot_0"), within=LIMIT)
+    # Many times what the watchdog and the brakes take.
+    team.run(1.0)
+    heard, place, other = team.robot(1).commands, team.robot(1).pose, team.robot(0).pose
+    team.until(lambda: team.robot(0).pose != other, within=LIMIT)
+    team.run(0.5)
+    assert (team.robot(1).commands, team.robot(1).pose) == (heard, place)
+    certs("issue")
+    team.restart("robot_1")
+    team.until(lambda: team.robot(1).pose != place, within=LIMIT)
