@@ -22,6 +22,7 @@ from studies.navigation.tables import format_navigation
 from studies.navigation.team_rows import TEAM_ROWS
 from studies.recovery import ROWS as FAULTS
 from studies.recovery import format_recovery, measure_recovery
+from studies.secure import format_secure, measure_secure
 from studies.steps import format_steps, measure_steps
 from studies.study import command as lines
 from studies.view.figures import PARTS, measure_view
@@ -219,6 +220,19 @@ def _lines(args: argparse.Namespace) -> Shown:
     return found, lines.format_study(found)
 
 
+def _add_secure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--seconds", type=number(3.0, 600.0, "simulated seconds"), default=60.0, metavar="S", help="of each run"
+    )
+    parser.add_argument("--rounds", type=whole(1, 100, "rounds"), default=4, metavar="N")
+
+
+def _secure(args: argparse.Namespace) -> Shown:
+    with _live() as say:
+        found = measure_secure(args.seconds, args.rounds, say)
+    return found, format_secure(found)
+
+
 STUDIES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], Shown]]] = {
     "lines": ("lines from many seeds: how well they hold and drive", lines.add_study, _lines),
     "robots": ("how well robots follow each other, and hold formations", _add_robots, _robots),
@@ -228,6 +242,7 @@ STUDIES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], Callabl
     "floor": ("a team in lock-step beside bare Zenoh with the same messages", _add_floor, _floor),
     "hops": ("the steps of a tick, each alone", _add_size, _hops),
     "recovery": ("a team whose processes are killed, each in turn", _add_recovery, _recovery),
+    "secure": ("certificates: their cost, and how soon a revoked robot is out", _add_secure, _secure),
     "steps": ("a robot's step: velocity mux, behaviour and safety layer, scene by scene", _add_steps, _steps),
 }
 """By name: what it measures, its options, and what runs it."""
