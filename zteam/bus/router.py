@@ -37,6 +37,8 @@ _RELEASE_DEADLINE = 5.0
 """Seconds until a router that gives its port up must have ended."""
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
+_OPEN_TRIES = 20
+"""Before a router that was closed for new settings gives up."""
 
 
 class RouterMetadata(msgspec.Struct):
@@ -180,9 +182,19 @@ class Router:
             self._session, self._config = self._open(config, self._options.listen), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open(self._config, self._options.listen)
+            self._session = self._open_again()
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
+
+    def _open_again(self) -> zenoh.Session:
+        """With the settings it had. Its certificate may be about to be replaced, and its key fit in a moment only."""
+        for _ in range(_OPEN_TRIES):
+            try:
+                return self._open(self._config, self._options.listen)
+            except BusError as error:
+                log.debug("%s", error)
+                pause(_CONFIG_PERIOD)
+        return self._open(self._config, self._options.listen)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         zid = str(event.transport.zid)

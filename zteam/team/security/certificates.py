@@ -1,8 +1,8 @@
 """A team's authority and its certificates: one folder of files (docs/security.md#certificates).
 
 The common name of a certificate is NAME.SERIAL. The router lets in those that `access.json5` lists, so a certificate is
-taken back by writing that file anew. Every file is replaced as a whole, and `index.json` first: an interruption leaves
-a certificate that the index knows and the folder lacks, which counts as missing.
+taken back by writing that file anew. Every file is replaced as a whole, `index.json` first and `access.json5` last: an
+interruption leaves a certificate that the index knows and the folder lacks, which counts as missing.
 """
 
 import fcntl
@@ -166,13 +166,13 @@ class Authority:
         builder = _builder(name, name, key, expires, is_authority=True)
         self._write(CA_KEY, _key_bytes(key))
         self._write(CA, _signed(builder, key))
-        self._save()
+        self._save_index()
         return expires
 
     def take_team(self, team: str, rights: Mapping[str, Rights], namespace: str) -> None:
         """The rights of each certificate are those of this team; those of other names end."""
         self.index.team, self.index.rights, self.index.namespace = team, dict(rights), namespace
-        self._save()
+        self._save_index()
 
     def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
         """The next certificate of each name; none of them outlives the authority. Raises ZteamError."""
@@ -187,7 +187,7 @@ class Authority:
             found.append(Issued(len(earlier) + 1, expires, tuple(hosts)))
             earlier.append(found[-1])
         # Before the files: a certificate in the folder is one that the index knows.
-        self._save()
+        self._save_index()
         for name, issued in zip(names, found, strict=True):
             leaf = _new_key()
             common_name = f"{name}.{issued.serial}"
@@ -208,7 +208,7 @@ class Authority:
         taken = [each.serial for each in chosen if not each.revoked]
         for each in chosen:
             each.revoked = True
-        self._save()
+        self._save_index()
         return taken
 
     def is_complete(self, name: str) -> bool:
@@ -253,15 +253,17 @@ class Authority:
             )
         return key, own
 
-    def _save(self) -> None:
+    def _save_index(self) -> None:
+        self._write(INDEX, _json(self.index))
+
+    def save_access(self) -> None:
+        """Let routers know: the last of all files, because a router then reads its own certificate and key too."""
         index = self.index
-        self._write(INDEX, _json(index))
         valid = {
             name: [f"{name}.{each.serial}" for each in found if not each.revoked]
             for name, found in index.certificates.items()
         }
-        section = access_control(index.rights, valid, index.namespace)
-        content = _json({"access_control": section})
+        content = _json({"access_control": access_control(index.rights, valid, index.namespace)})
         # A router opens all links again when the file changes.
         if not (self.folder / ACCESS).exists() or (self.folder / ACCESS).read_bytes() != content:
             self._write(ACCESS, content)
@@ -296,7 +298,12 @@ def open_authority(folder: Path, *, make: bool = False) -> Iterator[Authority]:
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield Authority(folder)
+            authority = Authority(folder)
+            try:
+                yield authority
+            finally:
+                # Also after an error, or what an earlier command was stopped in.
+                authority.save_access()
         finally:
             os.close(descriptor)
     except OSError as error:

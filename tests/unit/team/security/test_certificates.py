@@ -1,11 +1,13 @@
 """The folder of a team's certificates. Whether a router heeds them is a matter of tests/team."""
 
 import json
+import math
 import os
 import ssl
 import stat
 from collections.abc import Callable
 from datetime import timedelta  # noqa: TID251 - of certificates
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -124,54 +126,57 @@ def test_only_the_owner_reads_the_folder(folder: Path) -> None:
 @pytest.mark.ci
 def test_an_interruption_leaves_nothing_half(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever the making of an authority, a certificate and the next one is broken off, going on mends it."""
-    write, left = os.fsync, [0]
+    write, left = os.fsync, [math.inf]
 
-    def interrupted(descriptor: int) -> None:
+    def limited(descriptor: int) -> None:
+        """As if the process were killed: no file is finished from then on."""
         write(descriptor)
         left[0] -= 1
-        if left[0] == 0:
+        if left[0] <= 0:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(certificates.os, "fsync", interrupted)
-    broken = 0
-    while left[0] <= 0:
-        broken += 1
-        left[0] = broken
-        place = tmp_path / str(broken)
+    monkeypatch.setattr(certificates.os, "fsync", limited)
+    for number in count(1):
+        left[0], place = number, tmp_path / str(number)
         try:
             prepare(place, "", RIGHTS, "", ["robot_1"])
             with open_authority(place) as authority:
                 authority.issue(["robot_1"])
+            break
         except KeyboardInterrupt:
-            assert left[0] == 0
+            left[0] = math.inf
         for path in place.glob("*.pem"):
             read_identity(path)
-        # Nothing is interrupted from here on.
-        rest, left[0] = left[0], -1
         prepare(place, "", RIGHTS, "", ["robot_1"])
         issued = read_index(place).certificates["robot_1"][-1]
         assert read_identity(place / "robot_1.pem").common_name == f"robot_1.{issued.serial}"
-        assert read_identity(place / "robot_1.pem").common_name in common_names(place)["robot_1"]
+        assert f"robot_1.{issued.serial}" in common_names(place)["robot_1"]
         load(place, "robot_1")
-        left[0] = rest
-    assert broken > 10
+    assert number > 10
 
 
 def test_a_revoked_certificate_is_not_let_in(folder: Path) -> None:
     """The next one is; one of several can be taken back alone."""
-    with open_authority(folder) as authority:
-        authority.issue(["robot_1"])
-        assert common_names(folder)["robot_1"] == ["robot_1.1", "robot_1.2"]
-        assert authority.revoke("robot_1", 1) == [1]
-        assert common_names(folder)["robot_1"] == ["robot_1.2"]
-        assert authority.revoke("robot_1") == [2]
-        assert "robot_1" not in common_names(folder)
-        assert common_names(folder)["robot_2"] == ["robot_2.1"]
+
+    def issue() -> None:
+        with open_authority(folder) as authority:
+            authority.issue(["robot_1"])
+
+    def revoke(serial: int | None = None) -> list[int]:
+        with open_authority(folder) as authority:
+            return authority.revoke("robot_1", serial)
+
+    issue()
+    assert common_names(folder)["robot_1"] == ["robot_1.1", "robot_1.2"]
+    assert revoke(1) == [1]
+    assert common_names(folder)["robot_1"] == ["robot_1.2"]
+    assert revoke() == [2]
+    assert "robot_1" not in common_names(folder)
+    assert common_names(folder)["robot_2"] == ["robot_2.1"]
     with pytest.raises(ZteamError, match=r"robot_1 is revoked: .*'zteam certs issue robot_1 --folder"):
         prepare(folder, "", RIGHTS, "", ["robot_1"])
-    with open_authority(folder) as authority:
-        authority.issue(["robot_1"])
-        assert common_names(folder)["robot_1"] == ["robot_1.3"]
+    issue()
+    assert common_names(folder)["robot_1"] == ["robot_1.3"]
 
 
 def test_another_team_keeps_the_authority(folder: Path) -> None:
