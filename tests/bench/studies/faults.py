@@ -20,14 +20,14 @@ from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.team.chaos.means import means_on_bus
-from zteam.team.chaos.observer import Observer
+from zteam.team.chaos.observer import Observer, Violation
 from zteam.team.chaos.plan import plan_text, random_plan
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, zteam_command
 from zteam.team.launch.report import RunReport
 
-_FIRST, _LAST = 0.1, 0.98
-"""Shares of the run at which memory is measured."""
+_EARLY, _LOOKS = 2, 20
+"""What the processes hold is looked at so often, at equal distances; this look counts as early."""
 _PATIENCE = 120.0
 """Host seconds without progress after which the run is given up."""
 
@@ -65,8 +65,8 @@ class FaultFigures(msgspec.Struct):
     recovery_p50: float | None
     """Host seconds."""
     recovery_max: float | None
-    violations: int
-    """How often a robot moved longer than the watchdog allows."""
+    violations: list[Violation]
+    """Each truth in which a robot moved longer than the watchdog allows."""
     restarts: dict[str, int]
     hung: list[str]
     """What lock-step left behind; `router` where the simulator lost its link. It makes the exit code 1."""
@@ -123,7 +123,7 @@ class _Up:
         self.endpoint = ""
         self.crashed: list[str] = []
         self.last = ""
-        self.listens = threading.Event()
+        self.listens, self.ended = threading.Event(), threading.Event()
         self._reader = threading.Thread(target=self._read, name="read up", daemon=True)
         self._reader.start()
 
@@ -148,6 +148,7 @@ class _Up:
                 if " ended: " in line and "SIGKILL" not in line:
                     self.crashed.append(line.strip())
         self.listens.set()
+        self.ended.set()
 
 
 def _watch(
@@ -161,19 +162,25 @@ def _watch(
     with closing(connect(options, patience=_PATIENCE)) as bus:
         observer, pid_of = Observer(bus, lockstep=lockstep), means_on_bus(bus, options, lockstep=lockstep).pid_of
         found = []
-        for share in (_FIRST, _LAST):
-            while (seen := observer.elapsed) < share * seconds:
+        for look in range(1, _LOOKS):
+            while (seen := observer.elapsed) < look * seconds / _LOOKS and not up.ended.is_set():
                 say(f"{seen:.0f} of {seconds:.0f} simulated seconds")
-                if not _waits(observer, seen):
+                if not _waits(observer, seen, up):
                     raise ZteamError(f"simulated time stands still at {seen:.1f} s: {up.last}")
             found.append(_footprints(pid_of, [*processes, names.LAUNCHER]))
-    return found[0], found[1]
+    # A process that is being started again in the last look is that of the one before.
+    early, late = found[:_EARLY], found[_EARLY:]
+    return {k: v for each in early for k, v in each.items()}, {k: v for each in late for k, v in each.items()}
 
 
-def _waits(observer: Observer, seen: float) -> bool:
-    """Whether simulated time goes on."""
-    with observer.changed:
-        return observer.changed.wait_for(lambda: observer.elapsed > seen, _PATIENCE)
+def _waits(observer: Observer, seen: float, up: _Up) -> bool:
+    """Whether simulated time goes on, or the run has ended."""
+    deadline = monotonic() + _PATIENCE
+    while observer.elapsed == seen and not up.ended.is_set() and monotonic() < deadline:
+        with observer.changed:
+            # The end of the run is no news on the bus.
+            observer.changed.wait_for(lambda: observer.elapsed > seen, 1.0)
+    return observer.elapsed > seen or up.ended.is_set()
 
 
 def _footprints(pid_of: Callable[[str], int], processes: Iterable[str]) -> dict[str, Footprint]:
@@ -241,7 +248,7 @@ def _figures(
         dict(Counter(each.problem for each in report.chaos.faults if each.problem)),
         round(times[len(times) // 2], 3) if times else None,
         round(times[-1], 3) if times else None,
-        len(report.chaos.violations),
+        report.chaos.violations,
         report.restarts,
         report.hung,
         crashed,

@@ -10,7 +10,7 @@ from zteam.bus import Bus
 from zteam.bus.lateness import LATE
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds
 from zteam.messages import Clock, Odometry, TeamState, TeamStatus, Twist, ns_from_time
-from zteam.node.tokens import TokenSet
+from zteam.node.tokens import RETURN_GRACE, TokenSet
 
 SLOWEST = 0.05
 """m/s, or rad/s, below which a robot stands."""
@@ -92,6 +92,8 @@ class Observer:
     def __init__(self, bus: Bus, *, lockstep: bool, simulated: bool = True) -> None:
         """Without a simulator (`simulated` False) time is the host's, from now on."""
         self._lockstep = lockstep
+        self._linked = monotonic()
+        """Host time of the newest change of the link."""
         self.changed = threading.Condition(threading.RLock())
         self.robots: dict[str, Motion] = {}
         self.violations: list[Violation] = []
@@ -106,6 +108,7 @@ class Observer:
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.watch_tokens([names.tokens_key()], self._on_token)
+        bus.watch_link(self._on_link)
 
     @property
     def now(self) -> int:
@@ -144,7 +147,9 @@ class Observer:
             robot = self._robot(key)
             if robot is None:
                 return
-            quiet = math.inf if self._lockstep else monotonic() - robot.heard
+            # A simulator that has just found its link publishes no command before it knows of this subscriber.
+            is_exact = self._lockstep and monotonic() > self._linked + RETURN_GRACE
+            quiet = math.inf if is_exact else monotonic() - robot.heard
             found = robot.take_truth(ns_from_time(message.header.stamp), speed, quiet)
             if found is not None:
                 self.violations.append(found)
@@ -175,6 +180,13 @@ class Observer:
             if status.state == TeamState.GO and not self.has_go:
                 self.has_go = True
             self.changed.notify_all()
+
+    def _on_link(self, _up: bool) -> None:
+        # Commands were lost, and after the link is back a truth may come before the first command.
+        with self.changed:
+            self._linked = monotonic()
+            for robot in self.robots.values():
+                robot.commanded = None
 
     def _on_token(self, key: str, alive: bool) -> None:
         if (token := names.split_token_key(key)) is not None:
