@@ -81,7 +81,7 @@ def check_certificate(tls: TlsFiles) -> Finding:
         return problem("certificate", str(error))
     if found.state != "valid":
         text, _, step = expiry_text(found, path.parent).partition(": ")
-        return (problem if found.state == "expired" else note)("certificate", text, step)
+        return (problem if found.state == "expired" else note)("certificate", text, step.strip("'"))
     return ok("certificate", f"{found.common_name}, valid for {left_text(found.expires)}")
 
 

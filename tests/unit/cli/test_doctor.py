@@ -1,7 +1,13 @@
 """How `zteam doctor` prints its findings."""
 
-from zteam.cli.doctor import format_findings
+from pathlib import Path
+
+import pytest
+
+from zteam.cli.doctor import check_certificate, format_findings
 from zteam.monitor.doctor.facts import note, ok, problem
+from zteam.team.security import certificates
+from zteam.team.security.access import Rights
 
 FINDINGS = [
     ok("data", "data on 7 keys"),
@@ -49,3 +55,18 @@ def test_long_lines_are_wrapped_in_a_terminal() -> None:
 def test_a_level_is_good_or_not() -> None:
     """Notes are good: only a problem of now makes the exit code 1."""
     assert [finding.good for finding in FINDINGS] == [True, False, True]
+
+
+def test_the_end_of_the_certificate_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 14 days before on, with the step; a file that cannot be read is a problem too."""
+    certificates.prepare(tmp_path, "", {"operator": Rights()}, "", ["operator"])
+    files = certificates.files_of(tmp_path, "operator")
+    assert check_certificate(files) == ok("certificate", "operator.1, valid for 364 days")
+    begin = certificates.wall_ns()
+    for days, level, text in ((360, "note", "operator.1 expires on "), (366, "problem", "operator.1 has expired on ")):
+        monkeypatch.setattr(certificates, "wall_ns", lambda days=days: begin + days * 86_400 * 10**9)
+        found = check_certificate(files)
+        assert (found.level, found.next_step) == (level, f"zteam certs renew operator --folder {tmp_path}")
+        assert text in found.text
+    (tmp_path / "operator.pem").write_text("nonsense")
+    assert check_certificate(files).level == "problem"
