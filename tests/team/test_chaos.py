@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
+from support.pairs import PAIR
 from zteam.config.fault import Fault
 from zteam.team.chaos.plan import plan_text
 from zteam.team.launch.process import zteam_command
@@ -14,25 +15,6 @@ from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-CHAIN = """
-[team]
-world = "office.world"
-world_robots = false
-[defaults]
-model = "erratic"
-restart = "on-failure"
-[[robots]]
-id = 0
-pose = [24.0, 25.0, 0.0]
-behavior = "path"
-speed = 0.4
-waypoints = [[24.0, 25.0], [41.9, 25.0], [41.9, 41.9], [8.3, 41.9], [8.3, 25.0]]
-loop = true
-[[robots]]
-id = 1
-follow = 0
-pose = [23.0, 25.0, 0.0]
-"""
 PLAN = (
     Fault(at=1.0, fault="pause", name="robot_1", seconds=1.0),
     Fault(at=3.0, fault="cut", name="robot_0", seconds=0.5),
@@ -42,7 +24,7 @@ PLAN = (
 
 def test_a_plan_of_lock_step_is_the_same_run_with_processes(tmp_path: Path) -> None:
     """One process each and all in one process give the same trajectory under the same faults, and exit code 0."""
-    (tmp_path / "team.toml").write_text(CHAIN)
+    (tmp_path / "team.toml").write_text(PAIR)
     (tmp_path / "plan.toml").write_text(plan_text(PLAN))
     hashes = []
     for options in ((), ("--in-process",)):
@@ -59,7 +41,7 @@ def test_a_plan_of_lock_step_is_the_same_run_with_processes(tmp_path: Path) -> N
 
 def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> None:
     """A killed robot is started again, and a frozen, cut or slow one drives on; no robot moves on without commands."""
-    (tmp_path / "team.toml").write_text(CHAIN)
+    (tmp_path / "team.toml").write_text(PAIR)
     team.launch(tmp_path / "team.toml", lockstep=False, chaos=True)
     team.wait_for_go()
     team.until(lambda: team.robot(0).speed > 0.1 and team.robot(1).speed > 0.1, within=30)
