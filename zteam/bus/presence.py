@@ -82,14 +82,18 @@ class Claim:
         self._on_rival: Callable[[ProcessInfo], None] | None = None
         self._token: Closeable | None = None
         self._released = False
-        self._server = bus.serve(
-            names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, self.start), at_once=True
-        )
+        self._server = self._serve_info()
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
         self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)
         self._claim = bus.declare_token(names.claim_key(name, self._instance))
         self._since = monotonic()
+
+    def _serve_info(self) -> Closeable:
+        key = names.info_key(self.name)
+        return self._bus.serve(
+            key, NoRequest, lambda _: own_info(self.name, self._bus.instance, self.start), at_once=True
+        )
 
     def _on_token(self, key: str, alive: bool) -> None:
         instance = key.rpartition("/")[2]
@@ -99,6 +103,11 @@ class Claim:
         with self._changed:
             (known.add if alive else known.discard)(instance)
             self._changed.notify_all()
+            if not alive and self._token is not None and not self._released:
+                # When two sessions answered a query, and one of them has ended, its router forgets the other one when
+                # next the link to that one's router is lost and back, unless that one declares its query anew.
+                self._server.close()
+                self._server = self._serve_info()
         if known is self._alive and alive and self._token is not None:
             self._meet_aside(instance)
 
@@ -111,7 +120,7 @@ class Claim:
         self._on_rival = on_rival
         rivals, earlier = self._find_rivals()
         if rivals or earlier:
-            for handle in (self._claim, self._server, *self._watches):
+            for handle in (self._server, self._claim, *self._watches):
                 handle.close()
             raise DuplicateNameError(self._refusal(rivals))
         on_win()
@@ -178,6 +187,6 @@ class Claim:
         with self._changed:
             self._released = True
             self._changed.notify_all()
-        for handle in (self._token, self._claim, self._server, *self._watches, *self.under_name):
+        for handle in (self._server, self._token, self._claim, *self._watches, *self.under_name):
             if handle:
                 handle.close()

@@ -1,5 +1,6 @@
 """Names on a bus in memory: which of two processes stays, whatever the order in which they see each other."""
 
+import os
 import threading
 
 import pytest
@@ -9,7 +10,8 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus import presence as module
 from zteam.bus.presence import Claim, ProcessInfo, own_info
-from zteam.errors import BusError
+from zteam.bus.transport import Closeable, QueryHandler
+from zteam.errors import BusError, DuplicateNameError
 
 NAME = "robot_1"
 
@@ -100,3 +102,25 @@ def test_a_silent_rival_is_forgotten_with_its_token(hub: MemoryHub) -> None:
         if thread.name == "rival":
             thread.join(LIMIT)
             assert not thread.is_alive()
+
+
+def test_a_holder_declares_its_answer_anew_when_another_claim_has_ended(
+    hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Linked routers may have forgotten it: Zenoh's do, at the next loss of their link."""
+    holder, declared = hub.bus(), threading.Event()
+    claim = Claim(holder, NAME)
+    claim.win(Meeting())
+    declare = holder.transport.declare_queryable
+
+    def spy(key: str, handler: QueryHandler) -> Closeable:
+        made = declare(key, handler)
+        if key == names.info_key(NAME):
+            declared.set()
+        return made
+
+    monkeypatch.setattr(holder.transport, "declare_queryable", spy)
+    with pytest.raises(DuplicateNameError):
+        Claim(hub.bus(), NAME).win(Meeting())
+    assert declared.wait(LIMIT)
+    assert [info.pid for _, info in hub.bus().query(names.info_key(NAME), ProcessInfo)] == [os.getpid()]
