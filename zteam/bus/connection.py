@@ -32,7 +32,7 @@ from zteam.bus.options import (
 from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
 from zteam.bus.sockets import Ends, cut, links_of
 from zteam.bus.zenoh_session import ZenohTransport
-from zteam.clock import Every, monotonic, pause
+from zteam.clock import HOST_FACTOR, Every, monotonic, pause
 from zteam.errors import BusError
 from zteam.names import declarations_key
 
@@ -56,6 +56,8 @@ _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
+_SEEN_WITHIN = 2.0 * HOST_FACTOR
+"""Host seconds for a token to reach another session."""
 _SEEN_PERIOD = 0.05
 """Host seconds between two looks for a token."""
 _LINK_FAILURES = 3
@@ -260,7 +262,7 @@ def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> 
 
 def _is_seen(options: BusOptions, token: str) -> bool:
     """Whether another session sees a token that has just been declared. True too where the router is lost meanwhile."""
-    deadline = monotonic() + _LINK_TIMEOUT
+    deadline = monotonic() + _SEEN_WITHIN
     try:
         with open_session(client_config(options), "usual") as other:
             while not any(reply.ok is not None for reply in other.liveliness().get(token, timeout=_LINK_TIMEOUT)):

@@ -1,0 +1,382 @@
+"""Attacks on a team with certificates: a router with the access control of a team file, and a session of each kind.
+
+Zenoh drops what is not allowed without a word. So after each attack the attacker sends something that it may send, on
+the same link: when that has arrived, the attack would have arrived too.
+"""
+
+import itertools
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+
+import zteam
+from support.limits import LIMIT
+from support.transports import RouterProcess, wait_until_true
+from zteam import names
+from zteam.bus import Bus, BusOptions, Change, NoRequest, connect
+from zteam.bus.options import client_config
+from zteam.bus.presence import Claim
+from zteam.errors import BusError
+from zteam.messages import (
+    Clock,
+    Done,
+    Header,
+    Message,
+    PoseStamped,
+    Quaternion,
+    TFMessage,
+    Tick,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+    decode,
+    encode,
+)
+from zteam.messages.message import encoding_of
+from zteam.team.file.reading import read_team_tables
+from zteam.team.security.access import rights_of
+from zteam.team.security.certificates import ACCESS, files_of, open_authority
+from zteam.team.testing.team import TeamFixture
+
+TEAM = {
+    "team": {"world": "arena"},
+    "robots": [{"id": 0}, {"id": 1, "navigation": True}],
+    "nodes": [{"name": "near", "command": ["near"]}],
+    "security": {"grants": {"operator": ["teleop"], "guide": ["goals"], "teacher": ["simulation", "parameters"]}},
+}
+FORGED = b"forged"
+MONITOR = "monitor"
+"""It hears everything."""
+REVOKED = "revoked"
+"""A certificate of robot 1 that was taken back."""
+
+
+class Secured:
+    """The router, and a session for each certificate."""
+
+    def __init__(self, folder: Path, namespace: str, ends: ExitStack) -> None:
+        rights = rights_of(read_team_tables("team", TEAM).team)
+        with open_authority(folder, make=True) as authority:
+            authority.make()
+            authority.take_team("team", rights, namespace)
+            authority.issue(["robot_1"])
+            for ending in ("pem", "key"):
+                (folder / f"robot_1.{ending}").rename(folder / f"{REVOKED}.{ending}")
+            authority.revoke("robot_1")
+            authority.issue(list(rights))
+        self._folder = folder
+        router = RouterProcess("tls/127.0.0.1:0", "--config", str(folder / ACCESS), tls=files_of(folder, "router"))
+        ends.callback(router.kill)
+        self._endpoint, self._namespace, self._ends = router.endpoint, namespace, ends
+        self._sessions: dict[str, zenoh.Session] = {}
+        self._numbers = itertools.count()
+        self.heard: list[tuple[str, bytes]] = []
+        """(key, payload) of all that the monitor hears; a deletion has the payload FORGED."""
+        self.session(MONITOR).declare_subscriber("**", self._hear)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        deleted = sample.kind == zenoh.SampleKind.DELETE
+        self.heard.append((str(sample.key_expr), FORGED if deleted else sample.payload.to_bytes()))
+
+    def options(self, name: str) -> BusOptions:
+        """Those of the process `name`."""
+        return BusOptions(
+            connect=self._endpoint, namespace=self._namespace or None, tls=files_of(self._folder, name), lease=LIMIT
+        )
+
+    def open(self, name: str, *, inside: bool = True) -> zenoh.Session:
+        """A session with the certificate of `name`, in the team's namespace or beside all namespaces."""
+        options = self.options(name)
+        session = zenoh.open(client_config(options if inside else msgspec.structs.replace(options, namespace=None)))
+        self._ends.callback(session.close)
+        return session
+
+    def session(self, name: str) -> zenoh.Session:
+        """The one session of `name`."""
+        if name not in self._sessions:
+            self._sessions[name] = self.open(name)
+            if name != MONITOR:
+                self.hear(self._sessions[name], names.log_key(name))
+        return self._sessions[name]
+
+    def bus(self, name: str) -> Bus:
+        """A further session of `name`, as a process opens it."""
+        bus = connect(self.options(name), patience=LIMIT)
+        self._ends.callback(bus.close)
+        return bus
+
+    def hear(self, session: zenoh.Session, key: str) -> None:
+        """Send something on a key, and wait until the monitor has heard it."""
+        payload = str(next(self._numbers)).encode()
+        found = key, payload
+        # The first may come before the router knows of the subscriber.
+        wait_until_true(lambda: session.put(key, payload) is None and found in self.heard)
+
+    def forged(self, name: str, session: zenoh.Session) -> list[str]:
+        """The keys of what the monitor has heard of an attack by the process `name`."""
+        prefix = f"{self._namespace}/" if self._namespace and session is not self.session(name) else ""
+        payload = str(next(self._numbers)).encode()
+        session.put(f"{prefix}{name}/log", payload)
+        wait_until_true(lambda: (f"{name}/log", payload) in self.heard)
+        return [key for key, told in self.heard if told == FORGED]
+
+
+@pytest.fixture(scope="module", params=["", "red"])
+def secured_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secured]:
+    """Without a namespace, and in one."""
+    with ExitStack() as ends:
+        yield Secured(tmp_path_factory.mktemp("security"), request.param, ends)
+
+
+@pytest.fixture
+def secured(secured_once: Secured) -> Secured:
+    """Nothing has been heard yet."""
+    secured_once.heard.clear()
+    return secured_once
+
+
+PUTS = [
+    ("robot_0", "robot_0/cmd_vel", ("robot_1", "near", "operator", "view", "nav_1", "tf", "up")),
+    ("robot_0", "robot_0/done", ("robot_1", "near", "operator")),
+    ("robot_0", "robot_0/status", ("robot_1", "sim", "near")),
+    ("robot_0", "robot_0/log", ("robot_1", "sim")),
+    ("sim", "sim/tick", ("robot_1", "near", "tf", "up", "operator")),
+    ("sim", "clock", ("robot_1", "tf", "up")),
+    ("sim", "map", ("robot_1", "nav_1", "near")),
+    ("sim", "robot_1/base_scan", ("robot_1", "nav_1", "near")),
+    ("sim", "robot_1/odom", ("robot_1", "nav_1")),
+    ("sim", "robot_1/tf", ("robot_1", "near", "tf")),
+    ("nav_1", "robot_1/tf", ("robot_0",)),
+    ("sim", "robot_0/tf", ("nav_1", "robot_0")),
+    ("sim", "robot_0/tf_static", ("robot_0", "nav_1", "tf")),
+    ("sim", "robot_12/base_scan_3", ("robot_1",)),
+    ("tf", "tf", ("robot_1", "sim", "near", "nav_1")),
+    ("tf", "tf_static", ("robot_1", "sim", "near")),
+    ("operator", "robot_0/cmd_vel_teleop", ("robot_1", "robot_0", "view", "guide", "near")),
+    ("guide", "robot_1/goal_pose", ("robot_0", "robot_1", "view", "operator", "near")),
+    ("guide", "robot_1/initialpose", ("view", "operator")),
+    ("nav_1", "robot_1/cmd_vel_nav", ("robot_1", "robot_0", "operator")),
+    ("near", "near/distance", ("robot_0", "operator")),
+]
+"""The writer of a key, the key, and processes that may not write it."""
+
+
+@pytest.mark.parametrize(("writer", "key", "attackers"), PUTS, ids=[f"{row[0]} {row[1]}" for row in PUTS])
+def test_no_other_process_writes_a_key(secured: Secured, writer: str, key: str, attackers: tuple[str, ...]) -> None:
+    """What others put on it, or delete, reaches no process; what its writer puts does."""
+    for attacker in attackers:
+        session = secured.session(attacker)
+        session.put(key, FORGED)
+        session.delete(key)
+        assert secured.forged(attacker, session) == []
+    secured.hear(secured.session(writer), key)
+
+
+WILDCARDS = ("**", "*/*", "*/cmd_vel", "robot_$*/cmd_vel", "robot_0/*", "robot_1/*", "robot_1/**", "*/done")
+FROM_BESIDE = ("**", "*/robot_0/cmd_vel", "*/*/cmd_vel", "re$*/robot_0/cmd_vel", "red/**", "red/robot_0/cmd_vel")
+
+
+@pytest.mark.parametrize("attacker", ["robot_1", "operator"])
+def test_nothing_is_written_by_a_wildcard(secured: Secured, attacker: str) -> None:
+    """Not even by one that has the writer's own keys only; nor by a session beside all namespaces."""
+    session, beside = secured.session(attacker), secured.open(attacker, inside=False)
+    for sender, keys in ((session, WILDCARDS), (beside, FROM_BESIDE)):
+        assert secured.forged(attacker, sender) == []
+        for key in keys:
+            sender.put(key, FORGED)
+            sender.delete(key)
+        assert secured.forged(attacker, sender) == []
+    secured.hear(session, names.log_key(attacker))
+
+
+def test_a_late_subscriber_gets_no_forged_frames(secured: Secured) -> None:
+    """Those that the simulator has published stay the only ones that are kept for `tf_static`."""
+    key = "robot_0/tf_static"
+    kept = {
+        "cache": zenoh.ext.CacheConfig(1),
+        "publisher_detection": True,
+        "sample_miss_detection": zenoh.ext.MissDetectionConfig(),
+    }
+    publishers: list[Any] = []
+    for name, payload in (("robot_1", FORGED), ("near", FORGED), ("sim", b"frames")):
+        publishers.append(zenoh.ext.declare_advanced_publisher(secured.session(name), key, **kept))
+        publishers[-1].put(payload)
+    for name in ("robot_1", "near"):
+        assert secured.forged(name, secured.session(name)) == []
+    late: list[bytes] = []
+    history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+    subscriber = zenoh.ext.declare_advanced_subscriber(
+        secured.session("operator"), key, lambda sample: late.append(sample.payload.to_bytes()), history=history
+    )
+    wait_until_true(lambda: late == [b"frames"])
+    # All that is kept, asked for once more: the answers end when the last one has come.
+    replies = list(
+        secured.session("operator").get(
+            f"{key}/@adv/**", target=zenoh.QueryTarget.ALL, accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=LIMIT
+        )
+    )
+    assert [reply.ok.payload.to_bytes() for reply in replies] == [b"frames"]
+    for entity in (*publishers, subscriber):
+        entity.undeclare()
+    assert late == [b"frames"]
+
+
+def test_a_change_is_asked_for_by_a_grant_only(secured: Secured) -> None:
+    """Neither by the key nor by a wildcard; questions that change nothing are answered."""
+    simulator, robot, changed = secured.bus("sim"), secured.bus("robot_0"), list[str]()
+    asked = {"sim/pause": simulator, "sim/reset": simulator, "robot_0/set_parameters": robot}
+    for key, bus in asked.items():
+        bus.serve(key, Change, lambda _, key=key: changed.append(key))
+    simulator.serve("sim/status", NoRequest, lambda _: "running")
+    beside = secured.open("operator", inside=False)
+    for name in ("operator", "robot_1", "near", "guide", "view"):
+        bus = secured.bus(name)
+        wait_until_true(lambda bus=bus: bool(bus.query("sim/status", str)))
+        for key in asked:
+            with pytest.raises(BusError, match="this process's certificate may not ask for it"):
+                bus.query(key, list, Change())
+        # These reach the simulator, and it refuses them.
+        for wildcard in ("sim/*", "**", "sim/pau$*", "robot_$*/set_parameters"):
+            bus.transport.get(wildcard, b"{}", LIMIT)
+    for place in ("*/sim/pause", "**/sim/pause", "*/pause", "**"):
+        list(beside.get(place, timeout=LIMIT))
+    assert changed == []
+    teacher = secured.bus("teacher")
+    for key in asked:
+        wait_until_true(lambda key=key: bool(teacher.query(key, None, Change())))
+    assert changed == list(asked)
+    simulator.close()
+    robot.close()
+
+
+def test_no_other_process_answers_a_query(secured: Secured) -> None:
+    """A forged answer to a look-up of transforms, or to a question for robot 0, does not come."""
+    serving = []
+
+    def serve(name: str, key: str, payload: bytes) -> None:
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(key, payload)
+
+        serving.append(secured.session(name).declare_queryable(key, answer, complete=True))
+
+    def answers(key: str) -> list[bytes]:
+        replies = secured.session("operator").get(
+            key, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE, timeout=LIMIT
+        )
+        return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+
+    for key in ("tf/lookup", "robot_0/info", "sim/status", "robot_1/navigation/cancel", "**"):
+        serve("near", key, FORGED)
+    # Declared last on the same link: where it answers, the others would.
+    serve("near", "near/info", b"near")
+    serve("tf", "tf/lookup", b"frames")
+    serve("robot_0", "robot_0/info", b"robot_0")
+    wait_until_true(lambda: answers("near/info") == [b"near"])
+    wait_until_true(lambda: answers("tf/lookup") == [b"frames"])
+    wait_until_true(lambda: answers("robot_0/info") == [b"robot_0"])
+    assert answers("sim/status") == []
+    for entity in serving:
+        entity.undeclare()
+
+
+def test_no_other_process_holds_a_token(secured: Secured) -> None:
+    """A forged presence or claim is not seen; so no process can keep robot 0 from its name."""
+    holder, watcher = secured.session("robot_1"), secured.session(MONITOR)
+    forged = ["robot_0/alive/x", "robot_0/claim/00000000000000000000-x", "sim/alive/x", "robot_$*/alive/x", "**"]
+    tokens = [holder.liveliness().declare_token(key) for key in (*forged, "robot_1/alive/x")]
+
+    def seen() -> list[str]:
+        return [str(reply.ok.key_expr) for reply in watcher.liveliness().get("*/*/*", timeout=LIMIT) if reply.ok]
+
+    wait_until_true(lambda: "robot_1/alive/x" in seen())
+    assert [key for key in seen() if key.endswith("x")] == ["robot_1/alive/x"]
+    bus = secured.bus("robot_0")
+    claim = Claim(bus, "robot_0")
+    claim.win(lambda _: None)
+    wait_until_true(lambda: names.token_key("robot_0", bus.instance) in seen())
+    claim.release()
+    for token in tokens:
+        token.undeclare()
+
+
+def test_a_process_learns_that_its_certificate_has_another_name(secured: Secured) -> None:
+    """It says so, and gives up, where the router would drop all that it sends."""
+    bus = secured.bus("robot_1")
+    with pytest.raises(BusError, match="does not let this process be robot_0: its certificate has another name"):
+        Claim(bus, "robot_0").win(lambda _: None)
+
+
+def test_a_certificate_without_rights_is_told(secured: Secured) -> None:
+    """One that was taken back hears and writes nothing; the next one of the same name does."""
+    with pytest.raises(BusError, match=r"gives the certificate robot_1\.1 no rights: it was revoked or replaced"):
+        connect(secured.options(REVOKED), patience=0.0)
+    session = secured.open(REVOKED)
+    session.put("robot_1/cmd_vel", FORGED)
+    assert list(session.liveliness().get("**", timeout=LIMIT)) == []
+    assert list(session.get("**", timeout=LIMIT)) == []
+    secured.hear(secured.session("robot_1"), "robot_1/cmd_vel")
+    assert FORGED not in {payload for _, payload in secured.heard}
+
+
+LINE = """
+[team]
+world = "arena"
+
+[[robots]]
+id = 0
+behavior = "wander"
+
+[[robots]]
+id = 1
+follow = 0
+"""
+FAST = Twist(Vector3(1.0), Vector3(z=1.0))
+
+
+def forgeries(tick: Tick) -> Iterator[tuple[str, Message]]:
+    """What would drive robots, let the world go on, or move frames: for the tick that is open, and for the next one."""
+    shifted = TransformStamped(Header(tick.stamp, "map"), "robot_1/odom", Transform(Vector3(5.0), Quaternion(w=1.0)))
+    for number in (tick.tick, tick.tick + 1):
+        for name in ("robot_0", "robot_1", "tf"):
+            yield names.done_key(name), Done(tick.epoch, number, name != "tf", FAST)
+        yield names.TICK, msgspec.structs.replace(tick, tick=number + 1)
+    for robot_id in (0, 1):
+        for topic in (names.CMD_VEL, names.CMD_VEL_TELEOP):
+            yield names.robot_key(robot_id, topic), FAST
+        yield names.robot_key(robot_id, names.TF), TFMessage([shifted])
+        yield names.robot_key(robot_id, names.GOAL_POSE), PoseStamped(Header(tick.stamp, "map"))
+    yield names.TF, TFMessage([shifted])
+    yield names.CLOCK, Clock(tick.stamp)
+    yield "robot_$*/cmd_vel", FAST
+
+
+def test_a_run_under_attack_repeats_to_the_bit(team: TeamFixture, tmp_path: Path) -> None:
+    """A member of the team that forges answers, ticks, commands, goals and frames for every tick changes nothing."""
+    (tmp_path / "line.toml").write_text(LINE)
+    alone = zteam.run_team(tmp_path / "line.toml", seconds=6.0)
+    team.launch(tmp_path / "line.toml", secure=tmp_path / "certs")
+    options = BusOptions(connect=team.endpoint, namespace=team.namespace, tls=files_of(tmp_path / "certs", "operator"))
+    attacked: set[int] = set()
+    with zenoh.open(client_config(options)) as attacker:
+
+        def attack(sample: zenoh.Sample) -> None:
+            tick = decode(Tick, sample.payload.to_bytes())
+            for key, message in forgeries(tick):
+                attacker.put(key, encode(message), encoding=encoding_of(type(message)))
+            attacked.add(tick.tick)
+
+        # A session hears itself: its own ticks would call this for ever.
+        attacker.declare_subscriber(names.TICK, attack, allowed_origin=zenoh.Locality.REMOTE)
+        team.wait_for_go()
+        team.run(6.0)
+        report = team.report
+    assert len(attacked) > 30
+    assert report.trajectory_sha256 == alone.trajectory_sha256
+    assert report.external_commands == 0
