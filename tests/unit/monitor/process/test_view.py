@@ -113,6 +113,7 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
 ) -> None:
     """It ends when GO is out and the robots run; at once if that is so already."""
     second = open_second(exit_on_go=True)
+    second.wait_for("0 of 2 ready")
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
         robot.say()
