@@ -58,9 +58,8 @@ _ELSEWHERE = {
 def _usage() -> str:
     rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
-        f"usage: zteam COMMAND ...\n\n{rows}\n\n"
-        "Processes: zteam-sim, -robot, -nav, -map, -tf, -monitor, -view, -router\n"
-        "See zteam COMMAND --help."
+        f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n\n"
+        "Processes: zteam-sim, -robot, -nav, -map, -tf, -monitor, -view, -router"
     )
 
 
