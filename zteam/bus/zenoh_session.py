@@ -47,6 +47,8 @@ _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
+_LAST_CALLS = 0.3
+"""Host seconds that the end of a session waits for what its threads have begun."""
 _LOOK_TIMEOUT = 5.0
 """Host seconds for the router's answer."""
 
@@ -72,7 +74,8 @@ class Aside:
         """Each time nothing has come for `period` host seconds, `on_idle()` is called on the thread."""
         self._period, self._on_idle = period, on_idle
         self._waiting: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
-        threading.Thread(target=self._work, name="bus", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, name="bus", daemon=True)
+        self._thread.start()
 
     def callback(self, handler: Callable[[T], None]) -> Any:
         """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
@@ -83,8 +86,14 @@ class Aside:
         return zenoh.handlers.Callback(put, indirect=False)
 
     def end(self) -> None:
-        """End the thread when all that waits has been handled."""
+        """End the thread when all that waits has been handled, and wait for that a moment.
+
+        At the interpreter's end Python ends a thread where it comes back from a call. If that is a call of Zenoh, such
+        as a query, the process aborts ("FATAL: exception not rethrown").
+        """
         self._waiting.put(None)
+        if self._thread is not threading.current_thread():
+            self._thread.join(_LAST_CALLS)
 
     def _work(self) -> None:
         while True:
