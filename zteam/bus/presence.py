@@ -149,11 +149,15 @@ class Claim:
 
     def _refusal(self, rivals: list[str]) -> str:
         what = f"{self.name} is taken"
-        holders = [i for _, i in self._others() if not rivals or i.instance in rivals]
+        # A query right after the holder's start may miss its answer.
+        holders = self._holders(rivals) or self._holders(rivals)
         if holders:
             holder = holders[0]
             what += f" by process {holder.pid} on {holder.host}, for {holder.age:.0f} s"
         return f"{what}: stop that one first, or use another id or --namespace"
+
+    def _holders(self, rivals: list[str]) -> list[ProcessInfo]:
+        return [info for _, info in self._others() if not rivals or info.instance in rivals]
 
     def _others(self) -> list[tuple[str, ProcessInfo]]:
         """The other processes that answer under this name."""
