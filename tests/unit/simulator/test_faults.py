@@ -1,4 +1,4 @@
-"""Faults as events in simulated time: who is out of a tick, and which commands arrive."""
+"""Faults as events in simulated time: which processes a tick leaves out, and which commands arrive."""
 
 import pytest
 

@@ -16,9 +16,6 @@ SLOWEST = 0.05
 """m/s, or rad/s, below which a robot stands."""
 ALLOWED = to_ns(0.2)
 """Simulated time after which the base stops without a command; one tick is added, for the command under way."""
-MISSED = 3
-"""Ticks whose commands may have been dropped on their way here: nothing in a team waits for an observer. In an hour of
-lock-step at 5.6 times real time three ticks of all robots were, once."""
 ON_ITS_WAY = (0.3 + LATE) * HOST_FACTOR
 """Host seconds for which, in real time, a command that this process has got may not have reached the simulator."""
 
@@ -84,7 +81,7 @@ class Motion(msgspec.Struct):
             # It brakes as fast as it can.
             return None
         silent = stamp - self.commanded
-        if silent <= ALLOWED + (1 + MISSED) * self.tick or quiet <= ON_ITS_WAY:
+        if silent <= ALLOWED + self.tick or quiet <= ON_ITS_WAY:
             return None
         return Violation(self.name, to_seconds(stamp), to_seconds(silent), speed)
 

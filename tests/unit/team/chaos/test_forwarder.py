@@ -210,7 +210,7 @@ def test_a_router_that_is_away_ends_the_connection(ends: Ends) -> None:
 
 
 def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
-    """What a process sent before its end arrives, also while the router sends to it what nobody reads any more."""
+    """The last bytes of a process arrive, also while the router still sends bytes to it."""
     near, far = ends.connect(ends.link())
     far.sendall(bytes(1 << 20))
     near.sendall(b"stop")
