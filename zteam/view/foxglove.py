@@ -1,0 +1,300 @@
+"""The team for Foxglove and Lichtblick: a server of the WebSocket subprotocol `foxglove.sdk.v1`, which only shows.
+
+The bytes on the bus are ROS 2's. So nothing is decoded, and a topic that no client looks at is not subscribed to.
+"""
+
+import importlib.util
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from zteam import names
+from zteam.bus.transport import Closeable, Declaration, RawSample
+from zteam.clock import Every, wall_ns
+from zteam.errors import BusError, UsageError
+from zteam.messages import Clock, Message, decode, encode, ns_from_time, type_of_encoding
+from zteam.messages.definitions import definition_of
+from zteam.messages.topics import is_latched, type_of_key
+from zteam.node.process_node import ProcessNode
+from zteam.simulator.client import find_status
+from zteam.view.server import ports_from
+
+if TYPE_CHECKING:
+    from foxglove import Channel
+    from foxglove.websocket import ChannelView, Client
+
+log = logging.getLogger("zteam")
+
+KEYS_PERIOD = 1.0
+"""Host seconds between two looks at which keys there are."""
+PATIENCE = 3
+"""Looks in which a key is missing until its channel goes: a frozen process tells nothing of its keys."""
+MAX_CHANNELS = 20_000
+STATUS_LIMIT = 1.0
+"""Host seconds for the simulator to tell its time."""
+TIME_STEP = 50_000_000
+"""Nanoseconds between two tellings of the host's time."""
+
+
+def require_sdk() -> None:
+    """Raise UsageError where the package is missing that speaks the protocol."""
+    if importlib.util.find_spec("foxglove") is None:
+        raise UsageError("--foxglove needs the package foxglove-sdk: pip install zteam[foxglove]")
+
+
+def shown_keys(declarations: Iterable[Declaration]) -> dict[str, type[Message] | None]:
+    """The keys that have a publisher, or are known and have a subscriber, such as that of a robot's goals.
+
+    Each with its type; None: the first message tells it.
+    """
+    found: dict[str, type[Message] | None] = {}
+    for declaration in declarations:
+        key = declaration.key
+        if names.is_wildcard(key) or key.startswith("@"):
+            continue
+        target = names.split_robot_key(key)
+        if target is not None and target[1] in (names.TF, names.TF_STATIC):
+            # Its frames have no prefix: viewers would hang those of all robots into one tree.
+            continue
+        kind = type_of_key(key)
+        if declaration.publishes or kind is not None:
+            found[key] = kind
+    return found
+
+
+def _is_goal(key: str) -> bool:
+    target = names.split_robot_key(key)
+    return target is not None and target[1] == names.GOAL_POSE
+
+
+class _Shown:
+    """One key, with its channel as soon as its type is known."""
+
+    def __init__(self, kind: type[Message] | None) -> None:
+        self.kind = kind
+        self.channel: Channel | None = None
+        self.clients: set[int] = set()
+        self.handle: Closeable | None = None
+        """Its subscription on the bus."""
+        self.is_late = False
+        """Whether a client has come that lacks the last message."""
+        self.missed = 0
+        """Looks in which the key was missing."""
+
+
+class FoxgloveServer:
+    """Runs on a thread of its own, from `start` until `close`.
+
+    Its clients' requests come on threads of the SDK, and messages on those of the bus. Both only note what came, and
+    hand messages on: the thread of this server makes all calls of the bus.
+    """
+
+    def __init__(self, node: ProcessNode, host: str, port: int) -> None:
+        """Listen at `host`, at `port` or where that is taken at one of the next. Raises UsageError."""
+        from foxglove import Context
+
+        self._node, self._bus = node, node.bus
+        self._context = Context()
+        self._shown: dict[str, _Shown] = {}
+        self._last: dict[str, bytes] = {}
+        """The last message of each latched key that is subscribed to, and each robot's last goal."""
+        self._wakes = 0
+        self._keys_due = Every(KEYS_PERIOD)
+        self._clock: Closeable | None = None
+        self._sim_time: int | None = None
+        """Nanoseconds; None without a simulator."""
+        self._told_time = 0
+        self._server = self._listen(host, port)
+        self.port = self._server.port
+        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
+
+    def _listen(self, host: str, port: int) -> Any:
+        from foxglove import start_server
+        from foxglove.websocket import Capability
+
+        # What it says of each connection is of no use to a user.
+        logging.getLogger("foxglove").setLevel(logging.WARNING)
+        # Of what else a client may ask nothing is offered, so it has no other method of a listener.
+        listener: Any = self
+        problem: RuntimeError | None = None
+        for chosen in ports_from(port):
+            try:
+                return start_server(
+                    name="zteam", host=host, port=chosen, capabilities=[Capability.Time], server_listener=listener,
+                    context=self._context,
+                )  # fmt: skip
+            except RuntimeError as error:
+                problem = error
+        raise UsageError(f"--foxglove: cannot listen at {host}: {problem}")
+
+    def start(self) -> None:
+        """Begin to show the team."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Let all clients go."""
+        self._server.stop()
+        self._thread.join(1.0)
+
+    # What clients ask for, by names that the SDK gives
+
+    def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:
+        """A client looks at a topic from now on."""
+        key = names.strip_slash(channel.topic)
+        with self._node.changed:
+            shown = self._shown.get(key)
+            if shown is not None:
+                shown.clients.add(client.id)
+                shown.is_late = True
+        self._wake()
+
+    def on_unsubscribe(self, client: "Client", channel: "ChannelView") -> None:
+        """A client looks no more at a topic, or has gone."""
+        with self._node.changed:
+            shown = self._shown.get(names.strip_slash(channel.topic))
+            if shown is not None:
+                shown.clients.discard(client.id)
+        self._wake()
+
+    def _wake(self) -> None:
+        with self._node.changed:
+            self._wakes += 1
+            self._node.changed.notify_all()
+
+    # The team's side
+
+    def _run(self) -> None:
+        try:
+            # The bus keeps no goal for those that come late.
+            self._bus.subscribe_raw(names.all_robots_key(names.GOAL_POSE), self._on_goal)
+            while not self._node.stopping:
+                wakes = self._wakes
+                if self._keys_due.due():
+                    self._match_keys(shown_keys(self._bus.declarations()))
+                self._match_subscriptions()
+                self._node.wait(lambda seen=wakes: self._wakes != seen, self._keys_due.left())  # type: ignore[misc]
+        except BaseException as error:
+            self._node.fail(error)
+
+    def _match_keys(self, there: dict[str, type[Message] | None]) -> None:
+        for key in [*self._shown]:
+            shown = self._shown[key]
+            shown.missed = 0 if key in there else shown.missed + 1
+            if shown.missed >= PATIENCE:
+                self._drop(key)
+        for key in sorted(there.keys() - self._shown.keys())[: MAX_CHANNELS - len(self._shown)]:
+            shown = _Shown(there[key])
+            with self._node.changed:
+                self._shown[key] = shown
+            self._open_channel(key, shown)
+
+    def _drop(self, key: str) -> None:
+        with self._node.changed:
+            shown = self._shown.pop(key)
+            self._last.pop(key, None)
+        if shown.handle is not None:
+            shown.handle.close()
+        if shown.channel is not None:
+            shown.channel.close()
+
+    def _open_channel(self, key: str, shown: _Shown) -> None:
+        from foxglove import Channel, Schema
+
+        # `Message` itself: nothing that can be shown.
+        if shown.channel is not None or shown.kind is None or shown.kind is Message:
+            return
+        schema = Schema(name=shown.kind.ros_type, encoding="ros2msg", data=definition_of(shown.kind).encode())
+        shown.channel = Channel(f"/{key}", schema=schema, message_encoding="cdr", context=self._context)
+
+    def _match_subscriptions(self) -> None:
+        watched = any(shown.clients for shown in self._shown.values())
+        if watched and self._clock is None:
+            # Before all topics: viewers drop what has come when time goes back, and what is latched comes once.
+            sim = find_status(self._bus, STATUS_LIMIT)
+            if sim is not None:
+                self._sim_time = sim.now
+                self._server.broadcast_time(sim.now)
+            self._clock = self._bus.subscribe_contents(names.CLOCK, Clock, self._on_clock)
+        for key, shown in self._shown.items():
+            self._open_channel(key, shown)
+            if shown.is_late and shown.channel is not None:
+                shown.is_late = False
+                if (last := self._last.get(key)) is not None:
+                    # The others get it once more, and draw the same.
+                    self._show(shown.channel, last)
+            # A key of unknown type is subscribed to until its first message.
+            wanted = bool(shown.clients) or shown.kind is None
+            if wanted and shown.handle is None and not _is_goal(key):
+                shown.handle = self._subscribe(key, shown)
+            elif not wanted and shown.handle is not None:
+                shown.handle.close()
+                shown.handle = None
+                # Until the next client comes this is not the last one any more.
+                self._last.pop(key, None)
+        if not watched and self._clock is not None:
+            self._clock.close()
+            self._clock = self._sim_time = None
+
+    def _subscribe(self, key: str, shown: _Shown) -> Closeable | None:
+        kind, latched = shown.kind, shown.kind is None or type_of_key(key) is None or is_latched(key)
+
+        def take(key: str, content: bytes | Message) -> None:
+            data = content if isinstance(content, bytes) else encode(content)
+            if latched:
+                self._last[key] = data
+            if shown.channel is not None:
+                self._show(shown.channel, data)
+
+        def take_sample(sample: RawSample) -> None:
+            if shown.kind is None:
+                shown.kind = type_of_encoding(sample.encoding) or Message
+                self._wake()
+            if type_of_encoding(sample.encoding) in (shown.kind, None):
+                take(sample.key, sample.content)
+
+        try:
+            if kind is not None and not latched:
+                # Without time and source of each message, which cost most of a view's time.
+                return self._bus.subscribe_contents(key, kind, take)
+            return self._bus.subscribe_raw(key, take_sample, latched=latched)
+        except BusError as error:
+            log.debug("%s", error)
+            return None
+
+    def _on_goal(self, sample: RawSample) -> None:
+        data = sample.payload
+        with self._node.changed:
+            self._last[sample.key] = data
+            shown = self._shown.get(sample.key)
+        if shown is not None and shown.channel is not None:
+            self._show(shown.channel, data)
+
+    def _on_clock(self, _key: str, content: bytes | Message) -> None:
+        message = decode(Clock, content) if isinstance(content, bytes) else content
+        if isinstance(message, Clock):
+            self._sim_time = ns_from_time(message.clock)
+            self._server.broadcast_time(self._sim_time)
+
+    def _now(self) -> int:
+        return wall_ns() if self._sim_time is None else self._sim_time
+
+    def _show(self, channel: "Channel", data: bytes) -> None:
+        now = self._now()
+        if self._sim_time is None and now - self._told_time > TIME_STEP:
+            self._told_time = now
+            self._server.broadcast_time(now)
+        channel.log(data, log_time=now)
+
+
+def serve_foxglove(node: ProcessNode, host: str, port: int, known_as: str, show: Callable[[str], None]) -> None:
+    """Show the team from now on until the node stops; `show` prints where, with the name `known_as` of this machine.
+
+    Raises UsageError.
+    """
+    server = FoxgloveServer(node, host, port)
+    node.on_stop(server.close)
+    if port and server.port != port:
+        log.warning("port %d is taken: Foxglove finds the team at port %d", port, server.port)
+    server.start()
+    show(f"Foxglove and Lichtblick find the team at ws://{known_as}:{server.port}")
