@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from zteam.clock import pause
+from support.limits import LIMIT
+from zteam.clock import monotonic, pause
 
 
 def descendants_of(pid: int) -> list[int]:
@@ -33,3 +34,12 @@ def freeze(pids: Sequence[int], seconds: float) -> None:
         for pid in pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
+
+
+def wait_until_frozen(pid: int) -> None:
+    """Wait until no thread of a process that was stopped runs: on a crowded machine the signal takes its time."""
+    deadline = monotonic() + LIMIT
+    threads = Path(f"/proc/{pid}/task")
+    while {(thread / "stat").read_text().rpartition(")")[2].split()[0] for thread in threads.iterdir()} != {"T"}:
+        assert monotonic() < deadline, f"process {pid} was stopped and still runs"
+        pause(0.001)

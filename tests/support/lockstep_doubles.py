@@ -296,3 +296,11 @@ class ScriptedMonitor:
     def say(self, state: int, epoch: int = 1, stamp: int = 0) -> None:
         """Publish a state."""
         self._publisher.put(TeamStatus(state=state, epoch=epoch, go_stamp=time_from_ns(stamp)))
+
+
+def lose(participant: ScriptedParticipant, harness: LockStepHarness) -> None:
+    """Let it vanish, and wait until that is certain."""
+    participant.vanish()
+    lockstep = harness.lockstep
+    with lockstep._changed:
+        assert wait_until(lockstep._changed, lambda: participant.name not in lockstep.tick.members, LIMIT)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 
@@ -24,6 +24,9 @@ from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
 from zteam.names import declarations_key, stats_key
+
+if TYPE_CHECKING:
+    from zteam.bus.options import BusOptions
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
@@ -115,9 +118,16 @@ class Bus:
     After `close`, declarations and queries raise BusError; so does a key that is no key expression.
     """
 
-    def __init__(self, transport: Transport, sees: Callable[[str], bool] | None = None) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        sees: Callable[[str], bool] | None = None,
+        options: "BusOptions | None" = None,
+    ) -> None:
         """Where the router has an access control, `sees(token)` says whether another session sees a token."""
         self.transport = transport
+        self.options = options
+        """How it is connected, for another process that is to join the same team; None in memory."""
         self._sees = sees
         self.counters = Counters()
         self._receiver = Receiver(self.counters)

@@ -40,6 +40,8 @@ log = logging.getLogger("zteam.bus")
 
 _LOOK_AGAIN = 0.1
 """Seconds between looks at the request to stop while waiting for the launcher."""
+_ANSWER_WITHIN = 3.0
+"""Host seconds in which a router on a crowded machine answers."""
 _ALERT = b"\x15\x03"
 """The first bytes with which TLS refuses what is no TLS."""
 _CLOSE = b"\x02\x00\x03"
@@ -98,10 +100,10 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     if options.tls is not None:
         _say_why_link_stays_away(transport, options)
         transport.limit_silence(options.lease)
-        return Bus(transport, partial(_is_seen, options))
+        return Bus(transport, partial(_is_seen, options), options)
     if options.connect is None:
         _keep_router_alive(transport, options)
-    return Bus(transport)
+    return Bus(transport, options=options)
 
 
 def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
@@ -182,7 +184,7 @@ def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
     """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
     peer = ""
     try:
-        with socket.create_connection(address, timeout=1.0) as link:
+        with socket.create_connection(address, timeout=_ANSWER_WITHIN) as link:
             host, port = link.getpeername()[:2]
             peer = f"tcp/{host}:{port}"
             link.sendall(bytes(32))

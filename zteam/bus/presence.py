@@ -17,13 +17,14 @@ from zteam import names
 from zteam.bus.bus import Bus
 from zteam.bus.queries import NoRequest
 from zteam.bus.transport import Closeable
-from zteam.clock import monotonic, to_seconds, wait_until, wall_ns
+from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
 
 log = logging.getLogger("zteam.bus")
 
-CLAIM_WAIT = 0.1
+CLAIM_WAIT = 0.1 * HOST_FACTOR
+"""Host seconds for the tokens of others to come."""
 ASK_AGAIN = 1.0
 """Host seconds until another holder of the name that did not answer is asked again."""
 

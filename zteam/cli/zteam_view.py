@@ -10,7 +10,7 @@ from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
-from zteam.node.process_options import DEFAULT_VIEW_PORT, ViewOptions
+from zteam.node.process_options import DEFAULT_FOXGLOVE_PORT, DEFAULT_VIEW_PORT, ViewOptions
 
 
 def build_parser() -> Parser:
@@ -30,6 +30,16 @@ def build_parser() -> Parser:
         default=os.environ.get("ZTEAM_VIEW_TOKEN") or "",
         help="what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)",
     )
+    parser.add_argument("--foxglove", action="store_true", help="show the team to Foxglove and Lichtblick too")
+    parser.add_argument(
+        "--foxglove-port",
+        type=whole(0, 65535, "a port"),
+        default=DEFAULT_FOXGLOVE_PORT,
+        help="where they find it (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--foxglove-layout", type=Path, metavar="FILE", help="write a layout of this team's topics for them, and end"
+    )
     # What a test waits for.
     parser.add_argument("--name", default="", help=argparse.SUPPRESS)
     add_bus_options(parser)
@@ -37,7 +47,17 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
-    options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout, args.name)
+    foxglove_port = args.foxglove_port if args.foxglove else None
+    options = ViewOptions(
+        args.host,
+        args.port,
+        args.token,
+        not args.no_browser,
+        args.layout,
+        foxglove_port,
+        args.foxglove_layout,
+        args.name,
+    )
     return names.VIEW, lambda: options
 
 

@@ -14,26 +14,30 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.bus.transport import Closeable
-from zteam.clock import monotonic, to_ns
+from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.navigation.maps import pose_message
-from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import (
+    CANCEL,
+    CANCEL_LIMIT,
+    GONE,
+    ON_THE_WAY,
+    SETTLED,
+    CancelReply,
+    CancelRequest,
+    is_same_goal,
+    navigation_query,
+)
 
 log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
 GLOBAL_LOCALIZATION = "global_localization"
-CANCEL_LIMIT = 2.0
-"""Host seconds for the answer to a request to cancel."""
 NAVIGATION, GO_TO = "navigation", "go_to"
 """What takes goals."""
-GONE = 3.0
-"""Host seconds for which what took a goal may be away: a router that ends takes all presence tokens along."""
-SETTLED = to_ns(1.0)
-"""After this time (ns) a status is about a new goal for certain."""
 
 
 class GlobalLocalizationRequest(Change):
@@ -61,8 +65,6 @@ _ENDS: dict[int, TaskResult] = {
     NavigationState.ABORTED: TaskResult.FAILED,
     NavigationState.CANCELED: TaskResult.CANCELED,
 }
-ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
-"""States of a goal that lasts."""
 
 
 def goal_message(pose: Pose2) -> PoseStamped:
@@ -102,7 +104,7 @@ class GoalWatch:
         """The robot said something, about this goal or another one. After the end nothing counts."""
         if self.ended:
             return
-        if _is_same(status.goal, self.goal):
+        if is_same_goal(status.goal, self.goal):
             self.status, self.text = status, status.text
             if status.state in _ENDS:
                 self.end(_ENDS[status.state], status.text)
@@ -150,16 +152,11 @@ class OtherGoal:
 
     def take(self, status: NavigationStatus, own: GoalWatch | None, now: int) -> None:
         """The robot said something, about this goal, one's own or a third one."""
-        if status.state in ON_THE_WAY and not (own is not None and _is_same(status.goal, own.goal)):
+        if status.state in ON_THE_WAY and not (own is not None and is_same_goal(status.goal, own.goal)):
             self.goal, self._came = status.goal, now
-        elif self.goal is not None and (_is_same(status.goal, self.goal) or not 0 <= now - self._came < SETTLED):
+        elif self.goal is not None and (is_same_goal(status.goal, self.goal) or not 0 <= now - self._came < SETTLED):
             # Before it has settled, navigation may still speak of the goal before.
             self.goal = None
-
-
-def _is_same(one: PoseStamped, other: PoseStamped) -> bool:
-    # Navigation may have resolved the frame.
-    return one.header.stamp == other.header.stamp and one.pose == other.pose
 
 
 class Link(Protocol):

@@ -164,7 +164,7 @@ class Participant:
     """In the world at the newest tick."""
     team: tuple[int, ...] = ()
     """The robots whose processes took part when the newest tick was opened, ascending: the same for all of them, also
-    if one ends in the middle of the tick."""
+    if one ends in the middle of the tick. Another tuple when another process takes part, be it of the same robot."""
     _listed: Sequence[str] = ()
     """The participants at the time of `team`."""
     tick: Tick | None = None
@@ -287,15 +287,19 @@ class Participant:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
             self._open = None
             self._done.put(Done(tick.epoch, tick.tick))
-        elif (tick.epoch, tick.tick) == (self._answer.epoch, self._answer.tick) and self._open is None:
+            return
+        seen = self._answer if self._open is None else self._open
+        is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
+        if tick.participants != self._listed:
+            # What leaves during a tick may be back in the next one, as another process.
+            self._listed = tick.participants if is_new else ()
+            if is_new:
+                ids = map(names.robot_id_of, tick.participants)
+                self.team = tuple(sorted(i for i in ids if i is not None))
+        if not is_new and self._open is None:
             self._repeat()
             self._done.put(self._answer)
         else:
-            seen = self._open
-            is_new = seen is None or (seen.epoch, seen.tick) != (tick.epoch, tick.tick)
-            if is_new and tick.participants != self._listed:
-                ids = map(names.robot_id_of, tick.participants)
-                self._listed, self.team = tick.participants, tuple(sorted(i for i in ids if i is not None))
             self._open, self._heard, self._waits = tick, monotonic(), False
             self._waits = not self.advance()
 

@@ -16,6 +16,7 @@ from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
+from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
@@ -252,7 +253,7 @@ class ProcessNode:
         if not self._follows_clock:
             self._follows_clock = True
             self.take_time_from_clock()
-            self.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._handler(self._on_simulator))
+            CertainTokens(self.bus, names.tokens_key(names.SIMULATOR), self._handler(self._on_simulator))
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""

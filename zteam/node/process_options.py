@@ -21,6 +21,7 @@ FROM_STDIN = "-"
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 DEFAULT_VIEW_PORT = 8765
+DEFAULT_FOXGLOVE_PORT = 8766
 
 T = TypeVar("T")
 
@@ -148,6 +149,10 @@ class ViewOptions(msgspec.Struct, frozen=True):
     """Whether the page is opened in the user's browser."""
     layout: Path | None = None
     """A file with the layout that pages begin with."""
+    foxglove_port: int | None = None
+    """Where Foxglove finds the team; 0: any, None: nowhere."""
+    foxglove_layout: Path | None = None
+    """A file to write a layout for Foxglove to, instead of a view."""
     name: str = ""
     """Its name on the bus; empty: a new one of its kind."""
 

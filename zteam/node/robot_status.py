@@ -263,7 +263,7 @@ class StatusReport:
         command, reason = self.command, self.readiness.reason
         if command is None:
             return reason
-        if command.linear.x:
+        if command.linear.x or command.linear.y:
             return ""
         if reason or command.angular.z:
             return reason

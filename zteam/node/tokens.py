@@ -63,6 +63,12 @@ class TokenLossFilter:
         """Whether silence and missing tokens mean anything now."""
         return self._up and now >= self._quiet_until
 
+    def due_in(self, now: float, grace: float = GRACE) -> float | None:
+        """Host seconds until `take_due` may find the next one; None while nothing is held back, or the link is lost."""
+        if not self._up or not self._since:
+            return None
+        return max(0.0, min(self._since.values()) + grace - now, self._quiet_until - now)
+
     def take_due(self, now: float, grace: float = GRACE) -> list[str]:
         """Keys of the tokens that are lost for good; each is returned once.
 

@@ -1,4 +1,5 @@
-"""What other processes ask of a robot: its parameters, and to give its goal up. The queries have the names of ROS's.
+"""What other processes ask of a robot: its parameters, and to give its goal up; and how they tell goals apart. The
+queries have the names of ROS's.
 
 The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
 """
@@ -9,12 +10,22 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
+from zteam.clock import to_ns
 from zteam.errors import BusError, UsageError
+from zteam.messages import NavigationState, PoseStamped
 from zteam.robot.behaviors.registry import Parameter
 
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
 CANCEL = "cancel"
+CANCEL_LIMIT = 2.0
+"""Host seconds for the answer to a request to cancel."""
+ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
+"""States of a goal that lasts."""
+SETTLED = to_ns(1.0)
+"""After this time (ns) a status is about a new goal for certain."""
+GONE = 3.0
+"""Host seconds for which what took a goal may be away: a router that ends takes all presence tokens along."""
 
 
 class DescribeReply(msgspec.Struct):
@@ -107,6 +118,11 @@ class ParametersClient:
 def navigation_query(robot_id: int, service: str) -> str:
     """Key of a query of the navigation of robot `robot_id`; `info` tells which process it is."""
     return names.service_key(names.robot_key(robot_id, names.NAVIGATION), service)
+
+
+def is_same_goal(one: PoseStamped, other: PoseStamped) -> bool:
+    """Whether two messages are of one goal. Navigation may have resolved the frame of one."""
+    return one.header.stamp == other.header.stamp and one.pose == other.pose
 
 
 class CancelRequest(Change):

@@ -175,7 +175,7 @@ class SimStatus(msgspec.Struct):
     waiting_for: str = ""
     """Lock-step: what holds the world."""
     hung: list[str] = []
-    """Lock-step: the participants that were left behind so far; `router` where its link was lost."""
+    """Lock-step: the participants that were left behind so far."""
     finished: bool = False
     """Whether the time asked for with `--for` is over and the world stands still."""
     instance: str = ""
@@ -309,7 +309,7 @@ class RunFigures(msgspec.Struct, kw_only=True):
     resends: int = 0
     """Lock-step: how often a tick had to be sent again."""
     hung: list[str] = []
-    """Lock-step: participants that were left behind; `router` where its link was lost."""
+    """Lock-step: participants that were left behind."""
     timing_ms: Timing | None = None
     lateness_p99_ms: float | None = None
     """How late ticks began after they were due, with a speed."""

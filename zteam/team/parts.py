@@ -113,6 +113,10 @@ def _navigation(options: NavigationOptions) -> Part:
 def _view(options: ViewOptions) -> Part:
     from zteam.view.node import run_view
 
+    if options.foxglove_port is not None:
+        from zteam.view.foxglove import require_sdk
+
+        require_sdk()
     return Part(
         lambda node: run_view(node, options, partial(print, flush=True)),
         small=True,

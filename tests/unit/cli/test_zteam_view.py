@@ -1,5 +1,7 @@
 """`zteam view` and `zteam up --view`: their options, and what they print."""
 
+import ipaddress
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +11,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.cli import up, zteam_view
 from zteam.errors import UsageError
-from zteam.view.node import has_browser, page_url, read_layout
+from zteam.view.node import has_browser, own_address, page_url, qr_code, read_layout
 from zteam.view.server import listen
 
 
@@ -30,7 +32,8 @@ def test_an_address_of_another_machine_is_refused() -> None:
 def test_the_address_has_the_token_in_its_fragment() -> None:
     """A browser sends it to no server; the page of a server for the whole network is opened on this machine."""
     assert page_url("127.0.0.1", 8765, "a b") == "http://127.0.0.1:8765/#token=a%20b"
-    assert page_url("0.0.0.0", 1, "t") == "http://127.0.0.1:1/#token=t"
+    assert page_url("0.0.0.0", 1, "t") == f"http://{own_address()}:1/#token=t"
+    assert ipaddress.ip_address(own_address()).version == 4
     assert page_url("::1", 1, "t") == "http://[::1]:1/#token=t"
 
 
@@ -81,3 +84,21 @@ def test_a_robots_process_imports_no_web_server() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_phone_reads_the_address() -> None:
+    """The drawing for a terminal is square, and a longer address needs a larger one."""
+    short, long = (
+        qr_code(f"http://192.0.2.1:8765/#token={'x' * length}").strip("\n").splitlines() for length in (8, 90)
+    )
+    assert 10 < len(short) < len(long) < 40
+    assert len({len(re.sub(r"\x1b\[[0-9;]*m", "", line)) for line in short}) == 1
+
+
+def test_foxglove_needs_its_package(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without it one line says how to get it, before anything is started."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert zteam_view.main(["--foxglove", "--no-browser"]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "view: --foxglove needs the package foxglove-sdk: pip install zteam[foxglove]"
+    ]

@@ -9,7 +9,8 @@ from zteam.bus import MemoryHub
 from zteam.errors import BusError
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, Time
 from zteam.navigation import client as navigation
-from zteam.navigation.client import GO_TO, GONE, NAVIGATION, GoalWatch, NavigationClient, TaskResult, goal_text
+from zteam.navigation.client import GO_TO, NAVIGATION, GoalWatch, NavigationClient, TaskResult, goal_text
+from zteam.robot.client import GONE
 
 
 def at(goal: PoseStamped, seconds: int, frame: str = "map") -> PoseStamped:

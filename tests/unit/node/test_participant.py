@@ -100,6 +100,19 @@ def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: ScriptedS
     assert desk.asked[-2:] == [[NAME, "cook"], [NAME]]
 
 
+def test_a_robot_that_left_and_is_back_in_the_next_tick_is_a_newcomer(desk: Desk, script: ScriptedSimulator) -> None:
+    """The team has the same robots and is another one: what the old process was told the new one has not heard."""
+    script.tick(2, NAME, "robot_7")
+    team = desk.part.team
+    script.tick(3, NAME, "robot_7")
+    assert desk.part.team is team
+    script.tick(3, NAME)
+    assert desk.part.team is team, "nothing changes within a tick"
+    script.tick(4, NAME, "robot_7")
+    assert desk.part.team == team
+    assert desk.part.team is not team
+
+
 def test_the_tick_of_another_epoch_is_another_tick(desk: Desk, script: ScriptedSimulator) -> None:
     """GO opens the held first tick anew: it is acted on again."""
     script.tick(2, NAME, epoch=0)

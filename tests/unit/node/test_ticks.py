@@ -49,10 +49,18 @@ def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: S
     desk.node.close()
 
 
+def lose(desk: Desk, script: ScriptedSimulator) -> None:
+    """Let the simulator vanish, and wait until that is certain."""
+    script.vanish()
+    with desk.node.changed:
+        desk.node.changed.wait_until(lambda: not desk.node._simulators, LIMIT)
+        assert not desk.node._simulators
+
+
 def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: ScriptedSimulator) -> None:
     """The next simulator may not work in lock-step: the participant is idle, and the clock counts."""
     script.tick(2, NAME)
-    script.vanish()
+    lose(desk, script)
     assert (desk.part.active, desk.part.tick) == (False, None)
     assert desk.node.clock.now() == 2 * INTERVAL
     script.appear()
@@ -65,7 +73,7 @@ def test_the_next_simulators_ticks_are_new(desk: Desk, script: ScriptedSimulator
     """A simulator that starts anew numbers its ticks from 1: they are acted on, though they were answered before."""
     script.tick(2, NAME)
     assert script.take() == [Done(1, 2)]
-    script.vanish()
+    lose(desk, script)
     script.appear()
     script.tick(2, NAME)
     assert script.take() == [Done(1, 2)]
@@ -76,7 +84,7 @@ def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: ScriptedSimula
     """Inputs that come after the simulator is gone cause no answer."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
-    script.vanish()
+    lose(desk, script)
     desk.feed()
     desk.feed()
     assert (script.take(), desk.acted) == ([], [])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from zteam import names
+from zteam.config.localisation import LOST_DEVIATION
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
@@ -16,8 +17,6 @@ from zteam.navigation.planning.parameters import FakeOptions, Parameters
 from zteam.navigation.planning.scans import Scan, Teammate, seen_from
 from zteam.navigation.process.inputs import OLD, Inputs
 
-_LOST = 1.0
-"""Metres: with a larger standard deviation a robot does not know where it is."""
 _USUAL = 0.5, 0.5, math.pi / 12.0
 """amcl's initial_cov as standard deviations: metres, metres, radians."""
 _TOLD = 0.2, 0.2, 0.1
@@ -128,7 +127,7 @@ class AmclLocaliser(Localiser):
         self.pose = self.map_from_odom.compose(newest if newest is not None else odom)
         self.covariance = self._amcl.covariance
         wide = math.sqrt(max(0.0, self.covariance[0, 0], self.covariance[1, 1]))
-        self.problem = f"it is lost: its place is known to ± {wide:.1f} m only" if wide > _LOST else ""
+        self.problem = f"it is lost: its place is known to ± {wide:.1f} m only" if wide > LOST_DEVIATION else ""
 
     def _find_initial_pose(self, inputs: Inputs) -> bool:
         initial = self._initial

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped
-from zteam.navigation.client import ON_THE_WAY
 from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
 from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Planner
 from zteam.navigation.planning.recovery import Recovery
 from zteam.navigation.process.costmaps import Costmaps, PlacedScan
+from zteam.robot.client import ON_THE_WAY
 
 STOP = Velocity()
 MISSING_LIMIT = 10.0

@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
-from zteam.messages import LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
+from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.robot.behaviors.evasion import Escape
 from zteam.robot.behaviors.scans import first_clear, is_clear, is_seen, look_along
@@ -210,7 +210,7 @@ class GoTo(Behavior):
     def __init__(self, params: GoToParams) -> None:
         super().__init__(params)
         self.navigation: NavigationStatus = NavigationStatus(text=NO_GOAL)
-        """Its `distance_remaining` is as the crow flies."""
+        """`distance_remaining` is as the crow flies, `estimated_time_remaining` at the parameter `speed`."""
         self._is_canceled = False
         """Whether the goal is to be given up."""
         self._goal: Pose2 | None = None
@@ -256,6 +256,8 @@ class GoTo(Behavior):
             return Twist()
         goal = own.inverse().compose(self._goal)
         distance = self.navigation.distance_remaining = math.hypot(goal.x, goal.y)
+        seconds = distance / self.params.speed if self.params.speed else 0.0
+        self.navigation.estimated_time_remaining = Duration(int(seconds), int(seconds % 1.0 * 1e9))
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
         if self._is_there:
             is_done = abs(goal.yaw) <= self.params.yaw_goal_tolerance

@@ -361,7 +361,7 @@ class RobotNode:
         given = self._driver.take_input(self._acted, tick.epoch, is_first=is_first)
         self._driver.stepped = self._acted
         command = self._driver.step(given)
-        if is_first or self._part.team != self._known_to:
+        if is_first or self._part.team is not self._known_to:
             # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.
             self._known_to = self._part.team
             self._status.publish()

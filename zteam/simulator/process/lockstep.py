@@ -14,6 +14,7 @@ from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import BusError
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
+from zteam.node.certain_tokens import CertainTokens
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import LockStepOptions
@@ -96,8 +97,7 @@ class LockStep:
         """Those whose token has not come in time."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         node.stop.on_request(self._wake)
-        node.bus.watch_link(self._on_link)
-        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        CertainTokens(node.bus, names.tokens_key(), self._on_token)
         node.bus.subscribe_from(names.done_key(), Done, self._on_done)
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
@@ -110,11 +110,6 @@ class LockStep:
             with self._changed:
                 self.tick.take_go(status.epoch)
                 self._changed.notify_all()
-
-    def _on_link(self, up: bool) -> None:
-        # Without the link all tokens are gone, and with them all participants.
-        if not up and self.tick.note_lost_link():
-            log.error("the link to the router was lost in tick %d: its participants leave", self.tick.message.tick)
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)

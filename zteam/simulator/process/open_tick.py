@@ -14,9 +14,6 @@ from zteam import names
 from zteam.messages import Done, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
 
-LINK = "router"
-"""In `hung`, the router: the simulator has lost its link."""
-
 
 class OpenTick:
     """The tick that the participants are to answer, and the rules by which it ends.
@@ -53,7 +50,7 @@ class OpenTick:
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
         self.hung: list[str] = []
-        """Participants that were left behind so far, for their silence or their lease; LINK for a lost link."""
+        """Participants that were left behind so far, for their silence or their lease."""
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
@@ -179,11 +176,6 @@ class OpenTick:
     def _drop(self, name: str) -> None:
         self.members = [member for member in self.members if member != name]
         self.joining.discard(name)
-
-    def note_lost_link(self) -> bool:
-        """The link to the router is lost. True if this changes the run."""
-        self.hung += [] if self.held else [LINK]
-        return not self.held
 
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""

@@ -21,8 +21,11 @@ log = logging.getLogger("zteam")
 
 _CHUNK = 1 << 16
 """Bytes that are read at once."""
+_MOST_RATE = 1 << 20
+"""Bytes a second. A delayed direction without a limit holds what comes at this rate during its delay; then its sender
+waits."""
 _MOST_HELD = 1 << 22
-"""Bytes that a direction of a connection holds; a sender that sends more has to wait."""
+"""Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
 _RESET = struct.pack("ii", 1, 0)
@@ -35,7 +38,8 @@ class Wire(msgspec.Struct, frozen=True):
     delay: float = 0.0
     """Host seconds that each byte takes."""
     rate: float | None = None
-    """Bytes a host second; None = as fast as they come."""
+    """Bytes a host second; None = as fast as they come. With a `delay` a direction holds 4 MiB at most, and without a
+    rate as much as 1 MiB a second: then its sender waits."""
     stalled: bool = False
     """Whether no byte passes. What waits passes when this ends."""
 
@@ -59,7 +63,7 @@ class _Pump:
     def may_read(self) -> bool:
         """Whether there is room. A stalled wire reads nothing, so that the sender's system holds the bytes."""
         wire = self._wire()
-        most = _MOST_HELD if wire.rate is None else min(_MOST_HELD, _CHUNK + int(wire.rate * wire.delay))
+        most = _CHUNK + min(int((wire.rate or _MOST_RATE) * wire.delay), _MOST_HELD)
         return not (self._ended or wire.stalled) and self._size < most
 
     def due_in(self, now: float) -> float | None:
@@ -69,15 +73,16 @@ class _Pump:
             return None
         return max(0.0, self._held[0][0] + wire.delay - now, self._free_at - now if wire.rate else 0.0)
 
-    def read(self, now: float) -> None:
+    def read(self, now: float, buffer: memoryview) -> None:
         """Take what the source has. An error ends it, as its last byte does: the other direction goes on to its end."""
         try:
-            data = self.source.recv(_CHUNK)
+            count = self.source.recv_into(buffer)
         except BlockingIOError:
             return
         except OSError:
-            data = b""
-        self._ended = not data
+            count = 0
+        # As many bytes as came: `recv` takes memory for a whole chunk, of which it gives back the rest in small pieces.
+        data, self._ended = bytes(buffer[:count]), not count
         self._held.append((now, data))
         self._size += len(data)
 
@@ -128,11 +133,11 @@ class _Connection:
             for reader, writer in pairs
         ]
 
-    def pass_on(self, end: socket.socket | None, mask: int, now: float) -> bool:
-        """Read from `end` and write what is possible; whether the connection goes on."""
+    def pass_on(self, end: socket.socket | None, mask: int, now: float, buffer: memoryview) -> bool:
+        """Read from `end` (through `buffer`) and write what is possible; whether the connection goes on."""
         for pump in (self.up, self.down):
             if pump.source is end and mask & selectors.EVENT_READ and pump.may_read:
-                pump.read(now)
+                pump.read(now, buffer)
             pump.write(now)
         return not (self.up.done and self.down.done)
 
@@ -182,6 +187,7 @@ class Forwarder:
         self._timed: set[_Connection] = set()
         """Connections that hold bytes until a moment to come."""
         self._owner: dict[_Connection, Link] = {}
+        self._buffer = memoryview(bytearray(_CHUNK))
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="forwarder", daemon=True)
         self._thread.start()
@@ -253,7 +259,7 @@ class Forwarder:
     def _pass_on(self, connection: _Connection, end: socket.socket | None, mask: int, now: float) -> None:
         if connection not in self._owner:
             return
-        if not connection.pass_on(end, mask, now):
+        if not connection.pass_on(end, mask, now, self._buffer):
             self._end(connection)
             return
         for each, events in zip(connection.ends, connection.interest(now), strict=True):

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.lateness import LATE
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds
-from zteam.messages import Clock, Odometry, TeamState, TeamStatus, Twist, ns_from_time
+from zteam.messages import Clock, Odometry, RobotStatus, TeamState, TeamStatus, Twist, ns_from_time
 from zteam.node.tokens import RETURN_GRACE, TokenSet
 
 SLOWEST = 0.05
@@ -52,6 +52,8 @@ class Motion(msgspec.Struct):
     """Of its last command; None before the first."""
     heard: float = 0.0
     """Host time of that."""
+    reason: str = ""
+    """Why it stands, in its own words."""
 
     @property
     def moves(self) -> bool:
@@ -105,6 +107,7 @@ class Observer:
         # One thread of the bus takes commands and truths, in the order in which they come.
         bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth)
         bus.subscribe(names.all_robots_key(names.CMD_VEL), Twist, self._on_command)
+        bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.watch_tokens([names.tokens_key()], self._on_token)
@@ -160,6 +163,11 @@ class Observer:
             # Before the first truth its time is not known.
             if robot is not None and robot.stamp:
                 robot.commanded, robot.heard = max(robot.stamp, self._now), monotonic()
+
+    def _on_status(self, key: str, status: RobotStatus) -> None:
+        with self.changed:
+            if (robot := self._robot(key)) is not None:
+                robot.reason = status.reason
 
     def _robot(self, key: str) -> Motion | None:
         target = names.split_robot_key(key)

@@ -40,6 +40,8 @@ class Outcome(msgspec.Struct):
     """Of the host, from its end until the process was back and the robots that had moved before moved."""
     recovery_sim: float | None = None
     """Simulated, from its end until the last of these robots moved."""
+    last: str = ""
+    """What was back last, and why a robot stood until then in its own words; empty if all was back at once."""
     problem: str = ""
     """Why it was not carried out, or what did not recover."""
 
@@ -119,10 +121,15 @@ class _Watched:
             starts = [robots[name].started for name, (world, _) in self._since.items() if robots[name].world == world]
             outcome.recovery_sim = to_seconds(max(0, max(starts) - self._end_stamp)) if starts else None
             return True
+        outcome.last = self.fault.name if self._since is None else ", ".join(map(self._told, still))
         if monotonic() - self._ended_at < PATIENCE:
             return False
-        outcome.problem = f"{self.fault.name} is not back" if self._since is None else f"{', '.join(still)} not moving"
+        outcome.problem = f"not back: {outcome.last}"
         return True
+
+    def _told(self, name: str) -> str:
+        reason = self._observer.robots[name].reason
+        return f"{name} ({reason})" if reason else name
 
     @property
     def _is_back(self) -> bool:
@@ -247,7 +254,7 @@ class ChaosThread:
         return self._result.result()
 
 
-HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "")
+HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "back last", "")
 
 
 def rows(report: ChaosReport) -> list[tuple[str, ...]]:
@@ -259,7 +266,7 @@ def rows(report: ChaosReport) -> list[tuple[str, ...]]:
     return [
         (
             f"{each.at:.1f}", each.fault, each.name, cell(each.lasted or None), cell(each.stood_after),
-            cell(each.recovery), cell(each.recovery_sim), each.problem,
+            cell(each.recovery), cell(each.recovery_sim), "" if each.problem else each.last, each.problem,
         )
         for each in report.faults
     ]  # fmt: skip

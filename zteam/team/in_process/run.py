@@ -39,6 +39,7 @@ from zteam.team.launch.run import (
     node_environment,
     refuse_second_team,
 )
+from zteam.team.launch.starts import RobotStarts
 from zteam.team.launch.supervisor import Again, Member, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.team.parts import Part, part_of, printing_monitor, robot_part
@@ -261,6 +262,9 @@ class InProcessRun(TeamRun):
         if self._outside is not None:
             environment = self._outside.environment
             self._start_nodes(lambda name: environment)
+            self._starts = RobotStarts(
+                self.launch, self.plan, self.supervisor, self._outside.bus, lambda name: environment
+            )
         self._begin_faults(no_link)
         if self._stop.requested:
             self._wake()

@@ -66,7 +66,8 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
             job = Job(
                 zteam_command(kind.command, FROM_STDIN),
                 words=words,
-                restarts=restarts.get(name, launch.restarts),
+                # A view takes no part in the run, so a new one changes nothing of it.
+                restarts=restarts.get(name, launch.restarts) or kind.beside,
                 may_end=kind.beside,
                 learn=partial(_keep_address, name, options) if isinstance(options, ViewOptions) else keep,
             )

@@ -34,6 +34,7 @@ from zteam.team.launch.process import Process, exit_text, zteam_command
 from zteam.team.launch.progress import Progress, TeamOverview
 from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
+from zteam.team.launch.starts import RobotStarts
 from zteam.team.launch.supervisor import GRACE, Again, Job, Member, Supervisor, log_failure
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
@@ -190,6 +191,8 @@ class TeamRun:
         self._faults: ChaosThread | None = None
         self.chaos: ChaosReport | None = None
         """How the team took the faults of the launch, after `finish`; None if it has none."""
+        self._starts: RobotStarts | None = None
+        """None before processes can be started."""
         self._ends = ExitStack()
         """Of what it holds on the bus."""
         stop.on_request(self._wake)
@@ -333,6 +336,8 @@ class TeamRun:
         return {names.LAUNCHER: os.getpid()}
 
     def _stop_all(self) -> None:
+        if self._starts is not None:
+            self._starts.end()
         self.supervisor.measure()
         running = [member for member in self.supervisor.members.values() if member.running]
         if running:
@@ -414,6 +419,8 @@ class ProcessRun(TeamRun):
         if self._links is not None:
             assert self.bus is not None
             self._links.serve(self.bus)
+        assert self.bus is not None
+        self._starts = RobotStarts(self.launch, self.plan, supervisor, self.bus, self._environment_of_new)
         self._begin_faults(no_link if self._links is None else self._links.change)
         if self._stop.requested:
             self._wake()
@@ -424,6 +431,16 @@ class ProcessRun(TeamRun):
     def _environment(self, name: str) -> dict[str, str]:
         endpoint = self._endpoint_for(name) if self.endpoint else FROM_STDIN
         return node_environment(endpoint, self._options_of(name), self.launch.pace)
+
+    def _environment_of_new(self, name: str) -> dict[str, str]:
+        """That of a process that the plan does not have. With certificates it has one only if the team file says so."""
+        if self._certificates is not None:
+            rights, namespace = rights_of(self.launch.team), self._options.namespace or ""
+            if name not in rights:
+                raise ZteamError(f"{name} may have no certificate: write '{name} = []' in [security.grants]")
+            for warning in prepare(self._certificates, str(self.launch.team_file or ""), rights, namespace, [name]):
+                log.warning("%s", warning)
+        return self._environment(name)
 
     def _connect(self) -> None:
         options = msgspec.structs.replace(self._options_of(names.LAUNCHER), connect=self.endpoint, lease=self._lease)

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import msgspec
 
+from zteam.bus.options import share_arenas
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
@@ -25,8 +26,9 @@ _SAMPLE_PERIOD = 5.0
 """Seconds between measurements: reading a process's PSS walks its page tables, which delays it by milliseconds."""
 
 
-_CLEAN = frozenset({0, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.SIGPIPE})
-"""Exit codes of a process that has not failed, or that was asked to end; systemd has the same."""
+_FINAL = frozenset({0, 2, -signal.SIGHUP, -signal.SIGINT, -signal.SIGTERM, -signal.SIGPIPE})
+"""Exit codes of a process that has not failed, that was asked to end (systemd has the same), or that cannot
+run as it was started."""
 
 
 DELAYS = (0.1, 1.0, 2.0, 4.0, 8.0)
@@ -175,6 +177,8 @@ class Supervisor:
         start_child: StartChild = spawn,
     ) -> None:
         """`on_failure(member, again)`: it has failed, and whether it is started again."""
+        # Before there is a thread for the lines of each member.
+        share_arenas()
         self._on_line = on_line
         self._on_failure = on_failure
         self._start_child = start_child
@@ -212,6 +216,8 @@ class Supervisor:
 
     def start_job(self, name: str, job: Job) -> Process:
         """As `start`. Raises ZteamError if the command cannot be started."""
+        # A restart that waits for its time would replace the new process.
+        self.restarts.cancel([name])
         self._jobs[name] = job
         process = self.start_member(name, partial(self._spawn, name), restarts=job.restarts, may_end=job.may_end)
         assert isinstance(process, Process)
@@ -289,14 +295,15 @@ class Supervisor:
         """A member has ended."""
         name, code = member.name, member.exit_code
         failed = not member.stopping and not (code == 0 and name in self._may_end)
-        again = self.restarts.take_failure(name) if failed and code not in _CLEAN else Again()
-        if again.delay is None:
-            self.ended.add(name)
+        again = self.restarts.take_failure(name) if failed and code not in _FINAL else Again()
         if failed:
+            # First: what waits for the end finds the reason there.
             self._on_failure(member, again)
         with self.changed:
-            if failed and again.delay is None:
-                self.failures.append(member)
+            if again.delay is None:
+                self.ended.add(name)
+                if failed:
+                    self.failures.append(member)
             self.changed.notify_all()
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:

@@ -63,6 +63,7 @@ _SIMULATE = tuple(
     for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
 )
 _CUT = names.service_key(names.LAUNCHER, names.LINKS)
+_START = names.service_key(names.LAUNCHER, names.START)
 _ADD_FRAME = names.service_key(names.AGGREGATOR, "static")
 
 _OWN = Rights(
@@ -110,6 +111,7 @@ _GRANTED = {
     | _filled(_OWN, names.GOALS),
     "simulation": Rights(asks=(*_SIMULATE, _CUT)),
     "parameters": Rights(asks=(_SET,)),
+    "processes": Rights(asks=(_START,)),
     "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),
 }
 """By the words of GRANTS."""

@@ -316,8 +316,7 @@ class TeamProcesses:
 
         They are gone in the world's time; the end of their processes takes the host's.
         """
-        # A router is lost only on purpose: its end is seen at once.
-        for name in {*status.hung} - {ROUTER}:
+        for name in status.hung:
             self._note_hang(
                 name, f"lock-step left it behind, without an answer for {self._silence_limit:g} s or cut off"
             )

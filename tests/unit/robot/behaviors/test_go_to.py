@@ -11,7 +11,7 @@ from support.flat_floor import BEAMS, FOV, ORIGIN, TICK, Segment, box, clearance
 from support.goals import GoalFloor, make_goal
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
-from zteam.messages import NavigationState, PoseStamped, Twist
+from zteam.messages import Duration, NavigationState, PoseStamped, Twist
 
 POCKET: list[Segment] = [*box(2.0, -1.5, 2.2, 1.5), *box(0.0, 1.5, 2.2, 1.7), *box(0.0, -1.7, 2.2, -1.5)]
 """A dead end that opens towards the origin."""
@@ -66,6 +66,8 @@ def test_it_says_what_becomes_of_its_goal() -> None:
     goal = make_goal(3.0, 4.0)
     behavior.step(seeing(goal))
     assert (told.state, told.goal, told.distance_remaining, told.text) == (NavigationState.DRIVING, goal, 5.0, "")
+    # At 0.4 m/s.
+    assert told.estimated_time_remaining == Duration(12, 500_000_000)
     assert behavior.cancel_goal()
     assert behavior.step(seeing(goal)) == Twist()
     assert (told.state, told.text) == (NavigationState.CANCELED, "its goal is canceled")

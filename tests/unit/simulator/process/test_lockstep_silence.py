@@ -11,6 +11,7 @@ from support.lockstep_doubles import (
     SHORT,
     HarnessFactory,
     ScriptedParticipant,
+    lose,
     lose_first,
     lossy_bus,
     make_team,
@@ -203,10 +204,10 @@ def test_a_participant_that_was_cut_off_is_reported(hub: MemoryHub, new_harness:
     first, second = make_team(hub, harness, "robot_0", "robot_1")
     assert harness.wait()
     with captured_log() as log:
-        first.vanish()
+        lose(first, harness)
         ScriptedParticipant(hub, "robot_0").appear()
         assert harness.lockstep.tick.hung == []
-        second.vanish()
+        lose(second, harness)
         second.appear()
     assert harness.lockstep.tick.hung == ["robot_1"]
     assert log.count("robot_1 was cut off, or frozen for longer than its lease: it missed ticks") == 1
@@ -216,15 +217,18 @@ def test_a_participant_that_was_cut_off_is_reported(hub: MemoryHub, new_harness:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_lost_link_is_reported(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """All participants leave with it, so the run is another one; while the first tick is held nothing is lost."""
+def test_without_the_router_the_world_waits(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Tokens that vanish with the link and come back with it are those of participants as before."""
     bus, link = cut_bus(hub)
     harness = new_harness(bus=bus)
+    (robot,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
+    robot.awake = False
+    harness.open(3)
+    robot.vanish()
     link.set_link(False)
-    assert harness.lockstep.tick.hung == []
-    make_team(hub, harness, "robot_0")
-    with captured_log() as log:
-        link.set_link(False)
-        link.set_link(True)
-    assert harness.lockstep.tick.hung == ["router"]
-    assert log.count("the link to the router was lost in tick 2") == 1
+    link.set_link(True)
+    robot.appear()
+    robot.answer()
+    assert harness.wait()
+    assert (harness.lockstep.tick.members, harness.lockstep.tick.hung) == (["robot_0"], [])

@@ -11,6 +11,7 @@ from support.lockstep_doubles import (
     HarnessFactory,
     ScriptedMonitor,
     ScriptedParticipant,
+    lose,
     lose_first,
     lossy_bus,
 )
@@ -167,7 +168,7 @@ def test_a_process_that_ends_while_the_tick_is_held_is_expected_again(
     robot.wait_until_heard()
     aggregator = ScriptedParticipant(hub, "tf").appear()
     robot.wait_for_list("robot_0", "tf")
-    aggregator.vanish()
+    lose(aggregator, harness)
     ScriptedMonitor(hub).give_go(1)
     assert "tf" in harness.lockstep.waiting_for()
     assert harness.holds

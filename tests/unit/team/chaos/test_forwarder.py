@@ -8,7 +8,7 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import monotonic
-from zteam.team.chaos.forwarder import Forwarder, Link, Wire
+from zteam.team.chaos.forwarder import _CHUNK, Forwarder, Link, Wire, _Pump
 
 
 class Ends:
@@ -128,6 +128,18 @@ def test_a_delay_holds_one_direction_and_keeps_the_order(ends: Ends) -> None:
     assert is_silent(far) or monotonic() >= before + 0.3
     assert read(far, 11) == b"firstsecond"
     assert monotonic() >= before + 0.3
+
+
+@pytest.mark.parametrize(("rate", "held"), [(None, 1 << 19), (1e5, 50_000), (4e6, 2_000_000), (1e9, 1 << 22)])
+def test_a_delayed_direction_holds_what_its_rate_brings(rate: float | None, held: int) -> None:
+    """Held less, it would pass fewer bytes a second than it was told to; with a bound it takes little memory."""
+    near, far = socket.socketpair()
+    with near, far:
+        pump = _Pump(near, far, lambda: Wire(delay=0.5, rate=rate))
+        pump._size = held + _CHUNK - 1
+        assert pump.may_read
+        pump._size += 1
+        assert not pump.may_read
 
 
 def test_the_end_of_a_delay_frees_what_is_held(ends: Ends) -> None:

@@ -97,6 +97,17 @@ def test_a_map_takes_the_place_of_the_simulators_own() -> None:
     assert "map" not in plan_team(TeamLaunch(TEAM, WORLD)).own
 
 
+def test_a_view_is_started_again_where_nothing_else_is() -> None:
+    """It takes no part in the run, so it comes back by itself, at the address of its first line."""
+    plan = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(name="view")))
+    assert [name for name, job in plan.jobs.items() if job.restarts] == ["view"]
+    job = plan.nodes["view"]
+    learned = job.learn(job, "the view is at http://127.0.0.1:8766/#token=a%20b")
+    assert learned is not None
+    options = from_line(learned.words, ViewOptions)[1]
+    assert (options.port, options.token, options.browser) == (8766, "a b", False)
+
+
 def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
     """Each with its folder and its restart; `python` is this interpreter. Lock-step waits for those with `expect`."""
     nodes = [

@@ -5,6 +5,7 @@ import select
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.process import Process
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.supervisor import Again, Job, Supervisor
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 """A child that ends only when it gets a signal."""
@@ -31,6 +32,32 @@ OWN = (
     "print(stop.reason, flush=True)"
 )
 """A child that ends as every process of a team does."""
+ARENAS = """
+import threading
+from pathlib import Path
+from zteam.team.launch.supervisor import Supervisor
+
+THREADS = 12
+met = threading.Barrier(THREADS + 1)
+
+
+def hold() -> None:
+    # More than Python's own memory takes: it comes from the C library.
+    kept = bytearray(4096)
+    met.wait()
+    met.wait()
+
+
+supervisor = Supervisor(lambda *_: None, lambda *_: None)
+for _ in range(THREADS):
+    threading.Thread(target=hold).start()
+met.wait()
+begins = (int(line.partition("-")[0], 16) for line in Path("/proc/self/maps").read_text().splitlines())
+print(sum(begin % (64 << 20) == 0 for begin in begins))
+met.wait()
+supervisor.close()
+"""
+"""Prints how many arenas of threads a process has with a supervisor: each begins at a multiple of 64 MiB."""
 
 
 class Watched(Supervisor):
@@ -69,6 +96,15 @@ def test_a_killed_process_is_reported() -> None:
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
         assert supervisor.failed == ["sim"]
         assert process.exit_code == -signal.SIGKILL
+
+
+def test_a_failure_is_told_before_the_end_is_seen() -> None:
+    """What is done about a failure, such as a stop with its reason, comes before a process counts as ended."""
+    seen: list[bool] = []
+    with Supervisor(lambda *_: None, lambda process, _: seen.append(process.name in supervisor.ended)) as supervisor:
+        supervisor.start("robot_3", [sys.executable, "-c", "raise SystemExit(3)"])
+        assert supervisor.wait(lambda: "robot_3" in supervisor.ended, LIMIT)
+    assert seen == [False]
 
 
 def test_a_stop_is_no_failure() -> None:
@@ -162,7 +198,7 @@ def is_frozen(pid: int) -> bool:
 
 SUPERVISED = f"""
 import os, signal, sys
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.supervisor import Again, Job, Supervisor
 supervisor = Supervisor(lambda name, line: print(name, line, flush=True), lambda process, delay: None)
 child = supervisor.start("child", [sys.executable, "-c", {OWN!r}])
 supervisor.wait(lambda: bool(child.lines), {LIMIT})
@@ -200,7 +236,7 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
 
 DEAF = f"""
 import sys
-from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.launch.supervisor import Again, Job, Supervisor
 def on_line(name, line):
     raise BrokenPipeError
 supervisor = Supervisor(on_line, lambda process, delay: None)
@@ -260,6 +296,23 @@ def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPat
         assert other.running
 
 
+def test_a_start_takes_the_place_of_a_restart_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The new process is not replaced when the restart would be due, and its first failure is the first in a row."""
+    monkeypatch.setattr(supervising, "DELAYS", (LIMIT, 0.0))
+
+    def restarts() -> list[threading.Thread]:
+        return [thread for thread in threading.enumerate() if thread.name == "restart robot_0"]
+
+    with Watched() as supervisor:
+        supervisor.start_job("robot_0", Job([sys.executable, "-c", FAILING], restarts=True))
+        assert supervisor.wait(lambda: bool(restarts()), LIMIT)
+        (waits,) = restarts()
+        supervisor.start_job("robot_0", Job([sys.executable, "-c", WAITING], restarts=True))
+        waits.join(LIMIT / 2)
+        assert not waits.is_alive()
+        assert supervisor.restarts.take_failure("robot_0") == Again(LIMIT, 1)
+
+
 def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """From the line on that was learned: before it, a failure of this process is final."""
     monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
@@ -283,6 +336,17 @@ def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pyt
         assert said == ["port 3", "no more", "port 7", "no more", "port 7", "no more"]
 
 
+def test_a_usage_error_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that cannot run as it was started says so once."""
+    monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
+    with Watched() as supervisor:
+        supervisor.start_job(
+            "view", Job([sys.executable, "-c", "print('no host'); raise SystemExit(2)"], restarts=True)
+        )
+        assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
+        assert (supervisor.heard, supervisor.restarts.counts) == ([("view", "no host")], {})
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_process_that_was_asked_to_end_is_not_started_again(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """A signal that asks for the end is no failure to mend; SIGKILL is."""
@@ -300,3 +364,9 @@ def test_a_process_that_was_asked_to_end_is_not_started_again(monkeypatch: pytes
         second.signal(number)
         assert supervisor.wait(lambda: supervisor.failures == [second], LIMIT)
         assert supervisor.restarts.counts == {"a": 1}
+
+
+def test_the_threads_of_a_launcher_share_one_arena() -> None:
+    """The thread that reads a member's lines has no arena of its own, which would keep unused memory."""
+    done = subprocess.run([sys.executable, "-c", ARENAS], capture_output=True, text=True, timeout=LIMIT, check=False)
+    assert done.stdout == "0\n", done.stderr
