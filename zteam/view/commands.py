@@ -5,6 +5,7 @@ import itertools
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -12,7 +13,8 @@ import numpy as np
 from zteam import names
 from zteam.bus import Publisher
 from zteam.clock import monotonic, pause
-from zteam.errors import ZteamError
+from zteam.config.toml_values import parse_value
+from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import (
     Header,
@@ -26,7 +28,16 @@ from zteam.messages import (
     Quaternion,
     time_from_ns,
 )
+from zteam.node.starting import start_robot
 from zteam.robot.behaviors.assignment import assign
+from zteam.robot.client import (
+    CANCEL,
+    CANCEL_LIMIT,
+    CancelReply,
+    CancelRequest,
+    ParametersClient,
+    navigation_query,
+)
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
 from zteam.view.team_view import TeamView, pose2_of
@@ -139,6 +150,8 @@ ROOM = 0.3
 """Metres around a goal that have to be free."""
 POSITION_VARIANCE, YAW_VARIANCE = 0.25, (math.pi / 12) ** 2
 """m² and rad² of an initial pose, as RViz sends them."""
+CANCELS = 16
+"""Robots that are asked at the same time to give up their goals."""
 _HINT = " (--force puts it there)"
 
 
@@ -148,6 +161,7 @@ class Commands:
     def __init__(self, state: TeamView) -> None:
         self._state = state
         self._simulator = SimulatorClient(state.node.bus)
+        self._parameters = ParametersClient(state.node.bus)
         self._publishers: dict[str, Publisher[Message]] = {}
         self._lock = threading.Lock()
 
@@ -166,6 +180,8 @@ class Commands:
         match request:
             case requests.Goal():
                 self._send_goals(request)
+            case requests.CancelGoals():
+                self._cancel_goals(request.robots)
             case requests.InitialPose():
                 self._send_initial_pose(request)
             case requests.Pause():
@@ -180,13 +196,27 @@ class Commands:
             case requests.Reset():
                 simulator.reset()
             case requests.Spawn():
-                simulator.spawn(request.x, request.y, request.yaw, model=request.model)
+                self._spawn(request)
             case requests.Remove():
                 simulator.remove(request.robot)
             case requests.Move():
                 simulator.move(request.robot, request.x, request.y, request.yaw)
+            case requests.SetParameter():
+                self._parameters.set(names.robot_name(request.robot), {request.name: parse_value(request.value)})
+            case requests.Start():
+                start_robot(self._state.node.bus, request.robot, request.behavior)
+            case requests.Examine():
+                self._state.diagnosis.start()
             case _:
                 raise ZteamError("this is no command")
+
+    def _spawn(self, request: requests.Spawn) -> None:
+        robot_id = self._simulator.spawn(request.x, request.y, request.yaw, model=request.model)
+        if request.behavior:
+            try:
+                start_robot(self._state.node.bus, robot_id, request.behavior)
+            except ZteamError as error:
+                raise ZteamError(f"{names.robot_name(robot_id)} stands there, without a behaviour: {error}") from None
 
     def _send_goals(self, request: requests.Goal) -> None:
         known = self._state.poses
@@ -207,6 +237,27 @@ class Commands:
             self._state.received.take(key, message)
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
+
+    def _cancel_goals(self, robots: Sequence[int]) -> None:
+        # All at once: each robot that hangs takes its time to say nothing.
+        with ThreadPoolExecutor(CANCELS, "cancel") as threads:
+            problems = [problem for problem in threads.map(self._cancel_goal, robots) if problem]
+        if problems:
+            raise ZteamError("; ".join(problems))
+
+    def _cancel_goal(self, robot_id: int) -> str:
+        """Why a goal cannot be given up; empty if it is."""
+        key, name, sim = navigation_query(robot_id, CANCEL), names.robot_name(robot_id), self._state.queries.sim
+        try:
+            answers = self._state.node.bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
+        except BusError as error:
+            return str(error)
+        if not answers:
+            return f"nothing that takes goals answers for {name}"
+        if any(answer.canceled for _, answer in answers):
+            return ""
+        why = ": the world is paused, and it has not taken its goal yet" if sim is not None and sim.paused else ""
+        return f"{name} has no goal to give up{why}"
 
     def _send_initial_pose(self, request: requests.InitialPose) -> None:
         pose = PoseWithCovariance(_pose(Pose2(request.x, request.y, request.yaw)))

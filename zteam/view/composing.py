@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -19,10 +20,10 @@ from zteam.view.team_view import TeamView, pose2_of
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
 """Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it
 holds. For more it is longer: a page takes milliseconds to read a thousand rows."""
-SLOW, FAST = 1.0, 0.1
-"""Host seconds between two documents: of those in lists, and of those that are drawn."""
-TILES = 16
-"""Of grids that go into one frame."""
+SLOW, OFTEN, FAST = 1.0, 0.5, 0.1
+"""Host seconds between two documents: of those in lists, of one robot, and of those that are drawn."""
+FRAME_BYTES = 32_000
+"""Size from which on a frame takes no further tile; the next frame takes them. At 50 kB/s it takes 0.6 s."""
 LINES = 200
 """Of logs that go into one frame."""
 
@@ -42,10 +43,10 @@ class Composer:
         has_poses = bool(number) and viewer.lacks("poses", number)
         blocks = [poses] if has_poses else []
         blocks += self._scans(viewer)
-        blocks += self._grids(viewer)
         blocks += self._navigation(viewer)
         blocks += self._docs(viewer, now)
         blocks += self._watched(viewer, now)
+        blocks += self._grids(viewer, FRAME_BYTES - sum(map(len, blocks)))
         if not blocks:
             return None
         places, sim = state.places, state.queries.sim
@@ -62,17 +63,26 @@ class Composer:
                 if viewer.lacks(key, (number, viewer.look.beams)):
                     yield block
 
-    def _grids(self, viewer: Viewer) -> list[bytes]:
+    def _grids(self, viewer: Viewer, room: int) -> list[bytes]:
+        """Tiles that the page lacks, of so many bytes together, and at least one."""
         found: list[bytes] = []
-        viewer.lacks_tiles = False
         costmaps = self._state.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
-        for key in (names.MAP, *costmaps):
+        if "costs" in viewer.look.layers:
+            costmaps += [names.robot_key(i, names.GLOBAL_COSTMAP) for i in viewer.look.selected]
+        keys = list(dict.fromkeys((names.MAP, *costmaps)))
+        # After the one that was cut: else the last ones would never have room on a slow link.
+        first = keys.index(viewer.cut) + 1 if viewer.cut in keys else 0
+        viewer.cut = ""
+        for key in keys[first:] + keys[:first]:
             for tile in self._scene.grid(key):
-                if len(found) >= TILES:
-                    viewer.lacks_tiles = True
+                if viewer.has.get((key, tile.place)) == tile.version:
+                    continue
+                if found and room < len(tile.block):
+                    viewer.cut = key
                     return found
-                if viewer.lacks((key, tile.place), tile.version):
-                    found.append(tile.block)
+                viewer.has[key, tile.place] = tile.version
+                found.append(tile.block)
+                room -= len(tile.block)
         return found
 
     def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
@@ -96,16 +106,21 @@ class Composer:
         again = TEAM_AGAIN * max(1.0, len(self._state.poses) / TEAM_SIZE)
         if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
             yield frames.encode_doc("team", team)
-        layers, docs, make = viewer.look.layers, viewer.look.docs, self._documents
-        if "tf" in layers or "tf" in docs:
+        layers, docs, make = viewer.layers, viewer.look.docs, self._documents
+        # What has not come yet is not sent as an empty list: the page tells the two apart.
+        if ("tf" in layers or "tf" in docs) and make.knows_frames:
             yield from self._doc(viewer, "tf", make.transforms, now, FAST if "tf" in layers else SLOW)
-        if "topics" in docs:
+        if "topics" in docs and self._state.queries.topics is not None:
             yield from self._doc(viewer, "topics", make.topics, now, SLOW)
+        if (robot_id := viewer.inspected) is not None:
+            yield from self._doc(viewer, "inspect", partial(make.inspect, robot_id), now, OFTEN)
+        if "doctor" in docs:
+            yield from self._doc(viewer, "doctor", lambda: self._state.diagnosis.document, now, FAST)
         drawn = {
             "goals": make.goals, "obstacles": make.obstacles, "markers": make.markers, "sonars": make.sonars,
             "fiducials": make.fiducials,
         }  # fmt: skip
-        for name in drawn.keys() & set(layers):
+        for name in drawn.keys() & layers:
             yield from self._doc(viewer, name, drawn[name], now, FAST)
         if "log" in docs:
             yield from self._log(viewer)
@@ -119,7 +134,7 @@ class Composer:
 
     def _log(self, viewer: Viewer) -> Iterator[bytes]:
         viewer.log_number, lines = self._documents.log(viewer.log_number)
-        if lines:
+        if lines or (self._state.queries.kept_log is not None and viewer.lacks("log", "begun")):
             yield frames.encode_doc("log", msgspec.json.encode(lines[-LINES:]))
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:

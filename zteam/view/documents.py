@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -20,16 +20,16 @@ from zteam.messages import (
     MarkerArray,
     MarkerType,
     PolygonStamped,
-    PoseStamped,
     Range,
-    TFMessage,
     TransformStamped,
     decode,
     ns_from_time,
     to_plain,
 )
+from zteam.messages.topics import type_of_key
 from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of, printable
-from zteam.view.received import Arrival
+from zteam.view.goals import Goals
+from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView, pose2_of
 
 KEPT = 1000
@@ -155,8 +155,12 @@ def _rounded(value: Any) -> Any:
     return value
 
 
-S = TypeVar("S", PoseStamped, Range, Fiducials)
+S = TypeVar("S", Range, Fiducials)
 
+MAX_CHAIN = 16
+"""Frames from a robot up to the map."""
+RATE_SPAN = 3.0
+"""Host seconds over which a sensor's rate is counted."""
 MAX_ECHO = 200_000
 """Bytes of a message's JSON that a page is sent."""
 
@@ -166,25 +170,35 @@ class Documents:
 
     def __init__(self, state: TeamView) -> None:
         self._state = state
-        self._frames: dict[str, tuple[TransformStamped, bool]] = {}
-        """By child: the newest transform, and whether it is fixed."""
         self._read: dict[str, int] = {}
         self._board = MarkerBoard()
         self._log = LogTail()
-        self._kept_log: Sequence[LogLine] = ()
+        self._goals = Goals(state.received, state.queries.alive, lambda frame: state.places.pose_of(frame))
+        self._kept_log: Sequence[LogLine] | None = None
 
     def transforms(self) -> bytes:
         """`tf`: every frame in its parent."""
-        for key, fixed in ((names.TF_STATIC, True), (names.TF, False)):
-            arrival = self._state.received.get(key)
-            if arrival is not None and self._read.get(key) != arrival.number:
-                self._read[key] = arrival.number
-                message = arrival.read(TFMessage)
-                for transform in message.transforms if message else ():
-                    self._frames[transform.child_frame_id] = transform, fixed
-        now, by = self._state.places.stamp, self._state.queries.authorities
-        rows = [_frame(*each, by.get(name, ""), now) for name, each in sorted(self._frames.items())]
+        places, known = self._state.places, self._state.queries.frames
+        # The frames of a robot that was removed stay with this process.
+        robots = None if self._state.queries.sim is None else {None, *self._state.robots()}
+        rows = [
+            _frame(
+                places.buffer.lookup_transform(info.parent, name, 0),
+                info.static,
+                known[name].authority if name in known else "",
+                places.stamp,
+            )
+            for name, info in places.buffer.frames().items()
+            if robots is None or names.robot_id_of(name.partition("/")[0]) in robots
+        ]
         return msgspec.json.encode({"frames": rows})
+
+    @property
+    def knows_frames(self) -> bool:
+        """Whether transforms have come, or nothing is here that would send them."""
+        received, queries = self._state.received, self._state.queries
+        silent = received.get(names.TF) is None and received.get(names.TF_STATIC) is None
+        return not (silent and (queries.alive(names.AGGREGATOR) or queries.loading))
 
     def topics(self) -> bytes:
         """`topics`: the keys, their types, rates and users."""
@@ -200,18 +214,44 @@ class Documents:
         kept = self._state.queries.kept_log
         if kept is not self._kept_log:
             self._kept_log = kept
-            self._log.take(kept, now)
+            self._log.take(kept or (), now)
         return self._log.since(number, now)
 
     def goals(self) -> bytes:
-        """`goals`: the newest goal of each robot, in `map`."""
-        goals = [(i, frame.compose(pose2_of(m.pose))) for i, m, frame in self._of_robots(names.GOAL_POSE, PoseStamped)]
-        return as_document([{"robot": i, **pose._asdict()} for i, pose in goals if all(map(math.isfinite, pose))])
+        """`goals`: the newest goal of each robot, in `map`, and what has become of it."""
+        sim = self._state.queries.sim
+        robots = self._state.robots() if sim is None else set(sim.robots)
+        rows = self._goals.rows(robots, monotonic())
+        return as_document([msgspec.structs.asdict(row) for row in rows if math.isfinite(row.x + row.y + row.yaw)])
 
     def obstacles(self) -> bytes:
         """`obstacles`: those of the world that can be pushed, where they are now. The others are in the map."""
         reply = self._state.queries.obstacles
         return msgspec.json.encode([each for each in reply.obstacles if each.movable] if reply else [])
+
+    def inspect(self, robot_id: int) -> bytes:
+        """`inspect`: which processes say where a robot is, its sensors, and the parameters of its behaviour, which are
+        missing if no process answers."""
+        told = self._state.queries.parameters.get(robot_id)
+        chain = list[dict[str, str]]()
+        frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        while (info := self._state.queries.frames.get(frame)) and len(chain) < MAX_CHAIN:
+            chain.append({"frame": frame, "parent": info.parent, "by": info.authority})
+            frame = info.parent
+        about = {"robot": robot_id, "frames": chain, "sensors": list(self._sensors(robot_id))}
+        return msgspec.json.encode({**about, **(msgspec.structs.asdict(told) if told else {})})
+
+    def _sensors(self, robot_id: int) -> Iterator[dict[str, Any]]:
+        """Topic, type, rate and age (host seconds) of each sensor that was heard."""
+        now = monotonic()
+        for topic in sorted(sensor_topics(robot_id)):
+            by_key = defaultdict[str, list[float]](list)
+            for event in self._state.received.since(topic.key, 0):
+                by_key[event.key].append(event.time)
+            for key, times in sorted(by_key.items()):
+                if (kind := type_of_key(key)) is topic.kind and kind is not None:
+                    hz, age = rate_of(times, now), now - times[-1]
+                    yield {"topic": key, "type": kind.ros_type, "hz": round(hz, 1), "age": round(age, 1)}
 
     def markers(self) -> bytes:
         """`markers`: what other processes want to be drawn."""
@@ -260,6 +300,15 @@ class Documents:
         """`echo`: a message of a topic."""
         stamp = to_seconds(self._state.places.stamp)
         return msgspec.json.encode({"topic": arrival.key, "stamp": stamp, "json": _shown(arrival)})
+
+
+def rate_of(times: Sequence[float], now: float) -> float:
+    """Messages a second, of those that came at these times: within `RATE_SPAN` before `now`, or since the first."""
+    recent = [time for time in times if now - time <= RATE_SPAN]
+    span = min(RATE_SPAN, now - times[0])
+    # The first one of all only begins the span.
+    count = len(recent) - (len(recent) == len(times))
+    return count / span if span > 0.0 else 0.0
 
 
 def _lines(events: list[Arrival]) -> Iterator[LogLine]:

@@ -53,11 +53,17 @@ def find_version(folder: Path = FOLDER) -> str:
     return f"v{zlib.crc32(repr(found).encode()):08x}"
 
 
+LATER = ("js/panels/", "js/layout.js", "js/plots.js", "js/vendor.js")
+"""Modules that the map does not need. The library for charts is asked for last, by the module that needs it."""
+
+
 def read_index(version: str, *, folder: Path = FOLDER) -> Response:
-    """The page itself. It asks for all its modules at once, as each of them names others, and under addresses that hold
-    the version, so that a browser need not ask again for what it has."""
-    modules = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.js"))
-    links = "".join(f'<link rel="modulepreload" href="/page/{name}">\n' for name in modules)
+    """The page itself. It asks for all its modules at once, as each of them names others, those of the map first, and
+    under addresses that hold the version, so that a browser need not ask again for what it has."""
+    modules = [path.relative_to(folder).as_posix() for path in (folder / "js").rglob("*.js")]
+    links = ""
+    for is_later, name in sorted((name.startswith(LATER), name) for name in modules):
+        links += f'<link rel="modulepreload" href="/page/{name}"{" fetchpriority=low" if is_later else ""}>\n'
     before, script, after = (folder / "index.html").read_text("utf-8").partition('<script type="module"')
     page = f"{before}{links}{script}{after}".replace('"/page/', f'"/page/{version}/')
     return Response(page.encode(), media_type=KINDS[".html"])

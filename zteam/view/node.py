@@ -1,13 +1,15 @@
 """The view's process: it may be started and ended at any time, and a team takes no notice."""
 
+import io
 import logging
 import os
+import socket
 import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 import msgspec
 
@@ -16,6 +18,8 @@ from zteam.errors import DecodeError, UsageError
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
 from zteam.view import rights
+from zteam.view.foxglove import serve_foxglove
+from zteam.view.foxglove_layout import write_layout
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView
 
@@ -25,6 +29,9 @@ log = logging.getLogger("zteam")
 def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None]) -> None:
     """Serve the page until the process is asked to stop. `show` prints the address, which a log must not have: pages
     without the token show all logs."""
+    if options.foxglove_layout is not None:
+        write_layout(node, options.foxglove_layout, show)
+        return
     token, layout = options.token or rights.make_token(), read_layout(options.layout)
     listener, port = listen(options.host, options.port)
     if options.port and port != options.port:
@@ -39,11 +46,16 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     state = TeamView(node)
     server = WebServer(state, listener, options.host, token, layout)
     node.on_stop(server.close)
+    node.on_stop(state.diagnosis.close)
     node.stop.on_request(state.changed)
     server.start()
     node.become_present()
     url = page_url(options.host, port, token)
     show(f"the view is at {url}")
+    if not rights.is_loopback(options.host) and sys.stdout.isatty():
+        show(qr_code(url))
+    if options.foxglove_port is not None:
+        serve_foxglove(node, options.host, options.foxglove_port, urlsplit(url).netloc.rpartition(":")[0], show)
     if options.browser and has_browser():
         webbrowser.open(url)
     state.serve()
@@ -65,9 +77,30 @@ def read_layout(path: Path | None) -> bytes:
 
 
 def page_url(host: str, port: int, token: str) -> str:
-    """The address of the page, with the token where no server sees it."""
-    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    """The address of the page, with the token where no server sees it; this machine's own if it listens at all."""
+    address = own_address() if host in ("0.0.0.0", "::") else host
+    shown = f"[{address}]" if ":" in address else address
     return f"http://{shown}:{port}/#token={quote(token, safe='')}"
+
+
+def own_address() -> str:
+    """The address at which others reach this machine; that of loopback where it has no network."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
+        try:
+            # Nothing is sent: this only chooses the network. The address is one for documentation (RFC 5737).
+            way.connect(("192.0.2.1", 9))
+        except OSError:
+            return "127.0.0.1"
+        return str(way.getsockname()[0])
+
+
+def qr_code(url: str) -> str:
+    """The address for the camera of a phone, two rows of dots in each line."""
+    import segno
+
+    drawing = io.StringIO()
+    segno.make(url, error="l").terminal(drawing, compact=True)
+    return drawing.getvalue()
 
 
 def has_browser() -> bool:

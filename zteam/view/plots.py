@@ -1,4 +1,4 @@
-"""Samples of single fields of messages, such as `twist.twist.linear.x` or `ranges[3]`, for plots."""
+"""Samples of single fields of messages, such as `twist.twist.linear.x`, `ranges[3]` or `min(ranges)`, for plots."""
 
 import re
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.clock import to_seconds
-from zteam.messages import Message
+from zteam.messages import LaserScan, Message
 from zteam.node.tick_messages import stamp_of
 from zteam.view.received import Received
 
@@ -26,8 +26,30 @@ def parse_path(path: str) -> list[str | int] | None:
     return steps
 
 
+_LEAST = re.compile(r"min\((.+)\)")
+
+
 def number_at(message: Message, path: list[str | int]) -> float | None:
     """The number of a message at a path; None where there is none."""
+    value = _value_at(message, path)
+    try:
+        return None if value is None or isinstance(value, Message | str | bytes | list) else float(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def least_at(message: Message, path: list[str | int]) -> float | None:
+    """The least number of a list; of a scan's ranges the least that is a distance. None where there is none."""
+    try:
+        values = np.asarray(_value_at(message, path), np.float64).ravel()
+    except (TypeError, ValueError):
+        return None
+    lowest, highest = (message.range_min, message.range_max) if isinstance(message, LaserScan) else (-np.inf, np.inf)
+    values = values[np.isfinite(values) & (values >= lowest) & (values < highest)]
+    return float(values.min()) if values.size else None
+
+
+def _value_at(message: Message, path: list[str | int]) -> Any:
     value: Any = message
     try:
         for step in path:
@@ -37,7 +59,7 @@ def number_at(message: Message, path: list[str | int]) -> float | None:
                 value = getattr(value, step)
             else:
                 return None
-        return None if isinstance(value, Message | str | bytes | list) else float(value)
+        return value
     except (IndexError, TypeError, KeyError, ValueError):
         return None
 
@@ -55,14 +77,15 @@ def samples_since(
     with `team_from_host` (s) added.
     """
     events = received.since(topic, number)
-    path = parse_path(field)
+    least = _LEAST.fullmatch(field)
+    path, read = parse_path(least[1] if least else field), least_at if least else number_at
     if not events or path is None:
         return (events[-1].number if events else number), np.zeros((0, 2))
     stride = max(1, -(-len(events) // MOST))
     pairs = []
     for event in events[::-stride][::-1]:
         message = event.read(event.kind) if event.kind else None
-        value = None if message is None else number_at(message, path)
+        value = None if message is None else read(message, path)
         if message is not None and value is not None:
             pairs.append((to_seconds(stamp_of(message)) or event.time + team_from_host, value))
     return events[-1].number, np.array(pairs, np.float64).reshape(-1, 2)

@@ -18,6 +18,7 @@ from zteam.messages.topics import type_of_key
 from zteam.node.log_client import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenSet
+from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, Lookup, TransformClient
@@ -101,15 +102,20 @@ class TeamQueries:
         self._shapes_of: Any = None
         self.declarations: list[Declaration] = []
         """Of the other sessions."""
-        self.topics: list[TopicRow] = []
+        self.topics: list[TopicRow] | None = None
+        """None before the first look."""
         self._counts: Counts | None = None
-        self.authorities: dict[str, str] = {}
-        """Which process says where each frame is."""
+        self.frames: dict[str, FrameInfo] = {}
+        """Of the aggregator: which process says where each frame is, and in which one."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
-        self.kept_log: list[LogLine] = []
-        """What the processes kept of their logs when a page began to show them."""
+        self.parameters: dict[int, DescribeReply] = {}
+        """Of the robots that are inspected, those that answer."""
+        self.kept_log: list[LogLine] | None = None
+        """What the processes kept of their logs when a page began to show them; None before they were asked."""
         self._has_log = False
         self._opened = 0
+        self._begun = 0.0
+        """Host time at which the first page came."""
         node.bus.watch_link(self._on_link)
 
     def _on_link(self, up: bool) -> None:
@@ -119,6 +125,7 @@ class TeamQueries:
     def watch(self, wanted: bool) -> None:
         """Hear which processes are there, or hear it no more."""
         if wanted and not self._watch:
+            self._begun = monotonic()
             self._watch = self._bus.watch_tokens([names.tokens_key()], self._on_token)
         elif not wanted and self._watch:
             for watch in self._watch:
@@ -134,6 +141,11 @@ class TeamQueries:
                 self._node.changed.notify_all()
             self._on_news()
 
+    @property
+    def loading(self) -> bool:
+        """Whether it is too early to say that there is no team: its processes may not have answered yet."""
+        return self.sim is None and monotonic() < self._begun + PATIENCE
+
     def alive(self, name: str) -> bool:
         """Whether a process holds this name."""
         return name in self._tokens
@@ -143,13 +155,27 @@ class TeamQueries:
         with self._node.changed:
             return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
 
-    def ask(self, layers: Collection[str], docs: Collection[str], opened: int) -> None:
-        """Ask what the pages that show these layers and documents need; `opened` counts the subscriptions so far."""
+    def processes(self) -> dict[int, list[str]]:
+        """By robot: the names of its processes, which are its behaviour, its navigation and its base."""
+        found: dict[int, list[str]] = {}
+        with self._node.changed:
+            tokens = sorted(self._tokens)
+        for name in tokens:
+            for robot_of in (names.robot_id_of, names.navigated_robot_of, names.base_robot_of):
+                if (robot_id := robot_of(name)) is not None:
+                    found.setdefault(robot_id, []).append(name)
+        return found
+
+    def ask(self, layers: Collection[str], docs: Collection[str], inspected: Collection[int], opened: int) -> None:
+        """Ask what the pages that show these layers and documents, and inspect these robots, need; `opened` counts the
+        subscriptions so far."""
         self._ask_simulator(obstacles="obstacles" in layers)
         self._ask_for_repeat(opened)
-        if "tf" in docs and self._frames_due.due():
-            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo]):
-                self.authorities = {name: frame.authority for name, frame in frames.items()}
+        answers = {i: self._ask(names.service_key(names.robot_name(i), DESCRIBE), DescribeReply) for i in inspected}
+        self.parameters = {i: found[0][1] for i, found in answers.items() if found}
+        if ("tf" in docs or inspected) and self._frames_due.due():
+            told = self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
+            self.frames = told[0][1] if told else {}
         if "log" not in docs:
             self._has_log = False
         elif not self._has_log:

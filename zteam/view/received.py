@@ -20,6 +20,7 @@ from zteam.messages import (
     Marker,
     MarkerArray,
     Message,
+    NavigationStatus,
     OccupancyGrid,
     Odometry,
     Path,
@@ -31,7 +32,7 @@ from zteam.messages import (
     decode,
     type_of_encoding,
 )
-from zteam.messages.topics import type_of_key
+from zteam.messages.topics import SENSORS, type_of_key
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 M = TypeVar("M", bound=Message)
@@ -117,6 +118,13 @@ class Received:
         """The newest of all keys."""
         with self._lock:
             return list(self._newest.values())
+
+    def keep_robots(self, robots: Collection[int]) -> None:
+        """Forget the newest of the keys of all other robots."""
+        with self._lock:
+            gone = [k for k in self._newest if (found := names.split_robot_key(k)) and found[0] not in robots]
+            for key in gone:
+                del self._newest[key]
 
     def clear(self) -> None:
         """Forget the newest of all keys."""
@@ -233,6 +241,10 @@ PERIOD, FAST_PERIOD = 0.05, 0.1
 """Host seconds between two frames of one page, at least; the second one where time runs fast, to slow that run less."""
 
 
+UNDER_WAY = 2
+"""Frames to a page that it has not acknowledged, at most: with one, a link of 400 ms has two a second."""
+
+
 class Viewer:
     """The caller passes the host's time."""
 
@@ -245,8 +257,8 @@ class Viewer:
         """What the page has of each thing, such as the number of the scan of a key."""
         self.log_number = 0
         """Of the newest line of logs that it has."""
-        self.lacks_tiles = False
-        """Whether tiles of grids are left that did not fit into the newest frame."""
+        self.cut = ""
+        """The grid of which tiles did not fit into the newest frame; empty if all did."""
         self.frame = 0
         """The number of the newest frame that was sent."""
         self.sent = float("-inf")
@@ -254,14 +266,24 @@ class Viewer:
         self._acknowledged = 0
 
     @property
+    def inspected(self) -> int | None:
+        """The robot that it shows all of."""
+        return self.look.selected[0] if "inspect" in self.look.docs and self.look.selected else None
+
+    @property
+    def layers(self) -> set[str]:
+        """The layers whose content it needs."""
+        return {*self.look.layers, *(() if self.inspected is None else ("goals",))}
+
+    @property
     def has_credit(self) -> bool:
-        """Whether it has taken all frames that were sent."""
-        return self._acknowledged == self.frame
+        """Whether another frame may be under way to it."""
+        return self.frame - self._acknowledged < UNDER_WAY
 
     def take_ack(self, ack: Ack) -> None:
         """It has taken a frame. One that it was never sent changes nothing."""
-        if ack.frame == self.frame:
-            self._acknowledged = ack.frame
+        if ack.frame <= self.frame:
+            self._acknowledged = max(ack.frame, self._acknowledged)
 
     def take_watch(self, watch: Watch) -> None:
         """It watches a topic from now on, unless it watches too many."""
@@ -287,6 +309,13 @@ class Viewer:
         return not view or (view[0] <= x <= view[2] and view[1] <= y <= view[3])
 
 
+def sensor_topics(robot_id: int) -> set[Topic]:
+    """What is measured of a robot. Each message counts, as their rates are shown."""
+    return {
+        Topic(names.robot_key(robot_id, names.all_numbered(stem)), kind, every=True) for stem, kind in SENSORS.items()
+    }
+
+
 MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
 
@@ -297,6 +326,8 @@ TEAM = (
     Topic(names.MAP, None, latched=True),
     Topic(names.all_robots_key(names.BASE_INFO), None, latched=True),
     Topic(names.all_robots_key(names.STATUS)),
+    # It comes when a localiser has moved its estimate, not with every tick.
+    Topic(names.all_robots_key(names.AMCL_POSE), None, latched=True),
 )
 """What every page shows."""
 
@@ -308,9 +339,11 @@ def topics_of(
     *,
     aggregator: bool,
     sampled: Collection[int] | None = None,
+    truth_of: Collection[int] = (),
 ) -> set[Topic]:
     """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's.
 
+    What localisers say of the robots `truth_of` is compared with the simulator's own.
     The scans of the robots `sampled` and the transforms are asked for now and then, unless it is None.
     """
     if not viewers:
@@ -320,15 +353,21 @@ def topics_of(
         wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
     elif sampled is None:
         wanted.add(Topic(names.TF, TFMessage))
+        wanted |= {Topic(names.robot_key(robot_id, names.GROUND_TRUTH), Odometry) for robot_id in truth_of}
     for viewer in viewers:
-        layers = set(viewer.look.layers)
+        layers = viewer.layers
         wanted |= drawables.topics(layers)
+        if viewer.inspected is not None:
+            wanted |= sensor_topics(viewer.inspected)
         # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
         wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
         if "log" in viewer.look.docs:
             wanted.add(Topic(names.log_key(), Log, every=True))
         if "goals" in layers:
             wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
+            wanted.add(Topic(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus))
+        if "costs" in layers:
+            wanted |= {Topic(names.robot_key(i, names.GLOBAL_COSTMAP), latched=True) for i in viewer.look.selected}
         robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
         if "scans" in layers:
             wanted |= {

@@ -12,8 +12,9 @@ VERSION = 1
 MAX_BYTES = 64 * 1024
 LAYERS = frozenset({
     "scans", "tf", "goals", "plans", "costmaps", "particles", "markers", "sonars", "fiducials", "trails", "obstacles",
+    "costs",
 })  # fmt: skip
-DOCS = frozenset({"tf", "topics", "log"})
+DOCS = frozenset({"tf", "topics", "log", "inspect", "doctor"})
 MAX_BEAMS = 4096
 MAX_WATCHES = 64
 """Topics and fields that one page watches."""
@@ -34,6 +35,12 @@ class Hello(Request, tag="hello", frozen=True):
 
     version: int
     token: Text = ""
+
+
+class Token(Request, tag="token", frozen=True):
+    """A token that the page learnt after its `hello`. It is answered by `rights`."""
+
+    token: Text
 
 
 class Ack(Request, tag="ack", frozen=True):
@@ -89,6 +96,12 @@ class Goal(Command, tag="goal", frozen=True):
     yaw: Place
 
 
+class CancelGoals(Command, tag="cancel", frozen=True):
+    """Give up the goals of these robots: they stop."""
+
+    robots: Robots
+
+
 class InitialPose(OfRobot, tag="initialpose", frozen=True):
     """Tell a robot's localisation where it is."""
 
@@ -140,12 +153,13 @@ class Reset(Command, tag="reset", frozen=True):
 
 
 class Spawn(Command, tag="spawn", frozen=True):
-    """`sim/spawn`."""
+    """`sim/spawn`, and `up/start` for the new robot if there is a `behavior`."""
 
     model: Text
     x: Place
     y: Place
     yaw: Place = 0.0
+    behavior: Text = ""
 
 
 class Remove(OfRobot, tag="remove", frozen=True):
@@ -160,9 +174,27 @@ class Move(OfRobot, tag="move", frozen=True):
     yaw: Place
 
 
+class SetParameter(OfRobot, tag="parameter", frozen=True):
+    """Give a parameter of the robot's behaviour another value."""
+
+    name: Text
+    value: Text
+    """As in a team file: 0.4, true, text, [1, 2]."""
+
+
+class Start(OfRobot, tag="start", frozen=True):
+    """`up/start`: have the launcher start the robot's process with a behaviour."""
+
+    behavior: Text
+
+
+class Examine(Command, tag="doctor", frozen=True):
+    """Make the document `doctor` anew."""
+
+
 AnyRequest = (
-    Hello | Ack | Look | Watch | Unwatch | Goal | InitialPose | Take | Release | Drive
-    | Pause | Resume | Step | SetSpeed | Reset | Spawn | Remove | Move
+    Hello | Token | Ack | Look | Watch | Unwatch | Goal | CancelGoals | InitialPose | Take | Release | Drive
+    | Pause | Resume | Step | SetSpeed | Reset | Spawn | Remove | Move | SetParameter | Examine | Start
 )  # fmt: skip
 
 _DECODER = msgspec.json.Decoder(AnyRequest)

@@ -1,20 +1,24 @@
 """The blocks of frames and the document `team`, made of what has come: each once, however many pages get it."""
 
 import math
+import shlex
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from functools import cache
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.clock import monotonic
-from zteam.geometry import Pose2
+from zteam.config.localisation import LOST_DEVIATION, LOST_DISTANCE, LOST_TURN
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import (
     BaseInfo,
     LaserScan,
     Message,
     OccupancyGrid,
+    PoseWithCovarianceStamped,
     RobotDriver,
     RobotState,
     RobotStatus,
@@ -23,6 +27,7 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.node.log_client import printable
+from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, parameters_of
 from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames
 from zteam.view.commands import Tile, make_tiles
@@ -31,6 +36,9 @@ from zteam.view.team_view import TeamView
 
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
+
+NO_BEHAVIOR = "no behaviour"
+"""The state of a robot of the world that has never had a process."""
 
 Outlines = dict[bytes, int]
 """The place in a list of each different outline, as JSON: robots of a kind have one, and a page reads it once."""
@@ -53,6 +61,10 @@ class RobotRow(msgspec.Struct):
     age: float | None = None
     lease: int | None = None
     """The viewer that drives it."""
+    localised: bool = True
+    """False: it is lost (`zteam.config.localisation`)."""
+    truth: list[float] | None = None
+    """Where it is, x, y, yaw in `map`, where that is known and far from where it takes itself to be."""
     present: bool = False
     """Whether the world has it, or without a simulator its base or process is there."""
 
@@ -96,6 +108,14 @@ class TeamDocument(msgspec.Struct):
     router: bool = True
     viewers: int = 0
     namespace: str = ""
+    behaviors: list[str] = []
+    """Those that a robot can be started with: zteam knows them, and they need no parameters."""
+    launcher: bool = False
+    """Whether there is one, which starts robots (`up/start`)."""
+    options: str = ""
+    """What a command that is typed needs to find the team, such as ` --connect tcp/10.0.0.2:7447`."""
+    loading: bool = False
+    """Whether a simulator or robots that are here may not have been heard yet."""
 
 
 def robot_row(
@@ -121,7 +141,10 @@ def robot_row(
     if outline:
         row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
     if status is None:
-        row.reason = "no status yet" if alive else "no process"
+        if present and not alive:
+            row.state, row.reason = NO_BEHAVIOR, "drive it, or start one"
+        else:
+            row.reason = "no status yet" if alive else "no process"
         return row
     row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.followed
     row.age = round(age, 2)
@@ -135,7 +158,37 @@ def robot_row(
         return row
     row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
     row.reason = printable(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    if not row.speed and not row.reason:
+        row.reason = "turns, or drives sideways"
     return row
+
+
+def add_circumstances(
+    row: RobotRow, sim: SimStatus | None, processes: Sequence[str], amcl: PoseWithCovarianceStamped | None,
+    places: tuple[Pose2, Pose2] | None,
+) -> None:  # fmt: skip
+    """Add what the robot's own status does not tell: that its world stands, or is without it; that it is lost.
+
+    `places`: where it is, and where it takes itself to be."""
+    told = [row.reason]
+    if sim is not None and not row.present:
+        told = [f"not in the world; {', '.join(processes)} still {'runs' if len(processes) == 1 else 'run'}"]
+    elif sim is not None and row.speed is not None and (sim.finished or sim.paused):
+        told = ["the run is over" if sim.finished else "the world is paused"]
+    wide = math.sqrt(max(0.0, *amcl.pose.covariance[[0, 7]])) if amcl else 0.0
+    if places is not None:
+        (truth, believed), turn = places, abs(normalize_angle(places[0].yaw - places[1].yaw))
+        away = math.dist(truth[:2], believed[:2])
+        if away > LOST_DISTANCE or turn > LOST_TURN:
+            row.truth = [round(value, 2) for value in truth]
+            # To half a metre and ten degrees: each change is sent to every page.
+            told.insert(
+                0, f"localisation lost: about {round(2 * away) / 2:g} m and {round(math.degrees(turn), -1):g}° off"
+            )
+    if row.truth is None and wide > LOST_DEVIATION:
+        told.insert(0, f"localisation lost: its place is known to ± {wide:.1f} m only")
+    row.localised = len(told) == 1
+    row.reason = " · ".join(filter(None, told))
 
 
 def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
@@ -145,7 +198,8 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateR
     if status.state == TeamState.GO:
         return GateRow("go", "GO is out")
     missing = status.missing.tolist()
-    reasons = {i: robots[i].reason if i in robots else "no process yet" for i in missing}
+    started = {i for i in missing if i in robots and robots[i].state != NO_BEHAVIOR}
+    reasons = {i: robots[i].reason if i in started else "no process yet" for i in missing}
     ready = f"{status.ready.size} of {status.team_size} ready"
     waits = printable(status.waiting_for) or ", ".join(map(names.robot_name, missing))
     return GateRow("waiting", f"{ready}; waiting for {waits}", [Waiting(i, reasons[i]) for i in missing])
@@ -168,10 +222,36 @@ def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
     )
 
 
+@cache
+def startable() -> list[str]:
+    """The behaviours that need no parameters, the shipped ones first. Those of other packages are not imported."""
+    return [
+        name
+        for name in behavior_names()
+        if name not in BEHAVIORS or not any(each.required for each in parameters_of(BEHAVIORS[name].Params))
+    ]
+
+
 M = TypeVar("M", bound=Message)
+
+_OF_NO_BASE = (
+    names.BASE_INFO, names.STATUS, names.GOAL_POSE, names.NAVIGATION_STATUS, names.GLOBAL_COSTMAP, names.AMCL_POSE,
+)  # fmt: skip
+"""Topics that tell nothing of whether a robot's base is there."""
 
 TEAM_PERIOD = 0.2
 """Host seconds between two looks at whether `team` has changed."""
+
+
+PATIENCE = 0.5
+"""Host seconds that a scan waits for the pose of its stamp. Then its sensor's newest pose has to do."""
+
+
+class Taken(NamedTuple):
+    """A scan, and when it came."""
+
+    arrival: Arrival
+    scan: LaserScan
 
 
 class Scene:
@@ -182,8 +262,12 @@ class Scene:
         self._decoded: dict[str, tuple[int, Any]] = {}
         """By key: the number of the message, and the message."""
         self._blocks: dict[Any, tuple[int, bytes]] = {}
+        self._placed: dict[str, tuple[int, LaserScan, Pose2]] = {}
+        """By key: the newest scan of which the sensor's pose is known, with its number."""
+        self._waits: dict[str, Taken] = {}
+        """By key: a scan whose sensor's pose is not known yet."""
         self._grids: dict[str, tuple[int, list[Tile]]] = {}
-        self._poses: tuple[int, bytes] = (0, b"")
+        self._poses: tuple[tuple[int, ...], bytes] = ((), b"")
         self._looked: tuple[object, ...] = ()
         """What the robots' poses depend on, when they were looked at."""
         self._team = (float("-inf"), b"", 0)
@@ -208,36 +292,61 @@ class Scene:
             self._looked = seen
             state.poses = state.places.look(sorted(state.robots()))
 
-    def poses(self) -> tuple[int, bytes]:
-        """The number and the block of the newest poses; 0 before there are any."""
+    def poses(self) -> tuple[tuple[int, ...], bytes]:
+        """The number and the robots of the newest poses, empty before there are any; and their block."""
         places, poses = self._state.places, self._state.poses
-        number = places.number if poses else 0
+        # Robots come and go also while nothing new comes of the others.
+        number = (places.number, *poses) if poses or self._poses[0] else ()
         if number != self._poses[0]:
             self._poses = number, frames.encode_poses(poses, truth=places.from_truth)
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
-        """Key, number and block of each laser's newest scan."""
+        """Key, number and block of each laser's newest scan whose robot's place at that time is known."""
         index = 0
         while found := self.read(key := names.scan_key(robot_id, index), LaserScan):
-            arrival, scan = found
-            known = self._blocks.get((key, beams))
-            if known is None or known[0] != arrival.number:
-                block = self._scan(robot_id, index, scan, beams)
-                known = self._blocks[key, beams] = arrival.number, block
-            if known[1]:
+            placed = self._place(key, robot_id, index, Taken(*found))
+            if placed is not None:
+                number, scan, sensor = placed
+                known = self._blocks.get((key, beams))
+                if known is None or known[0] != number:
+                    block = frames.encode_scan(robot_id, index, scan, sensor, beams)
+                    known = self._blocks[key, beams] = number, block
                 yield key, known[0], known[1]
             index += 1
 
-    def _scan(self, robot_id: int, index: int, scan: LaserScan, beams: int) -> bytes:
-        seen = self._state.places.pose_of(scan.header.frame_id, ns_from_time(scan.header.stamp))
-        sensor = seen or self._sensor_on_base(robot_id, index)
-        return frames.encode_scan(robot_id, index, scan, sensor, beams) if sensor else b""
+    def _place(self, key: str, robot_id: int, index: int, newest: Taken) -> tuple[int, LaserScan, Pose2] | None:
+        """The newest scan of a laser with the laser's pose at its stamp.
 
-    def _sensor_on_base(self, robot_id: int, index: int) -> Pose2 | None:
-        """Without transforms: where the simulator says that the laser sits."""
-        shapes, base = self._state.queries.shapes, self._state.poses.get(robot_id)
-        shape = None if shapes is None else shapes.robots.get(robot_id)
+        A scan comes before the poses of its tick. It waits for them, and later ones come meanwhile: without one that is
+        kept until then a view that lags would never see both.
+        """
+        placed = self._placed.get(key)
+        if placed is not None and placed[0] == newest.arrival.number:
+            return placed
+        waits = self._waits.get(key, newest)
+        late = monotonic() - waits.arrival.time > PATIENCE
+        for taken in (newest, waits):
+            sensor = self._sensor(robot_id, index, taken.scan, late=late)
+            if sensor is not None:
+                placed = self._placed[key] = taken.arrival.number, taken.scan, sensor
+                waits = newest
+                break
+        if placed is not None and placed[0] == newest.arrival.number:
+            self._waits.pop(key, None)
+        else:
+            self._waits[key] = waits
+        return placed
+
+    def _sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> Pose2 | None:
+        """Where a laser was when it saw this, or where it is if that stays unknown."""
+        state, frame, stamp = self._state, scan.header.frame_id, ns_from_time(scan.header.stamp)
+        seen = state.places.sensor_at(robot_id, frame, stamp) or (state.places.pose_of(frame) if late else None)
+        if seen is not None or not state.places.from_truth:
+            return seen
+        # Without transforms: where the simulator says that the laser sits.
+        base = state.places.truth_at(robot_id, stamp) or (state.poses.get(robot_id) if late else None)
+        shape = None if state.queries.shapes is None else state.queries.shapes.robots.get(robot_id)
         if base is None or shape is None or index >= len(shape.lasers):
             return None
         return base.compose(Pose2(*shape.lasers[index]))
@@ -255,8 +364,9 @@ class Scene:
         return self._team[1:]
 
     def _make_team(self, now: float) -> TeamDocument:
-        state, queries = self._state, self._state.queries
-        sim, shapes, outlines = queries.sim, queries.shapes, Outlines()
+        state, queries, bus = self._state, self._state.queries, self._state.node.bus.options
+        sim, shapes, outlines, options = queries.sim, queries.shapes, Outlines(), bus.words if bus else {}
+        processes = queries.processes()
         rows, speaks = {}, self._newest_data() if sim is None else {}
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
@@ -274,6 +384,9 @@ class Scene:
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
             )
+            amcl = self.read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
+            places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
+            add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
         team = self.read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
@@ -282,6 +395,12 @@ class Scene:
             sim=sim_row(sim, shapes.models if shapes else ()),
             router=queries.link_up,
             viewers=len(state.viewers),
+            behaviors=startable(),
+            launcher=queries.alive(names.LAUNCHER),
+            # By which a command that is typed finds the team.
+            options="".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
+            namespace=state.namespace,
+            loading=queries.loading,
         )
 
     def _newest_data(self) -> dict[int, float]:
@@ -289,7 +408,7 @@ class Scene:
         found: dict[int, float] = {}
         for arrival in self._state.received.newest():
             target = names.split_robot_key(arrival.key)
-            if target is not None and target[1] not in (names.BASE_INFO, names.STATUS, names.GOAL_POSE):
+            if target is not None and target[1] not in _OF_NO_BASE:
                 found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
         return found
 

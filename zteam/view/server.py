@@ -12,6 +12,8 @@ import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
@@ -38,6 +40,7 @@ from zteam.view.requests import (
     Look,
     Release,
     Take,
+    Token,
     Unwatch,
     Watch,
     decode_request,
@@ -143,7 +146,10 @@ class Page:
         if hello.version != VERSION:
             raise DecodeError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
         viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
-        welcome = {"op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command}
+        welcome = {
+            "op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command,
+            "namespace": self._state.namespace,
+        }  # fmt: skip
         await self._socket.send_text(msgspec.json.encode(welcome).decode())
         return viewer
 
@@ -182,6 +188,9 @@ class Page:
                 self._state.changed()
             case Hello():
                 raise DecodeError("hello comes once")
+            case Token():
+                viewer.may_command |= rights.is_token(request.token, self._pages.token)
+                self._say({"op": "rights", "may_command": viewer.may_command})
             case Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
                 self._pages.driving.drive(request.robot, viewer.number, command)
@@ -211,7 +220,10 @@ class Page:
             pages.state.on_news()
 
     def _reply(self, seq: int, error: str) -> None:
-        self._replies.put_nowait(msgspec.json.encode({"op": "reply", "seq": seq, "error": error}))
+        self._say({"op": "reply", "seq": seq, "error": error})
+
+    def _say(self, message: dict[str, object]) -> None:
+        self._replies.put_nowait(msgspec.json.encode(message))
 
     async def _send_replies(self) -> None:
         while True:
@@ -227,7 +239,7 @@ class Page:
             await asyncio.sleep(max(GATHER, viewer.sent + self._state.period - monotonic()))  # noqa: TID251
             self._news.clear()
             data = self._pages.composer.compose(viewer)
-            if viewer.lacks_tiles:
+            if viewer.cut:
                 self._news.set()
             if data is not None:
                 await self._socket.send_bytes(data)
@@ -247,8 +259,6 @@ log = logging.getLogger("zteam")
 BACKLOG = 64
 THREADS = 32
 """For commands."""
-TRIES = 20
-"""Ports that are tried after one that is taken."""
 
 
 class WebServer:
@@ -304,12 +314,20 @@ class Guarded:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
-        host = headers.get("host", "")
+        host, is_socket = headers.get("host", ""), scope["type"] == "websocket"
         if not self._gate.takes_host(host):
-            await PlainTextResponse("this server is not known under that name", 421)(scope, receive, send)
+            problem = f"this server is not known as {host!r:.80}"
+        elif is_socket and not self._gate.takes_origin(headers.get("origin"), host):
+            problem = f"a page of {headers['origin']!r:.80} may not open it"
+        else:
+            problem = ""
+        if problem and is_socket:
+            log.info("a socket is refused: %s", problem)
+            # Before it is accepted this is the answer 403.
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
-        if scope["type"] == "websocket" and not self._gate.takes_origin(headers.get("origin"), host):
-            await PlainTextResponse("a page of another site may not open this socket", 403)(scope, receive, send)
+        if problem:
+            await PlainTextResponse(problem, 421)(scope, receive, send)
             return
 
         async def send_with_headers(message: Message) -> None:
@@ -350,8 +368,14 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
             Route("/layout.json", first_layout, methods=["GET"]),
             Route("/page/{name:path}", file, methods=["GET"]),
             WebSocketRoute("/ws", open_socket),
-        ]
+        ],
+        middleware=[Middleware(GZipMiddleware)],
     )
+
+
+def ports_from(port: int) -> list[int]:
+    """The ports to try in turn: this one, the 20 after it, any; 0 = any."""
+    return [*range(port, port + 21), 0] if port else [0]
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, int]:
@@ -363,7 +387,7 @@ def listen(host: str, port: int) -> tuple[socket.socket, int]:
         family, _, _, _, address = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0]
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
-    for chosen in [port, *range(port + 1, port + 1 + TRIES), 0] if port else [0]:
+    for chosen in ports_from(port):
         listener = socket.socket(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -1,18 +1,31 @@
 """Where pages and bus meet: what the pages look at, what has come, and where the robots are."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 
 from zteam import names
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
+from zteam.messages import (
+    Header,
+    Odometry,
+    Pose,
+    TFMessage,
+    Transform,
+    TransformStamped,
+    Vector3,
+    ns_from_time,
+)
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
+from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
+from zteam.view.diagnosis import Diagnosis
 from zteam.view.queries import ASK_PERIOD, TeamQueries
 from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,
+    Arrival,
     Drawables,
     Received,
     Subscriptions,
@@ -38,6 +51,14 @@ class Places:
         self.time = 0.0
         """Host time at which these came."""
         self.from_truth = False
+        self.compared: Collection[int] = ()
+        """The robots whose ground truth comes. What came before of the others tells nothing of where they are now."""
+        self._compared: dict[int, tuple[Pose2, Pose2]] = {}
+        """The last of `truth_of`, by robot."""
+        self._truth: dict[int, tuple[int, Pose2]] = {}
+        """By robot: the number of its newest ground truth, and its pose then."""
+        self._truths = Buffer()
+        """Where the ground truth had each robot."""
 
     def _take_static(self) -> None:
         arrival = self._received.get(names.TF_STATIC)
@@ -94,19 +115,72 @@ class Places:
                 pass
         return None
 
+    def sensor_at(self, robot_id: int, frame: str, stamp: int) -> Pose2 | None:
+        """The pose in `map` of a robot's frame at `stamp` (ns); None as long as its motion is not known until then.
+
+        Where odometry begins in `map` may be older: a localiser says it seldom.
+        """
+        odom = names.robot_frame(robot_id, names.ODOM)
+        origin = self.pose_of(odom, stamp)
+        try:
+            moved = self.buffer.lookup_pose2(odom, names.strip_slash(frame), stamp)[0]
+        except TransformException:
+            return None
+        return None if origin is None else origin.compose(moved)
+
+    def truth_at(self, robot_id: int, stamp: int) -> Pose2 | None:
+        """The pose of a robot without transforms at `stamp` (ns); None as long as it is not known until then."""
+        try:
+            return self._truths.lookup_pose2(names.MAP_FRAME, names.robot_name(robot_id), stamp)[0]
+        except TransformException:
+            return None
+
+    def truth_of(self, robot_id: int) -> tuple[Pose2, Pose2] | None:
+        """Where a robot is in `map`, and where it took itself to be then; None where one of them is not known."""
+        if robot_id not in self.compared:
+            self._compared.pop(robot_id, None)
+            return None
+        arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
+        # What came before the robot was moved tells nothing of where it is now.
+        if arrival is not None and arrival.number > self._taken_static:
+            message = arrival.read(Odometry)
+            frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+            # The transforms of its tick come after it: until then the one before counts.
+            with suppress(TransformException):
+                if message is not None:
+                    stamp = ns_from_time(message.header.stamp)
+                    believed = self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0]
+                    self._compared[robot_id] = pose2_of(message.pose.pose), believed
+        return self._compared.get(robot_id)
+
     def _look_at_truth(self, robots: Iterable[int]) -> dict[int, Pose2]:
         found = {}
         for robot_id in robots:
             arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
-            message = arrival and arrival.read(Odometry)
-            if arrival is None or message is None:
+            if arrival is None:
                 continue
-            found[robot_id] = pose2_of(message.pose.pose)
-            if arrival.number > self.number:
-                self.number, self.time = arrival.number, arrival.time
-                self.stamp = ns_from_time(message.header.stamp)
+            number, pose = self._truth.get(robot_id, (0, None))
+            if number != arrival.number:
+                pose = self._take_truth(robot_id, arrival)
+            if pose is not None:
+                found[robot_id] = pose
         self.from_truth = bool(found)
         return found
+
+    def _take_truth(self, robot_id: int, arrival: Arrival) -> Pose2 | None:
+        message = arrival.read(Odometry)
+        if message is None:
+            return None
+        frame, stamp, pose = names.robot_name(robot_id), ns_from_time(message.header.stamp), message.pose.pose
+        if stamp <= (self._truths.latest_common_time(names.MAP_FRAME, frame) or -1):
+            # Time was set back, or the robot was moved while it stood.
+            self._truths.forget(frame)
+        place = Transform(Vector3(pose.position.x, pose.position.y), pose.orientation)
+        self._truths.set_transform(TransformStamped(Header(message.header.stamp, names.MAP_FRAME), frame, place), frame)
+        self._truth[robot_id] = arrival.number, pose2_of(pose)
+        if arrival.number > self.number:
+            self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
+        return self._truth[robot_id][1]
 
 
 def pose2_of(pose: Pose) -> Pose2:
@@ -134,6 +208,7 @@ class TeamView:
         self.drawables = Drawables(self.received)
         self.places = Places(self.received)
         self.queries = TeamQueries(node, self.received, lambda: self.on_news())
+        self.diagnosis = Diagnosis(node.bus.options, lambda: self.on_news())
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
         """The viewer that drives a robot."""
@@ -142,6 +217,12 @@ class TeamView:
         self._subscriptions = Subscriptions(node.bus, self.received)
         self._looks = 0
         self._asks = 0
+
+    @property
+    def namespace(self) -> str:
+        """Of the team on its router; empty for none."""
+        options = self.node.bus.options
+        return (options.namespace if options else None) or ""
 
     @property
     def period(self) -> float:
@@ -155,9 +236,21 @@ class TeamView:
 
     def robots(self) -> set[int]:
         """All robots of which anything is known."""
+        if (sim := self.queries.sim) is not None:
+            # What was heard of one that was removed from the world stays with this process.
+            return self._in_world(sim)
         targets = [names.split_robot_key(arrival.key) for arrival in self.received.newest()]
-        found = {target[0] for target in targets if target is not None} | self.queries.robots()
-        return found if self.queries.sim is None else found | set(self.queries.sim.robots)
+        return {target[0] for target in targets if target is not None} | self.queries.robots()
+
+    def _in_world(self, sim: SimStatus) -> set[int]:
+        """The robots of the world, and those that have a process still."""
+        return self.queries.processes().keys() | set(sim.robots)
+
+    def _localised(self) -> set[int]:
+        """The robots whose place a localisation estimates, and those that a page shows in detail."""
+        targets = [names.split_robot_key(arrival.key) for arrival in self.received.newest()]
+        selected = {i for viewer in self.viewers.values() for i in viewer.look.selected}
+        return selected | {target[0] for target in targets if target is not None and target[1] == names.AMCL_POSE}
 
     def add(self, viewer: Viewer) -> None:
         """A page came."""
@@ -194,8 +287,18 @@ class TeamView:
         looks, viewers = self._looks, self.viewers
         self.queries.watch(bool(viewers))
         self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
-        aggregator, sampled = self.queries.alive(names.AGGREGATOR), self._choose_sampled()
-        wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator, sampled=sampled)
+        sim, aggregator, sampled = self.queries.sim, self.queries.alive(names.AGGREGATOR), self._choose_sampled()
+        self.places.compared = self._localised() if sim is not None and sampled is None else ()
+        wanted = topics_of(
+            viewers.values(),
+            self.poses,
+            self.drawables,
+            aggregator=aggregator,
+            sampled=sampled,
+            truth_of=self.places.compared,
+        )
+        if sim is not None:
+            self.received.keep_robots(self._in_world(sim))
         self._subscriptions.match(wanted)
         if sampled is not None:
             self.queries.sample(sampled, transforms=aggregator)
@@ -214,13 +317,18 @@ class TeamView:
         return scanned_robots(viewers, self.poses) & set(sim.robots)
 
     def _ask(self) -> None:
-        while not self.node.stopping:
-            self._ask_once()
+        try:
+            while not self.node.stopping:
+                self._ask_once()
+        except BaseException as error:
+            self.node.fail(error)
 
     def _ask_once(self) -> None:
         viewers, asks = self.viewers, self._asks
+        docs = {name for viewer in viewers.values() for name in viewer.look.docs}
+        self.diagnosis.want("doctor" in docs)
         if viewers:
             layers = {layer for viewer in viewers.values() for layer in viewer.look.layers}
-            docs = {name for viewer in viewers.values() for name in viewer.look.docs}
-            self.queries.ask(layers, docs, self._subscriptions.opened)
+            inspected = {i for viewer in viewers.values() if (i := viewer.inspected) is not None}
+            self.queries.ask(layers, docs, inspected, self._subscriptions.opened)
         self.node.wait(lambda: self._asks != asks, ASK_PERIOD if viewers else REST)

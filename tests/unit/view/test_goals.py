@@ -1,10 +1,13 @@
-"""Goals of several robots at one place."""
+"""Goals of several robots at one place, and which goal of a robot is its newest."""
 
 import itertools
 import math
 
 from zteam.geometry import Pose2
+from zteam.messages import Header, NavigationState, NavigationStatus, Point, Pose, PoseStamped, time_from_ns
 from zteam.view.commands import SPACING, spread
+from zteam.view.goals import Goals, newest_goal
+from zteam.view.received import Arrival, Received
 
 GOAL = Pose2(5.0, 5.0, 0.3)
 
@@ -42,3 +45,53 @@ def test_where_nothing_is_free_each_robot_still_has_a_place() -> None:
     """All robots get a goal, each another one."""
     goals = spread(GOAL, dict.fromkeys(range(20), GOAL), lambda _x, _y: False)
     assert len({goal[:2] for goal in goals.values()}) == 20
+
+
+def told(number: int, stamp: float, goal: PoseStamped, state: NavigationState) -> Arrival:
+    """A status that came as message `number`."""
+    status = NavigationStatus(Header(time_from_ns(int(stamp * 1e9))), int(state), goal)
+    return Arrival("robot_0/navigation/status", status, number, 0.0)
+
+
+def goal_at(x: float, stamp: float) -> PoseStamped:
+    """A goal that was sent at `stamp` (s)."""
+    return PoseStamped(Header(time_from_ns(int(stamp * 1e9)), "map"), Pose(Point(x)))
+
+
+def test_the_newest_goal_is_the_one_that_was_sent_until_its_robot_speaks_of_it() -> None:
+    """A status about the goal before counts no more, unless it comes long after; one of a robot that forgot is none."""
+    old, new = goal_at(1.0, 5.0), goal_at(2.0, 20.0)
+    sent = Arrival("robot_0/goal_pose", new, 10, 0.0)
+    driving, idle = NavigationState.DRIVING, NavigationState.IDLE
+    assert newest_goal(None, None) is None
+    assert newest_goal(sent, None) == (new, None)
+    assert newest_goal(sent, told(9, 19.0, old, driving)) == (new, None)
+    assert newest_goal(sent, told(11, 20.1, old, NavigationState.SUCCEEDED)) == (new, None)
+    for found in (newest_goal(sent, told(11, 20.1, new, driving)), newest_goal(None, told(1, 20.1, new, driving))):
+        assert found is not None
+        assert (found[0], found[1] and found[1].state) == (new, driving)
+    later = newest_goal(sent, told(11, 22.0, old, driving))
+    assert later is not None
+    assert later[0] == old
+    assert newest_goal(sent, told(11, 22.0, PoseStamped(), idle)) is None
+
+
+def test_a_goal_ends_with_the_process_that_drives_to_it() -> None:
+    """Not at once: a router that ends takes all presence along for a while."""
+    received, alive = Received(lambda: None), {"robot_0"}
+    goals = Goals(received, alive.__contains__, lambda _frame: Pose2(0.0, 0.0, 0.0))
+    status = told(1, 20.0, goal_at(1.0, 5.0), NavigationState.DRIVING).content
+    assert isinstance(status, NavigationStatus)
+    status.header.frame_id, status.distance_remaining = "robot_0", 3.21
+    received.take("robot_0/navigation/status", status)
+
+    def look(now: float) -> tuple[str, float | None, str]:
+        [row] = goals.rows({0}, now)
+        return row.state, row.distance, row.text
+
+    assert look(0.0) == ("driving", 3.2, "")
+    alive.clear()
+    assert look(1.0)[0] == look(3.0)[0] == "driving"
+    assert look(5.0)[::2] == ("aborted", "the process robot_0 is gone")
+    alive.add("robot_0")
+    assert look(6.0)[0] == "driving"

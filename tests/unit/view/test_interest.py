@@ -48,11 +48,22 @@ def test_scans_are_those_of_robots_in_sight() -> None:
 
 
 def test_layers_that_are_off_cost_nothing() -> None:
-    """Sonars, fiducials and goals are subscribed to only when they are shown."""
+    """Sonars, fiducials, goals and costs of selected robots are subscribed to only when they are shown."""
     plain = keys(viewer(Look()))
     assert not any("scan" in key or "sonar" in key or "goal" in key or "log" in key for key in plain)
     shown = keys(viewer(Look(layers=["sonars", "fiducials", "goals"], docs=["log"])))
     assert {"robot_0/sonar$*", "robot_0/fiducials", "robot_$*/goal_pose", "*/log"} <= shown
+    costs = keys(viewer(Look(layers=["costs"], selected=[1])))
+    assert {key for key in costs if "costmap" in key} == {"robot_1/global_costmap/costmap"}
+
+
+def test_an_inspected_robot_is_heard_whole() -> None:
+    """The sensors of the first selected robot, each message of them, and goals, while its panel is open."""
+    shown = topics_of([viewer(Look(selected=[1, 2], docs=["inspect"]))], POSES, make_drawables(), aggregator=True)
+    heard = {topic.key for topic in shown if topic.every}
+    assert {"robot_1/odom$*", "robot_1/base_scan$*", "robot_1/sonar$*"} <= heard
+    assert not any(key.startswith("robot_2") for key in heard)
+    assert "robot_$*/goal_pose" in {topic.key for topic in shown}
 
 
 def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:

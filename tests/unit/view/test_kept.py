@@ -1,10 +1,19 @@
 """What is kept of the messages that come: the newest of each key, and all of some topics for a while."""
 
-from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
+from types import SimpleNamespace
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from support.transforms import stamped
+from zteam.messages import LaserScan, Log, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of, time_from_ns
 from zteam.node.log_client import LogLine
-from zteam.view.documents import LogTail
+from zteam.view.documents import RATE_SPAN, Documents, LogTail, rate_of
 from zteam.view.plots import MOST, samples_since
 from zteam.view.received import KEPT, KEPT_BYTES, Received
+from zteam.view.team_view import Places
 
 
 def command(speed: float) -> bytes:
@@ -31,6 +40,36 @@ def test_only_the_newest_of_a_key_is_kept() -> None:
     ]
     received.clear()
     assert (received.get("x"), len(news)) == (None, 3)
+
+
+def frames_told(received: Received, places: Places, queries: Any, robots: set[int]) -> list[str]:
+    """The names of the frames in the document `tf`."""
+    state: Any = SimpleNamespace(received=received, queries=queries, places=places, robots=lambda: robots)
+    places.look(robots)
+    return [row["name"] for row in msgspec.json.decode(Documents(state).transforms())["frames"]]
+
+
+def test_frames_of_a_removed_robot_are_left_out() -> None:
+    """Its transforms stay with this process; frames of no robot are always told."""
+    received = Received(lambda: None)
+    rows = [stamped("map", child, 0, 1.0) for child in ("robot_0/odom", "robot_1/odom", "camera")]
+    received.take("tf_static", encode(TFMessage(rows)))
+    queries = SimpleNamespace(sim=None, frames={}, alive=lambda _name: True)
+    places = Places(received)
+    assert frames_told(received, places, queries, {1}) == ["camera", "robot_0/odom", "robot_1/odom"]
+    queries.sim = SimpleNamespace()
+    assert frames_told(received, places, queries, {1}) == ["camera", "robot_1/odom"]
+
+
+def test_frames_are_told_that_came_before_they_were_asked_for() -> None:
+    """While the world stands none comes again."""
+    received = Received(lambda: None)
+    queries = SimpleNamespace(sim=None, frames={}, alive=lambda _name: True)
+    places = Places(received)
+    for child in ("robot_0/odom", "robot_1/odom"):
+        received.take("tf", encode(TFMessage([stamped("map", child, 1, 1.0)])))
+        places.look(())
+    assert frames_told(received, places, queries, set()) == ["robot_0/odom", "robot_1/odom"]
 
 
 def test_history_gives_what_came_after_a_number() -> None:
@@ -77,6 +116,24 @@ def test_many_samples_are_thinned_evenly() -> None:
     assert len(pairs) == MOST
     assert pairs[-1, 1] == 999.0
     assert len({round(step) for step in (pairs[1:, 1] - pairs[:-1, 1])}) == 1
+
+
+def test_the_distance_to_an_obstacle_is_the_least_range_that_is_one() -> None:
+    """What is no return or invalid does not count, and a scan without any return gives no sample."""
+    received = Received(lambda: None)
+    for ranges in ([2.0, 0.01, np.nan, 1.5, np.inf], [5.0, np.inf]):
+        scan = LaserScan(range_min=0.1, range_max=5.0, ranges=np.array(ranges, np.float32))
+        received.keep("s", "s", encode(scan), encoding_of(LaserScan))
+    _, pairs = samples_since(received, "s", "min(ranges)", 0, 0.0)
+    assert pairs[:, 1].tolist() == [1.5]
+    assert samples_since(received, "s", "min(header)", 0, 0.0)[1].size == 0
+
+
+def test_a_rate_is_that_of_the_newest_messages() -> None:
+    """Before its span is over it is counted since the first message; without messages within it, it is zero."""
+    assert rate_of([10.0, 10.1, 10.2], now=10.2) == pytest.approx(10.0)
+    assert rate_of([0.1 * i for i in range(1000)], now=99.95) == pytest.approx(10.0, abs=0.5)
+    assert rate_of([1.0, 2.0], now=2.5 + RATE_SPAN) == 0.0
 
 
 def test_log_lines_come_in_order_of_time_and_once() -> None:

@@ -94,3 +94,17 @@ def test_without_an_aggregator_the_ground_truth_counts(received: Received, place
     received.take("robot_4/base_pose_ground_truth", encode(truth))
     assert {robot: pose[:2] for robot, pose in places.look([4, 5]).items()} == {4: (1.0, 2.0)}
     assert (places.from_truth, places.stamp) == (True, 3 * S)
+
+
+def test_a_robot_whose_truth_comes_no_more_is_compared_with_none(received: Received, places: Places) -> None:
+    """What was found before would stay while the robot drives on; that of the others stays as it was."""
+    places.compared = {0}
+    received.take("tf_static", encode(STATIC))
+    received.take("tf", bundle(1 * S, 1.0))
+    truth = Odometry(Header(time_from_ns(1 * S), "map"), pose=PoseWithCovariance(Pose(Point(14.0))))
+    received.take("robot_0/base_pose_ground_truth", encode(truth))
+    places.look([0])
+    found = places.truth_of(0)
+    assert found is not None and [pose.x for pose in found] == [14.0, 11.0]
+    places.compared = {1}
+    assert places.truth_of(0) is None

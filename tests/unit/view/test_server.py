@@ -1,8 +1,11 @@
 """The web server on a bus in memory: what it serves, what it refuses, and what no page can do to another one."""
 
+import gzip
 import random
+import re
 import threading
 from collections.abc import Iterator
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -10,9 +13,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from support.examples import SHARE
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from support.transports import wait_until_true
-from support.web_view import View, open_page, open_view
+from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import Bus, MemoryHub
+from zteam.errors import BusError
 from zteam.messages import (
     BaseInfo,
     Header,
@@ -27,6 +32,7 @@ from zteam.messages import (
     Twist,
     Vector3,
 )
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.view.files import find_version
 from zteam.view.frames import PATH, POSES, SAMPLES, TEAM
 from zteam.view.requests import MAX_BYTES
@@ -91,6 +97,8 @@ def test_nothing_is_commanded_over_http(view: View, method: str) -> None:
 def test_a_foreign_name_in_host_is_refused(view: View) -> None:
     """A site that leads its own name here gets nothing."""
     assert view.get("/", host=f"evil.example:{view.port}").status == 421
+    long = view.get("/", host="x" * 5000)
+    assert (long.status, long.getheader("content-length")) == (421, str(len("this server is not known as ") + 80))
 
 
 def test_without_a_layout_there_is_no_content(memory: MemoryHub) -> None:
@@ -101,15 +109,49 @@ def test_without_a_layout_there_is_no_content(memory: MemoryHub) -> None:
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
 def test_a_socket_from_another_origin_gets_403(view: View, origin: str) -> None:
-    """A page of another site cannot open it, though the browser would send it to this machine."""
-    with pytest.raises(InvalidStatus, match="403"), open_page(view.port, Origin=origin):
+    """A page of another site cannot open it, though the browser would send it to this machine; one line says so."""
+    with captured_log() as log, pytest.raises(InvalidStatus, match="403"), open_page(view.port, Origin=origin):
         pass
+    assert [line.partition(": ")[0] for line in log.lines] == ["a socket is refused"]
+
+
+def test_the_page_is_sent_in_few_bytes(view: View) -> None:
+    """A browser that takes gzip gets the page's files so; the modules of the map come before those of the panels."""
+    site = f"http://127.0.0.1:{view.port}"
+    name = "/page/js/scene/scene.js"
+    with urlopen(Request(site + name, headers={"Accept-Encoding": "gzip"})) as packed, urlopen(site + name) as plain:
+        content, short = plain.read(), packed.read()
+    assert gzip.decompress(short) == content and len(short) < len(content) / 2
+    with urlopen(site) as index:
+        links = re.findall(r'href="/page/v[0-9a-f]+/(js/[a-z_/]+)\.js"( fetchpriority=low)?>', index.read().decode())
+    is_low = [bool(low) for _, low in links]
+    assert is_low == sorted(is_low) and 0 < sum(is_low) < len(is_low)
+    assert {name for name, low in links if not low} >= {"js/main", "js/wire", "js/scene/scene", "js/connection"}
 
 
 def test_a_page_of_this_server_may_open_the_socket(view: View) -> None:
     """Its origin is the server's own."""
     with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
         assert page.welcome["version"] == 1
+
+
+def test_a_robot_that_cannot_give_its_goal_up_holds_no_other(view: View, memory: MemoryHub) -> None:
+    """The others stop, and the page is told of that one."""
+    asked: list[int] = []
+
+    def refuse(_request: CancelRequest) -> CancelReply:
+        raise BusError("it hangs")
+
+    def stop(_request: CancelRequest) -> CancelReply:
+        asked.append(1)
+        return CancelReply(canceled=True)
+
+    for robot_id, answer in enumerate((refuse, stop)):
+        memory.bus().serve(navigation_query(robot_id, CANCEL), CancelRequest, answer)
+    with open_page(view.port) as page:
+        said = page.command(op="cancel", robots=[0, 1, 2])
+    assert "it hangs" in said and "nothing that takes goals answers for robot_2" in said and "robot_1" not in said
+    assert asked == [1]
 
 
 def test_the_token_gives_the_right_to_command(view: View) -> None:
@@ -119,6 +161,8 @@ def test_the_token_gives_the_right_to_command(view: View) -> None:
         assert "may only watch" in watcher.command(op="pause")
         assert "no simulator is there" in page.command(op="pause")
         assert "may only watch" in watcher.command(op="take", robot=0)
+        watcher.say(op="token", token=TOKEN)
+        assert "no simulator is there" in watcher.command(op="pause")
 
 
 @pytest.mark.parametrize(
@@ -227,6 +271,15 @@ def test_a_flooding_page_does_not_hurt_another_one(view: View) -> None:
     assert not flooding.is_alive()
 
 
+def test_a_page_that_may_only_watch_sees_the_doctor_and_cannot_call_it(view: View) -> None:
+    """The document comes to each page that shows it; only one with the token may have it made anew."""
+    with open_page(view.port, token="another") as watcher:
+        watcher.say(op="look", docs=["doctor"])
+        # The first document may come before anything has been found.
+        watcher.wait(lambda: "one process" in watcher.docs.get("doctor", {}).get("error", ""))
+        assert "may only watch" in watcher.command(op="doctor")
+
+
 def test_nothing_is_subscribed_to_while_nobody_watches(view: View, bus: Bus) -> None:
     """Subscriptions come with the first page and go with the last one."""
     assert subscribed(bus) == set()
@@ -311,11 +364,11 @@ def test_the_newest_message_is_echoed(view: View, bus: Bus) -> None:
         assert page.docs["echo"]["json"]["range_max"] == 8.0
 
 
-def test_a_page_that_takes_no_frame_is_sent_no_second_one(view: View) -> None:
-    """Its credit is one frame; another page goes on meanwhile."""
+def test_a_page_that_takes_no_frame_is_sent_no_third_one(view: View) -> None:
+    """Its credit is two frames; another page goes on meanwhile."""
     with open_page(view.port, acknowledges=False) as still, open_page(view.port) as page:
-        still.wait(lambda: still.frames)
+        still.wait(lambda: len(still.frames) == 2)
         frames = len(page.frames)
         page.wait(lambda: len(page.frames) >= frames + 3)
         still.command(op="pause")
-        assert len(still.frames) == 1
+        assert len(still.frames) == 2

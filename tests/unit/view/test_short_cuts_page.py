@@ -16,7 +16,7 @@ def test_all_short_cuts_are_described() -> None:
     listed = [
         f"| {group} | `{keys}` | {text} |" for path in scripts for keys, text, group in ROW.findall(path.read_text())
     ]
-    section = (DOCS / "view.md").read_text().split("## Short cuts\n")[1].split("\n## ")[0]
+    section = (DOCS / "view.md").read_text().split("## Shortcuts\n")[1].split("\n## ")[0]
     described = [line for line in section.splitlines() if line.startswith("|")][2:]
     assert len(listed) > 20
     assert described == listed

@@ -5,9 +5,19 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from zteam.messages import BaseInfo, Point32, Polygon, RobotState, RobotStatus, TeamState, TeamStatus
+from zteam.geometry import Pose2
+from zteam.messages import (
+    BaseInfo,
+    Point32,
+    Polygon,
+    PoseWithCovarianceStamped,
+    RobotState,
+    RobotStatus,
+    TeamState,
+    TeamStatus,
+)
 from zteam.simulator.client import RobotShape, SimStatus
-from zteam.view.scene import Outlines, RobotRow, gate_row, robot_row, sim_row
+from zteam.view.scene import Outlines, RobotRow, add_circumstances, gate_row, robot_row, sim_row
 
 RUNNING = RobotStatus(robot_id=1, state=RobotState.RUNNING, behavior="follow", driver="behavior", leader=0, speed=0.4)
 
@@ -42,8 +52,8 @@ def test_states_are_those_of_the_monitor() -> None:
         row_of(status=RUNNING),
         row_of(status=stopped),
     ]
-    assert [row.state for row in rows] == ["absent", "absent", "running", "silent", "lost", "stopped"]
-    assert [row.reason for row in rows[:2]] == ["no process", "no status yet"]
+    assert [row.state for row in rows] == ["no behaviour", "absent", "running", "silent", "lost", "stopped"]
+    assert [row.reason for row in rows[:2]] == ["drive it, or start one", "no status yet"]
     assert (rows[2].speed, rows[2].leader, rows[2].behavior, rows[2].age) == (0.4, 0, "follow", 0.5)
 
 
@@ -72,3 +82,33 @@ def test_the_simulator_runs_stands_or_is_not_there() -> None:
         True, "paused", 0.99, True, "robot_1", ["a", "b"], 5,
     )  # fmt: skip
     assert sim_row(None, ()).present is False
+
+
+def place_row(places: tuple[Pose2, Pose2] | None = None, variance: float = 0.0, **world: Any) -> RobotRow:
+    """The row of a running robot after a localiser's word, in a world that runs unless told."""
+    row, amcl = row_of(alive=True, status=RUNNING), PoseWithCovarianceStamped()
+    amcl.pose.covariance = amcl.pose.covariance.copy()
+    amcl.pose.covariance[7] = variance
+    add_circumstances(row, SimStatus("w", [1], 100, 1, 0, 5, 1.0, **world), ["robot_1"], amcl, places)
+    return row
+
+
+def test_a_lost_robot_says_so() -> None:
+    """By its own doubt, or by where it really is: then with that pose, for its ghost."""
+    here, near, turned = Pose2(0.0, 0.0, 0.0), Pose2(0.9, 0.0, 0.5), Pose2(0.0, 0.0, 0.7)
+    assert place_row((near, here)).localised
+    assert [row.truth for row in (place_row((turned, here)), place_row((near, here)))] == [[0.0, 0.0, 0.7], None]
+    lost = place_row((Pose2(2.1, 0.0, 0.0), here))
+    assert (lost.localised, lost.reason) == (False, "localisation lost: about 2 m and 0° off")
+    assert place_row(variance=0.9).localised
+    assert place_row(variance=2.25).reason == "localisation lost: its place is known to ± 1.5 m only"
+
+
+def test_a_robot_stands_for_a_reason() -> None:
+    """With its world, without a word of its own, and when it was taken out of the world."""
+    assert place_row(paused=True).reason == "the world is paused"
+    standing = msgspec.structs.replace(RUNNING, speed=0.0)
+    assert row_of(alive=True, status=standing).reason
+    gone = robot_row(1, Outlines(), present=False, alive=True, status=RUNNING)
+    add_circumstances(gone, SimStatus("w", [], 100, 1, 0, 5, 1.0), ["nav_1", "robot_1"], None, None)
+    assert gone.reason == "not in the world; nav_1, robot_1 still run"

@@ -4,15 +4,19 @@ from zteam.view.received import Viewer
 from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 
-def test_a_page_has_credit_for_one_frame() -> None:
-    """A frame that is not acknowledged holds the next one back; an acknowledgement of another frame does not count."""
+def test_a_page_has_credit_for_two_frames() -> None:
+    """Two that are not acknowledged hold the next one back; what it was never sent does not count."""
     viewer = Viewer(1, may_command=False)
+    first, second = viewer.next_frame(10.0), 0
     assert viewer.has_credit
-    number = viewer.next_frame(10.0)
+    second = viewer.next_frame(10.1)
     assert not viewer.has_credit
-    viewer.take_ack(Ack(number + 1))
+    viewer.take_ack(Ack(second + 1))
     assert not viewer.has_credit
-    viewer.take_ack(Ack(number))
+    viewer.take_ack(Ack(first))
+    assert viewer.has_credit
+    viewer.take_ack(Ack(second))
+    viewer.next_frame(10.2)
     assert viewer.has_credit
 
 

@@ -1,0 +1,120 @@
+"""Goals from their sending to their end, as the document `goals` tells them."""
+
+from collections.abc import Callable, Collection, Iterator
+
+import msgspec
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import Message, NavigationState, NavigationStatus, PoseStamped, ns_from_time
+from zteam.node.log_client import printable
+from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
+from zteam.view.received import Arrival, Received
+from zteam.view.team_view import pose2_of
+
+SENT = "sent"
+"""Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""
+
+
+class GoalRow(msgspec.Struct):
+    """The newest goal of a robot, in `map`."""
+
+    robot: int
+    x: float
+    y: float
+    yaw: float
+    stamp: int
+    """Nanoseconds at which it was sent."""
+    state: str
+    distance: float | None = None
+    """Metres that are left."""
+    seconds: float | None = None
+    """What they take."""
+    recoveries: int = 0
+    text: str = ""
+    """Why the robot does not get on, or why it has given up."""
+
+
+def newest_goal(sent: Arrival | None, told: Arrival | None) -> tuple[PoseStamped, NavigationStatus | None] | None:
+    """The newest goal of a robot and the status about it, of the goal that was sent last and of what the robot told
+    last; None if it has none."""
+    goal, status = sent and sent.read(PoseStamped), told and told.read(NavigationStatus)
+    if status is None or told is None:
+        return None if goal is None else (goal, None)
+    if goal is not None and sent is not None and not is_same_goal(goal, status.goal):
+        # The robot may still speak of the goal before.
+        ahead = ns_from_time(status.header.stamp) - ns_from_time(goal.header.stamp)
+        if told.number < sent.number or -SETTLED < ahead < SETTLED:
+            return goal, None
+    return None if status.state == NavigationState.IDLE else (status.goal, status)
+
+
+def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, frame: Pose2) -> GoalRow:
+    """A goal, whose frame's pose in `map` is `frame`."""
+    row = GoalRow(robot_id, *frame.compose(pose2_of(goal.pose)), ns_from_time(goal.header.stamp), SENT)
+    if status is None:
+        return row
+    row.state = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
+    row.recoveries, row.text = status.recoveries, printable(status.text)
+    if status.state in ON_THE_WAY:
+        left = status.estimated_time_remaining
+        row.distance = round(status.distance_remaining, 1) or None
+        # In whole seconds: a document that says more would change with every status.
+        row.seconds = round(left.sec + left.nanosec / 1e9) or None
+    return row
+
+
+class Goals:
+    """The newest goals of all robots. One thread makes all calls; the caller passes the host's time."""
+
+    def __init__(
+        self, received: Received, alive: Callable[[str], bool], pose_of: Callable[[str], Pose2 | None]
+    ) -> None:
+        """`alive`: whether a process holds a name; `pose_of`: the pose of a frame in `map`."""
+        self._received, self._alive, self._pose_of = received, alive, pose_of
+        self._told: dict[int, Arrival] = {}
+        """The newest status of what takes the robot's goals."""
+        self._decoded: dict[str, Arrival] = {}
+        self._gone: dict[int, float] = {}
+        """Since when the process that drives to a goal is gone."""
+
+    def rows(self, robots: Collection[int], now: float) -> Iterator[GoalRow]:
+        """Those of these robots."""
+        for robot_id in sorted(robots):
+            sent = self._get(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
+            found = newest_goal(sent, self._newest_told(robot_id))
+            frame = found and self._pose_of(found[0].header.frame_id or names.MAP_FRAME)
+            if found and frame:
+                row = goal_row(robot_id, *found, frame)
+                if found[1] is not None and found[1].state in ON_THE_WAY:
+                    self._end_with_process(row, found[1], now)
+                yield row
+
+    def _newest_told(self, robot_id: int) -> Arrival | None:
+        arrival = self._get(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus)
+        status = arrival and arrival.read(NavigationStatus)
+        if arrival is None or status is None:
+            self._told.pop(robot_id, None)
+        elif not (_is_behavior(robot_id, status) and self._alive(names.navigation_name(robot_id))):
+            # The header's frame tells a behaviour from navigation, which wins over it.
+            self._told[robot_id] = arrival
+        return self._told.get(robot_id)
+
+    def _get(self, key: str, kind: type[Message]) -> Arrival | None:
+        """The newest of a key, decoded once: pages look ten times a second, and robots speak once."""
+        arrival, known = self._received.get(key), self._decoded.get(key)
+        if arrival is None or (known is not None and known.number == arrival.number):
+            return arrival and known
+        self._decoded[key] = arrival = arrival._replace(content=arrival.read(kind) or b"")
+        return arrival
+
+    def _end_with_process(self, row: GoalRow, status: NavigationStatus, now: float) -> None:
+        name = names.robot_name if _is_behavior(row.robot, status) else names.navigation_name
+        if self._alive(name(row.robot)):
+            self._gone.pop(row.robot, None)
+        elif now - self._gone.setdefault(row.robot, now) > GONE:
+            row.state, row.text = "aborted", f"the process {name(row.robot)} is gone"
+
+
+def _is_behavior(robot_id: int, status: NavigationStatus) -> bool:
+    return status.header.frame_id == names.robot_name(robot_id)
