@@ -18,6 +18,12 @@ LIES = """([x, y, px, py]) => {
 }"""
 """Whether a place of the map is at these pixels of the page. A browser hands fingers' moves on once a frame."""
 
+PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
+SIZES = """window.sizes = [];
+const keep = ([{ contentRect: { width, height } }]) => sizes.push([width, height]);
+addEventListener('DOMContentLoaded', () => new ResizeObserver(keep).observe(document.querySelector('#scene')));"""
+"""The sizes that the map has had."""
+
 
 @pytest.fixture
 def arena(team: TeamFixture, screen: Screen) -> Screen:
@@ -36,6 +42,33 @@ def show_arena(team: TeamFixture, screen: Screen) -> Screen:
 def selection(screen: Screen) -> list[int]:
     """The selected robots."""
     return sorted(screen.ask("[...zteam.app.store.selection]"))
+
+
+def test_a_page_begins_with_the_robots(team: TeamFixture, screen: Screen) -> None:
+    """In an office of 50 m it shows three metres round them; `f` shows the whole map."""
+    team.start("office", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    screen.wait("zteam.app.store.grids.size === 1")
+    xmin, ymin, xmax, ymax = screen.ask("zteam.app.camera.viewport()")
+    places = screen.ask("[0, 1].map((id) => zteam.app.store.poses.at(id))")
+    for pose in places:
+        assert xmin + 2.0 < pose["x"] < xmax - 2.0
+        assert ymin + 2.0 < pose["y"] < ymax - 2.0
+    assert min(xmax - xmin, ymax - ymin) < 20.0
+    screen.page.keyboard.press("f")
+    xmin, ymin, xmax, ymax = screen.ask("zteam.app.camera.viewport()")
+    assert min(xmax - xmin, ymax - ymin) > 20.0
+
+
+@pytest.mark.parametrize("options", [{}, PHONE], ids=["desk", "phone"])
+def test_the_map_keeps_its_size_when_the_panels_come(team: TeamFixture, open_screen: OpenScreen, options: Any) -> None:
+    """Bars and closed panels take their room before they have loaded, so that the map does not jump under the mouse."""
+    screen = open_screen(**options)
+    screen.page.add_init_script(SIZES)
+    screen.open(start_view(team))
+    screen.wait("document.querySelector('#status').childElementCount > 0")
+    sizes = screen.ask("new Promise((done) => requestAnimationFrame(() => setTimeout(() => done(sizes))))")
+    assert len(sizes) == 1, sizes
 
 
 def test_the_wheel_zooms_at_the_mouse(arena: Screen) -> None:
@@ -115,9 +148,7 @@ def test_the_measure_is_that_of_the_map(arena: Screen) -> None:
 
 def test_two_fingers_zoom_and_turn_and_one_moves(team: TeamFixture, open_screen: OpenScreen) -> None:
     """On a phone: the places of the map under the fingers stay under them."""
-    screen = show_arena(
-        team, open_screen(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True, device_scale_factor=2)
-    )
+    screen = show_arena(team, open_screen(**PHONE))
     session = screen.page.context.new_cdp_session(screen.page)
 
     def touch(kind: str, *fingers: tuple[float, float]) -> None:
@@ -142,3 +173,55 @@ def test_two_fingers_zoom_and_turn_and_one_moves(team: TeamFixture, open_screen:
         touch("touchMove", (200.0 + 10 * i, 400.0))
     screen.wait(LIES, [*place, 250.0, 400.0])
     touch("touchEnd")
+
+
+WATCH = """() => {
+  const { store, scene } = zteam.app;
+  Object.assign(window, { pictures: new Map(), others: [], turning: 0, outside: 0 });
+  let last = null;
+  scene.painters.push(() => {
+    const newest = JSON.stringify(store.poses.at(0)), drawn = store.poses.drawn(0), other = store.poses.drawn(1);
+    if (store.poses.left < 1) pictures.set(newest, (pictures.get(newest) ?? new Set()).add(JSON.stringify(drawn)));
+    others.push(other.x);
+  });
+  store.on('scans', () => {
+    const scan = [...store.scans.values()].find((scan) => scan.robot === 0);
+    if (scan === undefined || (last !== null && scan.yaw === last.yaw)) return;
+    if (last !== null && Math.abs(Math.sin(scan.yaw - last.yaw)) > 0.05) turning++;
+    last = scan;
+    scan.ranges.forEach((range, i) => {
+      if (range >= 0xfffe) return;
+      const angle = scan.yaw + scan.angleMin + i * scan.angleIncrement, metres = range * scan.step;
+      const [x, y] = [scan.x + metres * Math.cos(angle), scan.y + metres * Math.sin(angle)];
+      outside = Math.max(outside, Math.abs(x), Math.abs(y));
+    });
+  });
+}"""
+"""Notes where robots are drawn, and how far the ends of robot 0's beams are from the middle of the arena (m)."""
+
+
+def test_motion_is_smooth_and_scans_lie_on_the_walls(team: TeamFixture, arena: Screen) -> None:
+    """A robot that turns and drives is drawn between its poses, its beams end at walls; one that is moved jumps."""
+    # A tick a second: also a crowded machine draws several pictures in between, the smaller ones sooner.
+    arena.page.set_viewport_size({"width": 800, "height": 400})
+    team.sim.set_speed(0.1)
+    arena.select(0)
+    arena.page.keyboard.press("d")
+    arena.wait("zteam.app.drive.mode")
+    arena.page.keyboard.down("u")
+    team.wait_for(lambda: team.robot(0).speed > 0.1)
+    arena.ask(WATCH)
+    arena.wait("[...pictures.values()].some((places) => places.size > 2)")
+    team.sim.set_speed(1.0)
+    arena.wait("turning >= 10")
+    assert 4.8 < arena.ask("outside") < 5.05
+    before = arena.ask("zteam.app.store.poses.at(1).x")
+    team.sim.move(1, 3.0, -1.0, 0.0)
+    arena.wait_for_robot(1, 3.0, -1.0)
+    arena.wait("Math.abs(others.at(-1) - 3) < 0.02")
+    assert {round(x, 1) for x in arena.ask("others")} == {round(before, 1), 3.0}
+    team.sim.pause()
+    arena.wait("zteam.app.store.team.sim.state === 'paused'")
+    drawn = "(({poses}) => poses.left === 0 && ['x', 'y', 'yaw'].every((k) => poses.drawn(0)[k] === poses.at(0)[k]))"
+    arena.wait(f"{drawn}(zteam.app.store)")
+    arena.page.keyboard.up("u")

@@ -13,7 +13,6 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
     team.start("arena", 2, behavior="idle", lockstep=False)
     url = start_view(team, "--token", TOKEN)
     screen.open(url, 2)
-    # The map, when it comes, is fitted into the view.
     screen.wait("zteam.app.store.grids.size === 1")
     viewport = screen.ask("zteam.app.camera.viewport()")
     team.kill(VIEW)
@@ -46,20 +45,6 @@ def test_a_page_waits_for_a_team(team: TeamFixture, screen: Screen) -> None:
     screen.wait("zteam.stats.frames > 0")
     team.start("arena", 2, behavior="idle", lockstep=False)
     screen.wait("zteam.app.store.poses.count === 2 && zteam.app.store.grids.size === 1")
-
-
-def test_a_browser_without_webgl_says_so(team: TeamFixture, screen: Screen) -> None:
-    """Names and tools work there all the same."""
-    screen.page.add_init_script("""
-      const getContext = HTMLCanvasElement.prototype.getContext;
-      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-        return kind === 'webgl2' ? null : getContext.call(this, kind, ...rest);
-      };
-    """)
-    team.start("arena", 1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
-    screen.wait("document.querySelector('#toasts').textContent.includes('no WebGL2')")
-    screen.select(0)
 
 
 def test_a_lost_graphics_context_is_drawn_again(team: TeamFixture, screen: Screen) -> None:

@@ -1,13 +1,15 @@
 """Goals and initial poses by mouse: what arrives on the bus is what was clicked."""
 
 import math
+from pathlib import Path
 
 import pytest
 
 from support.browser import OpenScreen, Screen, start_view
+from support.navigated_team import FAKE
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
-from zteam.messages import Pose, PoseStamped, PoseWithCovarianceStamped
+from zteam.messages import Header, Point, Pose, PoseStamped, PoseWithCovarianceStamped, Time
 from zteam.team.testing.team import TeamFixture
 
 PIXELS = 2
@@ -51,6 +53,96 @@ def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) 
     assert yaw_of(goal.pose) == pytest.approx(math.atan2(1.0, 0.5), abs=0.05)
     screen.wait("zteam.app.store.docs.goals?.some(({robot, x, y}) => robot === 0 && Math.hypot(x - 0.5, y - 1) < 0.1)")
     team.wait_for(lambda: team.robot(0).distance_travelled > 0.2)
+
+
+LIST = "document.querySelector('#goals').innerText"
+TOASTS = "document.querySelector('#toasts').innerText"
+STATES = "zteam.app.store.docs.goals?.map(({state}) => state).join()"
+
+
+def click_goal(screen: Screen, robot: int, x: float, y: float) -> None:
+    """Send a robot to a place (m)."""
+    screen.select(robot)
+    screen.tool("goal")
+    screen.page.mouse.click(*screen.place(x, y))
+
+
+def test_a_goal_has_a_life_on_the_page(team: TeamFixture, screen: Screen) -> None:
+    """The list says how far the robot is; when it is there, a message says so, and the list and the mark are gone."""
+    start_arena(team, screen)
+    start = screen.ask("zteam.app.store.poses.at(0)")
+    click_goal(screen, 0, start["x"] + 0.8, start["y"])
+    screen.wait(f"/robot_0\\n0\\.[0-9] m · [0-9]+ s/.test({LIST})")
+    screen.wait(f"{TOASTS}.includes('robot_0 reached its goal')")
+    screen.wait("document.querySelector('#goals').hidden")
+    assert screen.ask(STATES) == "succeeded"
+
+
+def test_a_goal_is_canceled_by_escape_and_by_its_button(team: TeamFixture, screen: Screen) -> None:
+    """The first Esc leaves the tool, the next one stops the selected robot; the button stops it too."""
+    start_arena(team, screen)
+    click_goal(screen, 0, 0.0, -3.0)
+    screen.wait(f"{STATES} === 'driving'")
+    screen.page.keyboard.press("Escape")
+    assert screen.ask("zteam.app.tool") == "select"
+    assert screen.ask(STATES) == "driving"
+    screen.page.keyboard.press("Escape")
+    screen.wait(f"{TOASTS}.includes('robot_0 stops: its goal is canceled')")
+    click_goal(screen, 0, 0.5, -3.0)
+    screen.wait(f"{STATES} === 'driving'")
+    screen.page.click("#goals [aria-label='Cancel the goal of robot_0']")
+    screen.wait(f"{STATES} === 'canceled'")
+    team.wait_for(lambda: team.robot(0).status.speed == 0.0)
+
+
+def test_an_aborted_goal_says_why(team: TeamFixture, screen: Screen) -> None:
+    """The reason is in a message, and in the list until it is put away."""
+    start_arena(team, screen)
+    screen.wait(f"{STATES} === ''")
+    goals = team.bus.publisher(names.robot_key(1, names.GOAL_POSE), PoseStamped)
+    team.wait_for(lambda: goals.has_subscribers)
+    goals.put(PoseStamped(Header(Time(1), names.MAP_FRAME), Pose(Point(2e6))))
+    screen.wait(f"{LIST}.includes('aborted: the goal is refused: it is more than 1000 km away')")
+    screen.page.click("#goals [aria-label='Dismiss']")
+    screen.wait("document.querySelector('#goals').hidden")
+
+
+def test_a_goal_in_an_obstacle_is_sent_at_the_second_press(team: TeamFixture, screen: Screen) -> None:
+    """The page says what is there and sends nothing, until the place is pressed again."""
+    start_arena(team, screen)
+    heard = hear_goals(team, 0)
+    click_goal(screen, 0, 1.5, 2.5)
+    screen.wait(f"{TOASTS}.includes('Goal not sent: in an obstacle (map). Press again at the same place')")
+    assert screen.ask(STATES) == ""
+    assert not heard
+    screen.page.mouse.click(*screen.place(1.5, 2.5))
+    team.wait_for(lambda: len(heard) == 1)
+
+
+def test_a_navigated_robot_shows_its_goal_and_its_costmap_counts(
+    team: TeamFixture, screen: Screen, empty_folder: Path
+) -> None:
+    """Neither its row nor its panel calls it idle; what its costmap alone has is an obstacle; `zteam goto --cancel`
+    ends a goal."""
+    path = empty_folder / "team.toml"
+    path.write_text(FAKE)
+    team.launch(path, lockstep=False)
+    screen.open(start_view(team), 2)
+    other = screen.ask("zteam.app.store.poses.at(1)")
+    screen.select(0)
+    screen.tool("goal")
+    judged = "async ([x, y]) => (await import('/page/js/costs.js')).judge(zteam.app.store, [0], x, y)?.text"
+    screen.wait(f"({judged})([{other['x']}, {other['y']}]).then(text => text === 'in an obstacle (costmap)')")
+    screen.page.mouse.click(*screen.place(other["x"], other["y"]))
+    screen.wait(f"{TOASTS}.includes('Goal not sent: in an obstacle (costmap)')")
+    screen.page.mouse.click(*screen.place(3.5, 3.5))
+    screen.wait(f"/robot_0\\n[0-9.]+ m · [0-9]+ s/.test({LIST})")
+    row = "document.querySelector('#robots tbody td:nth-child(3)').innerText"
+    screen.wait(f"{row} === 'navigation'")
+    screen.page.keyboard.press("8")
+    screen.page.wait_for_selector("#page-robot dt:text-is('Behaviour') + dd:text-is('navigation')")
+    assert team.command("goto", "--cancel", "0", timeout=20.0).stdout == "robot_0: the goal is canceled\n"
+    screen.wait(f"{TOASTS}.includes('robot_0 stops: its goal is canceled')")
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.5])

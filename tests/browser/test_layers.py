@@ -113,3 +113,50 @@ def test_a_robot_is_spawned_where_the_mouse_says(team: TeamFixture, screen: Scre
     team.wait_for(lambda: team.robot(2).truth is not None)
     assert team.robot(2).pose == pytest.approx((X, Y, math.pi / 2), abs=0.05)
     screen.wait("zteam.app.store.poses.at(2) !== null")
+
+
+def test_costmaps_leave_the_map_in_sight_and_obey_opacity_and_robots(team: TeamFixture, screen: Screen) -> None:
+    """Three costmaps above each other are as light as one; the slider makes them denser, and without their robots they
+    are gone. The layout has all of it."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    screen.wait("zteam.app.store.grids.has('map')")
+    info = MapMetaData(resolution=0.1, width=8, height=8, origin=pose(X - 0.4, Y - 0.4))
+    grid = OccupancyGrid(header=MAP, info=info, data=np.full(64, 100, np.int8))
+    keys = ("robot_0/local_costmap/costmap", "robot_0/global_costmap/costmap", "robot_1/local_costmap/costmap")
+    publishers = {key: team.bus.publisher(key, OccupancyGrid) for key in keys}
+    screen.page.click("#tab-layers")
+    screen.page.check("text=Costmaps")
+
+    def arrived() -> bool:
+        for publisher in publishers.values():
+            publisher.put(grid)
+        return bool(screen.ask("keys => keys.every((key) => zteam.app.store.grids.has(key))", list(keys)))
+
+    def green() -> int:
+        """Of lethal magenta on white ground: 255 without it, 0 under an opaque one."""
+        x, y = screen.place(X, Y)
+        picture = Image.open(io.BytesIO(screen.page.screenshot())).convert("RGB")
+        return int(picture.getpixel((round(x), round(y)))[1])  # type: ignore[index]
+
+    team.wait_for(arrived)
+    assert green() == pytest.approx(0.6 * 255, abs=4)
+    screen.page.focus("input[aria-label='Opacity of Costmaps']")
+    for _ in range(8):
+        screen.page.keyboard.press("ArrowRight")
+    team.wait_for(lambda: green() == pytest.approx(0.2 * 255, abs=4))
+    robots = "details[aria-label='Robots: Navigation']"
+    screen.page.click(f"{robots} summary")
+    screen.page.uncheck(f"{robots} >> text=robot_0")
+    screen.wait("location.hash.includes('styles=costmaps:80,navigation-0')")
+    assert green() == pytest.approx(0.2 * 255, abs=4)
+    screen.page.click(f"{robots} >> text=None")
+    team.wait_for(lambda: green() > 245)
+    layout = "styles => { zteam.app.layers.styles = styles; return zteam.app.layers.styles; }"
+    assert (
+        screen.ask(layout, "costmaps:60,navigation-0-1,nothing:3,navigation-x,map:0")
+        == "costmaps:60,map:5,navigation-0-1"
+    )
+    assert screen.page.inner_text(f"{robots} summary") == "of 0 of 2 robots"
+    assert screen.ask(layout, "") == ""
+    team.wait_for(lambda: green() == pytest.approx(0.6 * 255, abs=4))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from support.browser import Screen
 from zteam.geometry import Pose2
@@ -15,6 +16,23 @@ from zteam.robot.teleop import DIRECTIONS, MAX_SPEED, MIN_SPEED, SPEED_FACTORS
 from zteam.view import frames
 
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}
+
+SIGHT = {
+    "normal": np.eye(3),
+    "protanopia": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+    "deuteranopia": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+}
+"""What linear RGB is seen as: Machado, Oliveira and Fernandes (2009), severity 1."""
+TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+"""From linear sRGB; its white is D65."""
+
+Color = NDArray[np.float64]
 
 DECODED = """async (data) => {
   const {decodeFrame, unpack} = await import('/page/js/wire.js');
@@ -137,6 +155,100 @@ def test_the_camera_inverts_itself(modules: Screen) -> None:
     assert found["matrix"] < 0.05, "WebGL's numbers have 24 bits"
 
 
+WAYS = """async ([steps, looks]) => {
+  const { PoseTable } = await import('/page/js/poses.js'), table = new PoseTable(), found = [];
+  for (const [stamp, now, robots] of steps) {
+    const block = { type: 'poses', truth: false, ids: Uint16Array.from(robots, (robot) => robot[0]) };
+    ['x', 'y', 'yaw'].forEach((name, i) => (block[name] = Float32Array.from(robots, (robot) => robot[i + 1])));
+    table.take(block, stamp, now);
+    found.push(looks.map((look) => {
+      const goesOn = table.drawAt(now + look);
+      return [goesOn, ...robots.map(([id]) => Object.values(table.drawn(id)))];
+    }));
+  }
+  return found;
+}"""
+"""Where robots are drawn so many ms after each step of (s, ms, robots with id, x, y, yaw)."""
+
+
+def ways(modules: Screen, looks: list[float], *steps: list[Any]) -> Any:
+    """Per step and look: whether more pictures are needed, and where each robot is drawn."""
+    return modules.ask(WAYS, [steps, looks])
+
+
+def test_a_robot_is_drawn_between_its_last_two_poses(modules: Screen) -> None:
+    """It is never more than one period late, turns the shorter way, and goes on from where it was drawn last."""
+    first, then = [7, 1.0, 2.0, 3.1], [7, 1.1, 2.0, -3.1]
+    begin, after = ways(modules, [0, 25, 50, 100, 900], [5.0, 1000, [first]], [5.1, 1100, [then]])
+    assert [step[0] for step in begin] == [False] * 5
+    assert begin[0][1] == pytest.approx(first[1:], abs=1e-6)
+    turn = 2 * math.pi - 6.2
+    assert [step[0] for step in after] == [True, True, True, False, False]
+    for share, step in zip((0.0, 0.25, 0.5, 1.0, 1.0), after, strict=True):
+        assert step[1] == pytest.approx([1.0 + 0.1 * share, 2.0, -3.1 - (1 - share) * turn], abs=1e-5)
+    early = [[5.0 + i / 10, 1000 + 90 * i, [[7, i / 10, 0.0, 0.0]]] for i in range(4)]
+    ends = [step[-1][1][0] for step in ways(modules, [89.9], *early)]
+    starts = [step[0][1][0] for step in ways(modules, [0, 89.9], *early)]
+    assert starts[1:] == pytest.approx(ends[:-1], abs=1e-3)
+
+
+def test_jumps_are_not_drawn_as_ways(modules: Screen) -> None:
+    """A robot that was reset, moved far, or moved while time stands is at its new pose at once; the others go on."""
+    a, b = [1, 0.0, 0.0, 0.0], [2, 5.0, 0.0, 0.0]
+    steps = [
+        [9.0, 1000, [a, b]],
+        [9.1, 1100, [[1, 0.1, 0.0, 0.0], [2, 8.0, 0.0, 0.0]]],
+        [9.1, 1120, [[1, 0.1, 0.0, 0.0], [2, 8.1, 0.0, 0.0]]],
+        [0.1, 1200, [a, b]],
+        [0.2, 1300, [[2, 5.1, 0.0, 0.0], [1, 0.1, 0.0, 0.0], [3, 0.1, 0.0, 0.0]]],
+    ]
+    _, far, standing, reset, more = ways(modules, [0], *steps)
+    assert [pose[0] for pose in far[0][1:]] == pytest.approx([0.0, 8.0])
+    assert [pose[0] for pose in standing[0][1:]] == pytest.approx([0.02, 8.1], abs=1e-5)
+    assert [pose[0] for pose in reset[0][1:]] == [0.0, 5.0]
+    assert [pose[0] for pose in more[0][1:]] == pytest.approx([5.0, 0.0, 0.1], abs=1e-5)
+
+
+NAMES = """async ([spacing]) => {
+  const [{ placeNames }, { Camera }, { Store }] = await Promise.all(
+    ['scene/labels.js', 'scene/camera.js', 'store.js'].map((name) => import(`/page/js/${name}`)));
+  const store = new Store(), camera = new Camera(() => {}), ids = Uint16Array.from({ length: 36 }, (_, i) => i);
+  camera.resize(1280, 800);
+  camera.set({ x: 0, y: 0, scale: 60 });
+  const x = Float32Array.from(ids, (i) => spacing * ((i % 6) - 2.5));
+  const y = Float32Array.from(ids, (i) => spacing * (Math.floor(i / 6) - 2.5));
+  store.poses.take({ type: 'poses', truth: false, ids, x, y, yaw: new Float32Array(36) }, 1, 0);
+  const app = { store, camera, layers: new Set(['labels']) }, theme = { css: { text: '#000', halo: '#fff' } };
+  const pen = { app, theme, ratio: 1, radius: () => 0.2, reach: () => 12, names: [], taken: [] };
+  return placeNames(pen).map(({ robot, leader }, i) => {
+    return { box: pen.taken[i], leader, at: camera.toScreen(x[robot], y[robot]) };
+  });
+}"""
+
+
+def test_names_touch_their_robots_or_have_a_line_to_them(modules: Screen) -> None:
+    """In a crowd no two names overlap, and a name that finds no room at its robot is near, with a line to its edge."""
+
+    def distance(box: list[float], at: list[float]) -> float:
+        return math.hypot(max(box[0] - at[0], 0, at[0] - box[2]), max(box[1] - at[1], 0, at[1] - box[3]))
+
+    crowded, apart = (modules.ask(NAMES, [spacing]) for spacing in (0.7, 1.8))
+    assert len(apart) == len(crowded) == 36
+    assert not any(name["leader"] for name in apart)
+    assert 3 < sum(name["leader"] is not None for name in crowded) < 33
+    for name in [*apart, *crowded]:
+        if (leader := name["leader"]) is None:
+            assert distance(name["box"], name["at"]) == pytest.approx(12.0, abs=0.5)
+        else:
+            assert math.dist(leader[:2], name["at"]) == pytest.approx(12.0, abs=0.5)
+            assert distance(name["box"], leader[2:]) == pytest.approx(0.0, abs=0.5)
+            assert distance(name["box"], name["at"]) < 100
+    # Places are taken in steps of four pixels.
+    for a, b in itertools.combinations([name["box"] for name in crowded], 2):
+        across, down = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+        assert across <= 4 or down <= 4
+
+
 def test_fit_shows_the_whole_box(modules: Screen) -> None:
     """At any angle all corners of the box are on the screen, and it fills at least one direction."""
     found = modules.ask("""async () => {
@@ -237,6 +349,76 @@ def test_outlines_are_filled_whole(modules: Screen) -> None:
             assert modules.ask(ask, way) == pytest.approx(area)
 
 
+def linear(color: str) -> Color:
+    """Linear RGB of #rrggbb."""
+    part = np.array([int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    return np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+
+
+def lab(color: Color) -> Color:
+    """CIELAB of linear RGB."""
+    part = TO_XYZ @ np.clip(color, 0, 1) / TO_XYZ.sum(axis=1)
+    x, y, z = np.where(part > 216 / 24389, np.cbrt(part), (24389 / 27 * part + 16) / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def ciede2000(one: Color, other: Color) -> float:
+    """The difference of two colours in CIELAB (Sharma, Wu and Dalal 2005)."""
+    (l1, a1, b1), (l2, a2, b2) = one.tolist(), other.tolist()
+    seventh = ((math.hypot(a1, b1) + math.hypot(a2, b2)) / 2) ** 7
+    wider = 1.5 - 0.5 * math.sqrt(seventh / (seventh + 25**7))
+    c1, c2 = math.hypot(a1 * wider, b1), math.hypot(a2 * wider, b2)
+    h1, h2 = math.degrees(math.atan2(b1, a1 * wider)), math.degrees(math.atan2(b2, a2 * wider))
+    turn = (h2 - h1 + 180) % 360 - 180
+    light, chroma, hue = (l1 + l2) / 2, (c1 + c2) / 2, h1 + turn / 2
+    waves = ((0.17, 1, 150), (0.24, 2, 0), (0.32, 3, 6), (0.20, 4, 117))
+    t = 1 + sum(size * math.cos(math.radians(times * hue + shift)) for size, times, shift in waves)
+    dl = (l2 - l1) / (1 + 0.015 * (light - 50) ** 2 / math.sqrt(20 + (light - 50) ** 2))
+    dc = (c2 - c1) / (1 + 0.045 * chroma)
+    dh = 2 * math.sqrt(c1 * c2) * math.sin(math.radians(turn / 2)) / (1 + 0.015 * chroma * t)
+    blue = math.radians(60 * math.exp(-((((hue - 275 + 180) % 360 - 180) / 25) ** 2)))
+    rotation = -2 * math.sqrt(chroma**7 / (chroma**7 + 25**7)) * math.sin(blue)
+    return math.sqrt(dl**2 + dc**2 + dh**2 + rotation * dc * dh)
+
+
+def difference(one: str, other: str, sight: Color) -> float:
+    """How much two colours differ for an eye."""
+    return ciede2000(lab(sight @ linear(one)), lab(sight @ linear(other)))
+
+
+def contrast(one: str, other: str) -> float:
+    """WCAG's ratio of the luminances of two colours."""
+    dark, light = sorted(float(TO_XYZ[1] @ linear(color)) for color in (one, other))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def test_the_measure_of_colours_is_the_published_one() -> None:
+    """Pairs 1, 10, 17 and 20 of Sharma, Wu and Dalal, and two colours that protanopia shows nearly alike."""
+    pairs = [
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, 2.49, -0.001), (50, -2.49, 0.0011), 7.2195),
+        ((50, 2.5, 0), (73, 25, -18), 27.1492),
+        ((50, 2.5, 0), (58, 24, 15), 19.4535),
+    ]
+    for one, other, published in pairs:
+        assert ciede2000(np.array(one), np.array(other)) == pytest.approx(published, abs=1e-4)
+    assert difference("#d55e00", "#8c7a00", SIGHT["protanopia"]) < 3
+
+
+def test_eight_robots_are_told_apart_by_colour_blind_eyes(modules: Screen) -> None:
+    """Each two of the first eight differ by 10 (CIEDE2000) for each eye, and stand out from the map and the panels."""
+    ask = """async (dark) => {
+      const {robotColor} = await import('/page/js/robot_colors.js');
+      return [...Array(8).keys()].map((id) => robotColor(id, dark));
+    }"""
+    for dark, grounds in ((False, ("#ffffff", "#eceff1")), (True, ("#1d2328", "#14181b", "#171b1f"))):
+        colors = modules.ask(ask, dark)
+        for name, sight in SIGHT.items():
+            for one, other in itertools.combinations(colors, 2):
+                assert difference(one, other, sight) >= 10, (name, one, other)
+        assert min(contrast(color, ground) for color in colors for ground in grounds) >= 3
+
+
 def test_robots_have_colours_that_differ(modules: Screen) -> None:
     """In both themes 24 robots have 24 colours, and the one after another differ clearly."""
     ask = """async (dark) => {
@@ -247,3 +429,45 @@ def test_robots_have_colours_that_differ(modules: Screen) -> None:
         colors = [tuple(color) for color in modules.ask(ask, dark)]
         assert len(set(colors)) == 24
         assert all(math.dist(a, b) > 0.25 for a, b in itertools.pairwise(colors))
+
+
+def test_nothing_of_a_removed_robot_stays(modules: Screen) -> None:
+    """Its plan goes and the map hears of it; a tile that was under way goes with the next team document."""
+    assert modules.ask("""async () => {
+      const { Store } = await import('/page/js/store.js'), store = new Store(), heard = [];
+      const team = (...ids) => store.takeFrame({ number: 0, tick: 0, stamp: 0, age: 0, blocks: [
+        { type: 'doc', name: 'team', value: { robots: ids.map((id) => ({ id })), outlines: [] } }] }, 0);
+      for (const name of ['paths', 'grids']) store.on(name, (key) => heard.push(key));
+      team(0, 1);
+      for (const id of [0, 1]) store.paths.set(`robot_${id}/plan`, new Float32Array(2));
+      team(0);
+      store.grids.set('robot_1/global_costmap/costmap', new Map());
+      team(0);
+      return [[...store.paths.keys()], store.grids.size, heard];
+    }""") == [["robot_0/plan"], 0, ["robot_1/plan", "robot_1/global_costmap/costmap"]]
+
+
+def test_a_place_whose_tile_has_not_come_is_unknown(modules: Screen) -> None:
+    """It is not called outside: on a slow link a map comes tile by tile."""
+    assert modules.ask("""async () => {
+      const { judge } = await import('/page/js/costs.js');
+      const meta = { x: 0, y: 0, yaw: 0, resolution: 1, width: 4, height: 2, tile: [0, 0, 2, 2] };
+      const grids = new Map([['map', new Map([['0,0', { meta, cells: new Int8Array(4) }]])]]);
+      return [1.5, 3.5, 4.5].map((x) => judge({ grids, robots: new Map() }, [], x, 1.5).text);
+    }""") == ["free", "unknown", "outside the map"]
+
+
+def test_a_press_meets_a_robot_where_it_is_drawn(modules: Screen) -> None:
+    """On its way to its newest pose, not there."""
+    assert modules.ask("""async () => {
+      const [{ robotAt }, { Camera }, { Store }] = await Promise.all(
+        ['tools/pointer.js', 'scene/camera.js', 'store.js'].map((name) => import(`/page/js/${name}`)));
+      const store = new Store(), camera = new Camera(() => {}), none = new Float32Array(1);
+      camera.resize(800, 800);
+      for (const [stamp, x] of [[1, 0], [2, 2]]) {
+        const block = { truth: false, ids: new Uint16Array([7]), x: new Float32Array([x]), y: none, yaw: none };
+        store.poses.take(block, stamp, 1000 * stamp);
+      }
+      store.poses.drawAt(2000);
+      return [0, 2].map((x) => robotAt({ store, camera, scene: null }, ...camera.toScreen(x, 0)));
+    }""") == [7, -1]

@@ -34,7 +34,7 @@ def test_the_log_has_the_lines_of_all_processes(team: TeamFixture, screen: Scree
     assert all("monitor" in line for line in lines), lines
     screen.page.fill("#log-filter", "robots go")
     assert len(screen.ask(LINES)) == 1
-    screen.page.select_option("#page-log select[aria-label='Least level']", "error")
+    screen.page.select_option("#page-log select[aria-label='Minimum level']", "error")
     assert screen.ask(LINES) == []
 
 
@@ -125,7 +125,7 @@ def test_a_paused_plot_stands_still(team: TeamFixture, screen: Screen) -> None:
     stands = screen.ask(value)
     screen.wait("stamp => zteam.app.store.frame.stamp > stamp + 2", stands)
     assert screen.ask(value) == stands
-    screen.page.click("#page-plots button:text-is('Go on')")
+    screen.page.click("#page-plots button:text-is('Resume')")
     screen.wait(f"stands => {value} > stands", stands)
 
 

@@ -107,3 +107,14 @@ def test_a_layout_is_taken_part_by_part(modules: Screen) -> None:
     assert "side" not in found["problems"][0]
     assert all("version 1" in problem for problem in found["problems"][1:])
     assert found["collected"] == {"version": 1, "side": "log & <b>", "log": "info//"}
+
+
+def test_what_the_user_did_before_the_panels_came_is_in_the_address(modules: Screen) -> None:
+    """A part is left out of it as long as it says what a new page says, not what it said when it was registered."""
+    modules.ask("""async () => {
+      const { Layout } = await import('/page/js/layout.js'), layout = new Layout();
+      layout.register('camera', { get: () => '1,2,30,0', set() {} }, '0,0,0,0');
+      layout.register('theme', { get: () => 'auto', set() {} });
+      layout.changed();
+    }""")
+    modules.wait("location.hash === '#camera=1,2,30,0'")

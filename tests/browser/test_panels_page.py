@@ -183,10 +183,10 @@ def test_a_picture_of_the_map_is_saved(url: str, screen: Screen) -> None:
 
 
 def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen) -> None:
-    """At 390 pixels one drawer has all seven tabs, opens and closes by touch, and nothing is wider than the screen."""
+    """At 390 pixels one drawer has all nine tabs, opens and closes by touch, and nothing is wider than the screen."""
     screen = open_screen(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     screen.open(url, 2)
-    assert screen.page.locator("#panel [role=tab]").count() == 7
+    assert screen.page.locator("#panel [role=tab]").count() == 9
     assert screen.page.locator("#dock [role=tab]").count() == 0
     assert not screen.ask(SHOWN, "team")
     for name in ("team", "plots"):

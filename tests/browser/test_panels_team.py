@@ -1,5 +1,9 @@
 """The table of robots, and what the page says when something is missing."""
 
+from pathlib import Path
+
+import pytest
+
 from support.browser import VIEW, Screen, start_view
 from zteam.team.testing.team import TeamFixture
 
@@ -40,7 +44,7 @@ def test_a_robot_that_is_gone_is_marked(team: TeamFixture, screen: Screen) -> No
     screen.page.wait_for_selector(f"{ROW.format(1)} td:text-is('running')")
     team.kill("robot_1")
     screen.page.wait_for_selector(f"{ROW.format(1)} td.bad:text-is('lost')")
-    screen.page.wait_for_selector(f"{ROW.format(1)} td:text('its process is gone')")
+    screen.page.wait_for_selector(f"{ROW.format(1)} :text('its process is gone')")
 
 
 def test_the_start_gate_names_what_it_waits_for(team: TeamFixture, screen: Screen) -> None:
@@ -60,7 +64,7 @@ def test_without_a_team_the_page_says_so_and_sees_it_come_and_go(team: TeamFixtu
     screen.page.wait_for_selector("#notice :text('No team yet')")
     screen.page.wait_for_selector("#notice code:text-is('zteam up')")
     team.start("arena", robots=1, behavior="idle", lockstep=False)
-    screen.wait("document.querySelector('#notice').childElementCount === 0")
+    screen.wait("document.querySelector('#notice [role=status]').childElementCount === 0")
     screen.page.wait_for_selector(ROW.format(0))
     for name in ("robot_0", "monitor", "tf", "sim"):
         team.stop(name)
@@ -82,7 +86,7 @@ def test_a_server_that_is_gone_is_said_and_found_again(team: TeamFixture, screen
     )
     team.wait_for_line(again, "the view is at")
     screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
-    screen.wait("document.querySelector('#notice').childElementCount === 0")
+    screen.wait("document.querySelector('#notice [role=status]').childElementCount === 0")
 
 
 def test_a_lost_simulator_is_said(team: TeamFixture, screen: Screen) -> None:
@@ -103,3 +107,66 @@ def test_a_hung_server_is_noticed(team: TeamFixture, screen: Screen) -> None:
     screen.page.wait_for_selector("#status .bad:text('no frame')")
     team.resume_process(VIEW)
     screen.page.wait_for_selector("#status .good:text('connected')")
+
+
+def test_a_spawned_robot_says_what_it_lacks_and_leaves_when_removed(team: TeamFixture, screen: Screen) -> None:
+    """Without `zteam up` the row has the command to type; a removed robot has no row and is not drawn, also while the
+    world is paused, and one whose process lives says so."""
+    team.start("arena", robots=1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    team.sim.spawn(0.0, -3.0, 0.0, robot_id=7)
+    screen.page.wait_for_selector(f"{ROW.format(7)} .note:has-text('drive it, or start one')")
+    command = screen.page.locator(f"{ROW.format(7)} code").inner_text()
+    assert command.startswith("zteam-robot --id 7 --behavior wander --connect tcp/"), command
+    assert screen.page.locator(f"{ROW.format(7)} td.bad").count() == 0
+    screen.wait("zteam.app.store.poses.at(7) !== null")
+    team.sim.pause()
+    screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('the world is paused')")
+    team.sim.remove(7)
+    screen.page.wait_for_selector(ROW.format(7), state="detached")
+    screen.wait("zteam.app.store.poses.at(7) === null")
+    team.sim.remove(0)
+    screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('not in the world; robot_0 still runs')")
+
+
+LOST = """
+[team]
+world = "arena"
+[[robots]]
+id = 0
+behavior = "idle"
+navigation = {localizer = "amcl"}
+"""
+
+
+def test_a_robot_that_takes_itself_to_be_elsewhere_is_lost(team: TeamFixture, screen: Screen, tmp_path: Path) -> None:
+    """After a wrong initial pose the row says that it is lost, and a ghost stands at its true place."""
+    (tmp_path / "lost.toml").write_text(LOST)
+    team.launch(tmp_path / "lost.toml", lockstep=False)
+    team.wait_for_go()
+    screen.open(start_view(team), 1)
+    true = team.robot(0).pose
+    screen.page.wait_for_selector(f"{ROW.format(0)} td:text-is('running')")
+    assert screen.ask("zteam.app.store.robots.get(0).localised")
+    screen.ask("([x, y]) => zteam.app.send({op: 'initialpose', robot: 0, x, y, yaw: 0})", [true.x + 2.0, true.y + 1.0])
+    screen.page.wait_for_selector(f"{ROW.format(0)} .bad:has-text('localisation lost')")
+    screen.wait("zteam.app.store.robots.get(0).truth !== null")
+    x, y, _ = screen.ask("zteam.app.store.robots.get(0).truth")
+    assert (x, y) == pytest.approx((true.x, true.y), abs=0.05)
+
+
+def test_zteam_up_starts_a_behavior_for_a_spawned_robot(team: TeamFixture, screen: Screen) -> None:
+    """The button has the launcher start a process, which drives the robot and ends with the team."""
+    name = team.spawn("zteam", "up", "arena", "--view", "--no-browser")
+    team.wait_for_line(name, "the view is at http://127.0.0.1:")
+    url = next(line.partition("the view is at ")[2].strip() for line in team.lines(name) if "the view is at" in line)
+    screen.open(url, 1)
+    new = team.sim.spawn(0.0, -3.0)
+    screen.page.click(f"{ROW.format(new)} button:text-is('Start')")
+    screen.page.wait_for_selector(f"{ROW.format(new)} td:text-is('running')")
+    screen.page.wait_for_selector(f"{ROW.format(new)} td:text-is('wander')")
+    assert "has a process already" in screen.ask(
+        "robot => zteam.app.send({op: 'start', robot, behavior: 'avoid'})", new
+    )
+    assert team.stop(name) == 0
+    assert any(f"robot_{new} is started on request" in line for line in team.lines(name))

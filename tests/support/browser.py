@@ -26,6 +26,11 @@ SETTLED = """([id, x, y]) => {
   return pose !== null && Math.hypot(pose.x - x, pose.y - y) < 0.02;
 }"""
 
+SHOW = """([x, y]) => {
+  const { camera, scene } = zteam.app, [px, py] = camera.toScreen(x, y);
+  if (px < 0 || py < 0 || px > camera.width || py > camera.height) scene.fit();
+}"""
+
 
 def start_view(team: TeamFixture, *arguments: str, port: int = 0) -> str:
     """Start a view of this team, at any free port unless told; the URL that it prints, with the token."""
@@ -58,11 +63,13 @@ class Screen:
         if message.type == "error" and not expected:
             self.complaints.append(message.text)
 
-    def open(self, url: str, robots: int = 0) -> None:
-        """Load the page, and wait until it is connected and shows that many robots."""
+    def open(self, url: str, robots: int = 0, *, panels: bool = True) -> None:
+        """Load the page, and wait until it is connected, shows that many robots and, unless told, has its panels."""
         self.page.goto(url)
         self.wait("window.zteam?.app.store.connection.state === 'open'")
         self.wait("n => zteam.app.store.poses.count >= n && zteam.app.store.robots.size >= n", robots)
+        if panels:
+            self.wait("document.querySelector('#panel [role=tab]') !== null")
 
     def ask(self, script: str, argument: Any = None) -> Any:
         """The value of some JavaScript."""
@@ -79,7 +86,8 @@ class Screen:
             self.page.wait_for_timeout(POLL)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
-        """Where a place of the map is on the page, in pixels."""
+        """Where a place of the map is on the page, in pixels; for one that is not shown it shows the whole map."""
+        self.ask(SHOW, [x, y])
         box = self.page.locator("#scene").bounding_box()
         assert box is not None
         px, py = self.ask("([x, y]) => zteam.app.camera.toScreen(x, y)", [x, y])
@@ -93,6 +101,8 @@ class Screen:
         """Click robots, the later ones with shift."""
         self.tool("select")
         for i, robot in enumerate(robots):
+            # Its first transforms may be late, when those of another robot have come.
+            self.wait("id => zteam.app.store.poses.at(id) !== null", robot)
             pose = self.ask("id => zteam.app.store.poses.at(id)", robot)
             if i:
                 self.page.keyboard.down("Shift")
@@ -109,6 +119,8 @@ class Screen:
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press at one place of the map, release at another one."""
+        # Both are on the screen before the mouse is pressed.
+        self.place(*end)
         self.page.mouse.move(*self.place(*start))
         self.page.mouse.down()
         self.page.mouse.move(*self.place(*end), steps=5)

@@ -1,9 +1,10 @@
-"""Makes the pictures of docs/view.md and docs/navigation.md: a team, its view, and a browser that looks at it.
+"""Makes the pictures of README.md, docs/view.md and docs/navigation.md: a team, its view, a browser that looks at it.
 
-From the top of a checkout: PYTHONPATH=tests python -m support.view_pictures
+From the top of a checkout: PYTHONPATH=tests python -m support.view_pictures [NAME …]
 """
 
 import io
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +28,14 @@ PLOTS = (
     "robot_1/odom:twist.twist.angular.z",
     "robot_0/odom:twist.twist.linear.x",
 )
+FILM, FILM_SCREEN, FILM_SIZE = "team", (860, 600), (800, 440)
+"""Its name; sizes in pixels of the page and of the part that is shown."""
+FILM_START, FILM_PICTURES, FILM_STEP = 60.0, 80, 0.1
+"""Simulated seconds before it, how many pictures it has, and the seconds from one to the next."""
+FILM_SPEED = 0.05
+"""Of the world meanwhile: a picture takes its time."""
+FILM_READY = "moment => zteam.app.store.frame.stamp >= moment && zteam.app.store.poses.left < 0.5"
+MOST_FILM_BYTES = 1_500_000
 NAVIGATION = "map,robots,labels,scans,goals,plans,costmaps,particles"
 
 
@@ -77,8 +86,13 @@ def save(screen: Screen, name: str) -> None:
     picture = Image.open(io.BytesIO(screen.page.screenshot())).convert("RGB")
     path = FOLDER / f"{name}.png"
     picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
+    report(path, MOST_BYTES)
+
+
+def report(path: Path, most: int) -> None:
+    """Print a picture's size, which must not be more than `most` bytes."""
     size = path.stat().st_size
-    assert size < MOST_BYTES, f"{path.name} has {size} bytes"
+    assert size < most, f"{path.name} has {size} bytes"
     print(f"{path.relative_to(FOLDER.parents[1])}: {size} bytes")  # noqa: T201
 
 
@@ -117,12 +131,46 @@ def show(browser: "Browser", scene: Scene) -> None:
         team.close()
 
 
+def film(browser: "Browser") -> None:
+    """Make the moving picture of a team that drives, at the speed of real time."""
+    team = TeamFixture()
+    try:
+        start_line(team)
+        team.wait_for_go()
+        layout = "side=&dock=&theme=light&layers=map,robots,labels,scans,follow,trails"
+        screen = open_page(browser, start_view(team), FILM_SCREEN, layout, {"follow": 1, "scale": 38})
+        left, top = screen.ask(
+            "(({ left, top }) => [left, top])(document.querySelector('#scene').getBoundingClientRect())"
+        )
+        part = {"x": left, "y": top, "width": FILM_SIZE[0], "height": FILM_SIZE[1]}
+        team.sim.set_speed(3.0)
+        screen.wait("moment => zteam.app.store.frame.stamp > moment", FILM_START)
+        team.sim.set_speed(FILM_SPEED)
+        screen.wait("zteam.app.store.team.sim.rtf < 0.1")
+        start = screen.ask("zteam.app.store.frame.stamp")
+        pictures = []
+        for number in range(1, FILM_PICTURES + 1):
+            screen.wait(FILM_READY, start + number * FILM_STEP - 1e-6)
+            pictures.append(Image.open(io.BytesIO(screen.page.screenshot(clip=part))).convert("RGB"))
+    finally:
+        team.close()
+    path = FOLDER / f"{FILM}.webp"
+    first, *others = pictures
+    milliseconds = round(1000 * FILM_STEP)
+    first.save(path, save_all=True, append_images=others, duration=milliseconds, loop=0, quality=60, method=6)
+    report(path, MOST_FILM_BYTES)
+
+
 def main() -> None:
-    """Make all pictures."""
+    """Make the pictures that are named, by default all."""
     FOLDER.mkdir(exist_ok=True)
+    wanted = set(sys.argv[1:]) or {FILM, *(name for scene in SCENES for name in scene.pictures)}
     with chromium() as browser:
         for scene in SCENES:
-            show(browser, scene)
+            if wanted & scene.pictures.keys():
+                show(browser, scene)
+        if FILM in wanted:
+            film(browser)
 
 
 if __name__ == "__main__":

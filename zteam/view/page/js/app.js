@@ -4,6 +4,7 @@ import { Connection, takeToken } from "./connection.js";
 import { Layers } from "./layers.js";
 import { Camera } from "./scene/camera.js";
 import { Store } from "./store.js";
+import { chosenRobots } from "./tools/pose.js";
 
 const BEAMS = 1081;
 const MANY_ROBOTS = 8;
@@ -21,6 +22,8 @@ function rounded(command) {
   return Object.fromEntries(entries);
 }
 
+/** @typedef {{text: string, level: "info" | "error"}} Said */
+
 /** What the parts of the page share. */
 export class App {
   constructor() {
@@ -28,10 +31,16 @@ export class App {
     this.layers = new Layers(this.store);
     this.camera = new Camera(() => this.store.emit("camera", this.camera));
     this.connection = new Connection(this.store, () => this.#looksAt(), takeToken());
+    /** What was said before the panels came, which show it; null from then on. @type {Said[] | null} */
+    this.unsaid = [];
     /** The name of the tool that takes the mouse: select, goal, pose, move, measure, spawn. */
     this.tool = "select";
+    /** Opens the panel with all of one robot. @type {(robot: number) => void} */
+    this.inspect = () => {};
     /** The model that the tool "spawn" makes. */
     this.spawnModel = "";
+    /** The behaviour that it gets; "" for none. */
+    this.spawnBehavior = "";
     /** @type {import("./scene/scene.js").Scene | null} */
     this.scene = null;
     /** @type {import("./drive/driver.js").Driver | null} */
@@ -41,6 +50,13 @@ export class App {
   /** @param {object} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
   send(command) {
     return this.connection.send(rounded(command));
+  }
+
+  /** The same, and the user is told: what could not be done, and why. @param {object} command @param {string} what */
+  async ask(command, what) {
+    const error = await this.send(command);
+    if (error) this.say(`${what}: ${error}`, "error");
+    return error;
   }
 
   /** @param {object} message a message without a reply */
@@ -61,16 +77,24 @@ export class App {
 
   /** A line for the user, such as why a command was refused. @param {string} text @param {"info" | "error"} [level] */
   say(text, level = "info") {
-    this.store.emit("say", { text, level });
+    if (this.unsaid) this.unsaid.push({ text, level });
+    else this.store.emit("say", { text, level });
+  }
+
+  /** The panels have come. */
+  sayAll() {
+    const early = this.unsaid ?? [];
+    this.unsaid = null;
+    for (const { text, level } of early) this.say(text, level);
   }
 
   #looksAt() {
     const many = (this.store.team?.robots.length ?? 0) > MANY_ROBOTS;
     return {
       viewport: this.camera.viewport().map((v) => Math.round(100 * v) / 100),
-      layers: this.layers.wire(),
+      layers: [...this.layers.wire(), ...(this.tool === "goal" ? ["costs"] : [])],
       beams: many ? BEAMS_OF_MANY : BEAMS,
-      selected: [...this.store.selection].sort((a, b) => a - b),
+      selected: chosenRobots(this),
       follow: this.camera.follow,
     };
   }

@@ -1,5 +1,6 @@
 /** The WebSocket to the server: hello, frames and their acknowledgement, commands and their replies, coming back. */
 
+import { keep, recall } from "./kept.js";
 import { decodeFrame, unpack, VERSION } from "./wire.js";
 
 const RETRY = [0.25, 0.5, 1, 2];
@@ -7,19 +8,22 @@ const LOOK_PERIOD = 100;
 const HIDDEN_PERIOD = 1000;
 const REPLY_LIMIT = 10000;
 const NOT_CONNECTED = "not connected to the server";
+export const WATCHING = "watching only: enter the token of the address that zteam printed";
 const TOKEN = "zteam-token";
 
-/** The token of the URL's fragment, kept for this tab, and taken out of the address that a user might copy. */
+/** The token of the URL's fragment, taken out of the address that a user might copy. */
 export function takeToken() {
   const fragment = new URLSearchParams(location.hash.slice(1));
   const token = fragment.get("token");
   if (token) {
-    sessionStorage.setItem(TOKEN, token);
     fragment.delete("token");
     history.replaceState(null, "", `${location.pathname}${location.search}${fragment.size ? `#${fragment}` : ""}`);
   }
-  return sessionStorage.getItem(TOKEN) ?? "";
+  return token ?? "";
 }
+
+/** Under what the browser keeps the token of a team, for this origin. @param {string} team its namespace */
+const keyOf = (team) => `${TOKEN}:${team}`;
 
 /** One server; connects again when it comes back. */
 export class Connection {
@@ -37,6 +41,8 @@ export class Connection {
   #watches = new Map();
   /** @type {Set<string>} docs that panels show */
   #docs = new Set();
+  /** The namespace of the team: a browser may know several. */
+  #team = "";
   #lookTimer = 0;
   #lastLook = "";
   /** @type {Promise<void>} tiles are unpacked in their order */
@@ -52,7 +58,7 @@ export class Connection {
     this.looksAt = looksAt;
     this.token = token;
     store.on("grid", (block) => this.#takeGrid(block));
-    for (const name of ["camera", "layers", "selection"]) store.on(name, () => this.look());
+    for (const name of ["camera", "layers", "selection", "tool"]) store.on(name, () => this.look());
   }
 
   open() {
@@ -60,7 +66,11 @@ export class Connection {
     const socket = new WebSocket(`${scheme}://${location.host}/ws`);
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
-    socket.onopen = () => this.#raw({ op: "hello", version: VERSION, token: this.token });
+    socket.onopen = () => {
+      this.#raw({ op: "hello", version: VERSION, token: this.token });
+      // Without waiting for the welcome: over a slow link that takes long.
+      this.#look(true);
+    };
     socket.onmessage = (event) => {
       if (typeof event.data === "string") this.#takeText(JSON.parse(event.data));
       else this.#takeBinary(event.data);
@@ -80,13 +90,37 @@ export class Connection {
     setTimeout(() => this.open(), 1000 * delay);
   }
 
+  /** Asks for the right to command with a token that the user gives. @param {string} token */
+  useToken(token) {
+    this.token = token;
+    this.store.setConnection({ token: "asked" });
+    this.tell({ op: "token", token });
+  }
+
+  /** What the server says of the token that it was sent. A right one is kept, a wrong one forgotten.
+   * @param {boolean} mayCommand */
+  #takeRights(mayCommand) {
+    const wrong = !mayCommand && this.token !== "",
+      kept = recall(keyOf(this.#team));
+    if (mayCommand) keep(keyOf(this.#team), this.token);
+    else if (wrong && kept === this.token) keep(keyOf(this.#team), "");
+    // The address had none, or an old one: the newest that was right here may still be.
+    else if (kept) return this.useToken(kept);
+    if (wrong) this.token = "";
+    this.store.setConnection({ mayCommand, token: wrong ? "wrong" : "" });
+  }
+
   /** @param {any} message */
   #takeText(message) {
     if (message.op === "welcome") {
       this.#attempt = 0;
-      this.store.setConnection({ state: "open", reason: "", viewer: message.viewer, mayCommand: message.may_command });
+      this.#team = message.namespace;
+      this.store.setConnection({ state: "open", reason: "", viewer: message.viewer, token: "asked" });
+      this.#takeRights(message.may_command);
       this.#look();
       for (const { topic, field } of this.#watches.values()) this.#raw({ op: "watch", topic, field });
+    } else if (message.op === "rights") {
+      this.#takeRights(message.may_command);
     } else if (message.op === "reply") {
       this.#replies.get(message.seq)?.(message.error);
       this.#replies.delete(message.seq);
@@ -157,7 +191,7 @@ export class Connection {
   send(command) {
     if (!this.#ready) return Promise.resolve(NOT_CONNECTED);
     if (!this.store.connection.mayCommand) {
-      return Promise.resolve("watching only: open the URL with its token to command");
+      return Promise.resolve(WATCHING);
     }
     const seq = ++this.#seq;
     return new Promise((resolve) => {
@@ -203,12 +237,12 @@ export class Connection {
     if (!this.#lookTimer) this.#lookTimer = setTimeout(() => this.#look(), LOOK_PERIOD);
   }
 
-  #look() {
+  #look(greets = false) {
     clearTimeout(this.#lookTimer);
     this.#lookTimer = 0;
     const message = { op: "look", ...this.looksAt(), docs: [...this.#docs].sort() };
     const text = JSON.stringify(message);
-    if (!this.#ready || text === this.#lastLook) return;
+    if (!(greets || this.#ready) || text === this.#lastLook) return;
     this.#lastLook = text;
     this.#raw(message);
   }

@@ -3,7 +3,7 @@
  * Each part of the page has a name and one line of text, the same in both.
  */
 
-const FORMAT = 1;
+export const FORMAT = 1;
 const FILE = "/layout.json";
 const WRITE_AFTER = 400; // ms: browsers refuse more than about three changes of an address a second
 
@@ -15,11 +15,12 @@ export class Layout {
   /** @type {Map<string, string>} what the parts say without a layout: the address leaves it out */
   #defaults = new Map();
   #timer = 0;
+  #written = "";
 
-  /** @param {string} name @param {Part} part */
-  register(name, part) {
+  /** @param {string} name @param {Part} part @param {string} [initial] what it says on a new page */
+  register(name, part, initial = part.get()) {
     this.#parts.set(name, part);
-    this.#defaults.set(name, part.get());
+    this.#defaults.set(name, initial);
   }
 
   /** @returns {{version: number, [part: string]: string | number}} */
@@ -59,7 +60,9 @@ export class Layout {
     }
     // A query's quoting would make slashes and commas unreadable, which a fragment may hold.
     const text = fragment.toString().replaceAll("%2F", "/").replaceAll("%2C", ",").replaceAll("%3A", ":");
-    history.replaceState(null, "", `${location.pathname}${location.search}${text ? `#${text}` : ""}`);
+    const address = `${location.pathname}${location.search}${text ? `#${text}` : ""}`;
+    if (address !== this.#written) history.replaceState(null, "", address);
+    this.#written = address;
   }
 
   /** The server's file first, then the address, which is newer. @returns {Promise<string>} what is wrong, or "" */

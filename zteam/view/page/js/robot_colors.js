@@ -1,10 +1,9 @@
 /** The colour of each robot, the same in the map and in the panels. */
 
-// Okabe and Ito, Color Universal Design (2008): told apart with every common colour blindness. Their yellow and sky
-// blue
-// are darkened on light ground, their blue and green lightened on dark ground, until each stands out from its ground.
-const ON_LIGHT = ["#0072b2", "#d55e00", "#009e73", "#c0569a", "#c98600", "#2a9fd6", "#8c7a00", "#5d5d5d"];
-const ON_DARK = ["#3d9fe0", "#ff7f2a", "#1fc796", "#e08fc0", "#ffb733", "#7cc8f2", "#f0e442", "#b0b0b0"];
+// Hues of Okabe and Ito (2008), moved until each two differ by a CIEDE2000 of at least 10, also as protanopia and
+// deuteranopia show them (Machado 2009), and each stands out from its ground by a contrast of 3. A test computes it.
+const ON_LIGHT = ["#016ac2", "#ad5200", "#0a9465", "#c34e88", "#c57601", "#1690d2", "#504000", "#606060"];
+const ON_DARK = ["#159ffa", "#e87220", "#10c188", "#d083b5", "#fab112", "#7dcaf4", "#ffff58", "#bbbbbb"];
 const ROUNDS = 3;
 
 /** @typedef {[number, number, number]} Rgb each 0..1 */

@@ -1,6 +1,8 @@
 /** All that the page knows of the team. Plain data; `on(name, fn)` tells what has changed. */
 
 import { Emitter } from "./emitter.js";
+import { ownerOf } from "./layers.js";
+import { PoseTable } from "./poses.js";
 
 const LOG_LINES = 2000;
 /** @type {[number, number][][]} */
@@ -10,18 +12,19 @@ const SENSORS = 65536;
 
 /** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
 /** @typedef {{id: number, name: string, model: string, outline: [number, number][][], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
- *  age: number | null, lease: number | null, present: boolean}} Robot */
-/** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string}} Team */
+ *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean}} Robot */
+/** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string,
+ *  behaviors: string[], launcher: boolean, options: string, loading: boolean}} Team */
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
- * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths
- *   (key),
+ * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
  * posearrays (key), selection, layers, camera, tool, theme, drive.
  */
 export class Store extends Emitter {
-  /** @type {{state: ConnectionState, reason: string, viewer: number, mayCommand: boolean}} */
-  connection = { state: "connecting", reason: "", viewer: -1, mayCommand: false };
+  /** token: the server looks at one, or has refused it.
+   * @type {{state: ConnectionState, reason: string, viewer: number, mayCommand: boolean, token: "" | "asked" | "wrong"}} */
+  connection = { state: "connecting", reason: "", viewer: -1, mayCommand: false, token: "" };
   /** Of the newest frame; stamp and age in seconds (age < 0: no new poses), received in ms of performance.now(). */
   frame = { number: -1, tick: 0, stamp: 0, age: 0, received: 0 };
   /** Poses in map, one entry a robot. */
@@ -44,6 +47,8 @@ export class Store extends Emitter {
   log = [];
   /** @type {Set<number>} */
   selection = new Set();
+  /** Robots that were removed: what is under way of them is dropped when it has come. @type {Set<number>} */
+  #gone = new Set();
 
   /**
    * Everything of a frame, then one event for each kind that came.
@@ -53,12 +58,10 @@ export class Store extends Emitter {
     this.frame = { number: frame.number, tick: frame.tick, stamp: frame.stamp, age: frame.age, received };
     /** @type {Map<string, any[]>} */
     const events = new Map();
-    let fresh = true,
-      scans = false;
+    let scans = false;
     for (const block of frame.blocks) {
       if (block.type === "poses") {
-        this.poses.take(block, fresh);
-        fresh = false;
+        this.poses.take(block, frame.stamp, received);
         events.set("robots", [undefined]);
       } else if (block.type === "scan") {
         this.scans.set(SENSORS * block.robot + block.sensor, block);
@@ -112,11 +115,16 @@ export class Store extends Emitter {
   }
 
   /**
-   * Scans and selection of robots that are gone go too. A layout may have selected a robot that has not come yet.
+   * What robots that are gone have left goes too. A layout may have selected a robot that has not come yet.
    * @param {Map<number, Robot>} before
    */
   #forgetGone(before) {
     for (const [key, scan] of this.scans) if (!this.robots.has(scan.robot)) this.scans.delete(key);
+    for (const id of before.keys()) if (!this.robots.has(id)) this.#gone.add(id);
+    for (const id of this.robots.keys()) this.#gone.delete(id);
+    for (const name of this.#gone.size ? /** @type {const} */ (["paths", "posearrays", "grids"]) : []) {
+      for (const key of this[name].keys()) if (this.#gone.has(ownerOf(key)) && this[name].delete(key)) this.emit(name, key);
+    }
     const left = [...this.selection].filter((id) => this.robots.has(id) || !before.has(id));
     if (left.length < this.selection.size) this.select(left);
   }
@@ -145,56 +153,3 @@ export class Store extends Emitter {
 }
 
 /** @typedef {{meta: import("./wire.js").GridMeta, cells: Int8Array}} GridTile */
-
-/** Poses of all robots as arrays; `at` gives one robot's. */
-class PoseTable {
-  count = 0;
-  ids = new Uint16Array(0);
-  x = new Float32Array(0);
-  y = new Float32Array(0);
-  yaw = new Float32Array(0);
-  /** 1: from the simulator's ground truth, because the robot has no transforms. */
-  truth = new Uint8Array(0);
-  /** @type {Map<number, number>} place in the arrays by robot id */
-  index = new Map();
-
-  clear() {
-    this.count = 0;
-    this.index.clear();
-  }
-
-  /** @param {import("./wire.js").Poses} block @param {boolean} fresh whether it is the first of its frame */
-  take(block, fresh) {
-    const start = fresh ? 0 : this.count,
-      count = start + block.ids.length;
-    if (count > this.ids.length) this.#grow(count);
-    let same = count === this.index.size;
-    for (let i = 0; same && i < block.ids.length; i++) same = this.ids[start + i] === block.ids[i];
-    this.ids.set(block.ids, start);
-    this.x.set(block.x, start);
-    this.y.set(block.y, start);
-    this.yaw.set(block.yaw, start);
-    this.truth.fill(block.truth ? 1 : 0, start, count);
-    this.count = count;
-    if (same) return;
-    this.index.clear();
-    for (let i = 0; i < count; i++) this.index.set(this.ids[i], i);
-  }
-
-  /** @param {number} size */
-  #grow(size) {
-    for (const name of /** @type {const} */ (["ids", "x", "y", "yaw", "truth"])) {
-      const old = this[name],
-        larger = new /** @type {any} */ (old.constructor)(2 * size);
-      larger.set(old);
-      /** @type {any} */ (this)[name] = larger;
-    }
-  }
-
-  /** @param {number} id @returns {{x: number, y: number, yaw: number, truth: boolean} | null} */
-  at(id) {
-    const i = this.index.get(id);
-    if (i === undefined) return null;
-    return { x: this.x[i], y: this.y[i], yaw: this.yaw[i], truth: this.truth[i] === 1 };
-  }
-}

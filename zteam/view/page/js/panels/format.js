@@ -74,7 +74,7 @@ const UNITS = [
   [/(^|\.)linear_acceleration\.[xyz]$/, "m/s²"],
   [/(^|\.)linear\.[xyz]$/, "m/s"],
   [/(^|\.)(angular|angular_velocity)\.[xyz]$/, "rad/s"],
-  [/(^|\.)(ranges\[\d+\]|range|min_range|max_range|range_min|range_max)$/, "m"],
+  [/(^|\.)(ranges\[\d+\]|min\(ranges\)|range|min_range|max_range|range_min|range_max)$/, "m"],
   [/(^|\.)(angle_min|angle_max|angle_increment|field_of_view|theta|yaw)$/, "rad"],
   [/(^|\.)(scan_time|time_increment|sec|age)$/, "s"],
   [/(^|\.)nanosec$/, "ns"],

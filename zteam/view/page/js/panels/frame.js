@@ -3,7 +3,7 @@
 import { el } from "./dom.js";
 import { Tabs } from "./tabs.js";
 
-const NARROW = "(max-width: 760px)";
+const NARROW = "(max-width: 47.5em)";
 
 /** Sizes in CSS pixels that the user may drag to. */
 const SIDE = { property: "--panel-width", smallest: 280, normal: 408 };
@@ -50,13 +50,17 @@ export function mountFrame(side, below, layout) {
  * @param {(event: PointerEvent) => number} measure the size with the border under the pointer
  */
 function addGrip(place, size, label, measure) {
-  const grip = el("div", { class: "grip", role: "separator", tabindex: 0, "aria-label": label });
+  const grip = el("div", { class: "grip", role: "separator", tabindex: 0, "aria-label": label, "aria-orientation": size === SIDE ? "vertical" : "horizontal", "aria-valuemin": size.smallest });
   let current = size.normal;
+  const largest = () => Math.round(0.7 * (size === SIDE ? window.innerWidth : window.innerHeight));
   const set = (/** @type {number} */ wanted) => {
-    const largest = 0.7 * (size === SIDE ? window.innerWidth : window.innerHeight);
-    current = Math.round(Math.min(Math.max(wanted, size.smallest), largest));
+    current = Math.round(Math.min(Math.max(wanted, size.smallest), largest()));
     document.documentElement.style.setProperty(size.property, `${current}px`);
+    tell();
+  };
+  const tell = () => {
     grip.setAttribute("aria-valuenow", String(current));
+    grip.setAttribute("aria-valuemax", String(largest()));
   };
   grip.addEventListener("pointerdown", (event) => {
     grip.setPointerCapture(event.pointerId);
@@ -68,5 +72,6 @@ function addGrip(place, size, label, measure) {
     const step = { ArrowLeft: 16, ArrowUp: 16, ArrowRight: -16, ArrowDown: -16 }[event.key];
     if (step) set(current + step);
   });
+  tell();
   place.append(grip);
 }

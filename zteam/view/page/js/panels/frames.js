@@ -16,18 +16,20 @@ export function framesTab(app) {
   for (const [text, title] of [["x m", "In its parent"], ["y m", "In its parent"], ["yaw °", "In its parent"], ["Age", ""]]) {
     headings.append(el("th", { scope: "col", class: "number", title }, text));
   }
-  headings.append(el("th", { scope: "col" }, "Said by"));
+  headings.append(el("th", { scope: "col" }, "Source"));
   const table = el("table", { id: "frames", "aria-label": "Frames" }, el("thead", {}, headings));
   const empty = el("div", { class: "hint" }, "No frames. ", el("code", {}, "zteam-tf"), " merges them; ", el("code", {}, "zteam up"), " starts it.");
-  const page = el("div", { class: "page" }, el("div", { class: "row" }, filter, count), el("div", { class: "scroll" }, table, empty));
+  const loading = el("div", { class: "hint" }, "Loading the frames…");
+  const page = el("div", { class: "page" }, el("div", { class: "row" }, filter, count), el("div", { class: "scroll" }, table, loading, empty));
   let shown = false;
   const show = () => {
     if (!shown) return;
-    const rows = treeOf(app.store.docs.tf?.frames ?? []), wanted = filter.value.toLowerCase();
+    const known = app.store.docs.tf, rows = treeOf(known?.frames ?? []), wanted = filter.value.toLowerCase();
     const fitting = rows.filter(({ frame }) => frame.name.toLowerCase().includes(wanted));
-    empty.hidden = rows.length > 0;
+    loading.hidden = Boolean(known);
+    empty.hidden = !known || rows.length > 0;
     table.hidden = rows.length === 0;
-    setText(count, wanted ? `${fitting.length} of ${rows.length}` : `${rows.length} frames`);
+    setText(count, !known ? "" : wanted ? `${fitting.length} of ${rows.length}` : `${rows.length} frames`);
     reconcile(table, fitting, ({ frame }) => frame.name, createRow, (row, item) => updateRow(row, item, !wanted));
   };
   filter.addEventListener("input", show);
@@ -84,7 +86,7 @@ function createRow({ frame }) {
 /** @param {HTMLTableSectionElement} rows @param {{frame: Frame, depth: number}} item @param {boolean} tree whether frames are indented */
 function updateRow(rows, { frame, depth }, tree) {
   const [name, x, y, yaw, age, by] = rows.rows[0].cells;
-  name.style.paddingLeft = `${12 + (tree ? 12 * depth : 0)}px`;
+  name.style.paddingLeft = `${0.75 + (tree ? 0.75 * depth : 0)}rem`;
   const prefix = name.firstElementChild;
   const again = prefix?.textContent && frame.parent.startsWith(prefix.textContent);
   prefix?.classList.toggle("prefix", Boolean(tree && again));

@@ -1,6 +1,7 @@
-/** The panels' short cuts, and the list of all of them. */
+/** The panels' shortcuts, and the list of all of them. */
 
 import { SHORTCUTS as MAP_SHORTCUTS } from "../shortcuts.js";
+import { isTyped } from "../tools/keys.js";
 import { el, iconButton } from "./dom.js";
 
 /** @typedef {{keys: string, text: string, group: string}} Shortcut */
@@ -10,12 +11,13 @@ const SHORTCUTS = [
   { keys: "?", text: "This list", group: "Page" },
   { keys: "1 … 5", text: "Team, simulator, topics, frames, layers", group: "Page" },
   { keys: "6 7", text: "Log, plots", group: "Page" },
+  { keys: "8 9", text: "Robot, doctor", group: "Page" },
   { keys: "0", text: "Hide all panels, or show them", group: "Page" },
   { keys: "/", text: "Filter the log", group: "Page" },
   { keys: "Shift+P", text: "Save a picture of the map", group: "Page" },
   { keys: "t", text: "Dark or light", group: "Page" },
 ];
-const TABS = ["team", "simulator", "topics", "frames", "layers", "log", "plots"];
+const TABS = ["team", "simulator", "topics", "frames", "layers", "log", "plots", "robot", "doctor"];
 
 /**
  * @param {import("../app.js").App} app
@@ -34,7 +36,12 @@ export function mountKeys(app, actions) {
   };
   document.addEventListener("keydown", (event) => {
     const { key, target, ctrlKey, metaKey, altKey } = event;
-    const typing = target instanceof Element && target.closest("input, textarea, select, dialog[open]");
+    const typing = isTyped(event);
+    // Esc leaves a field, and its text stays.
+    if (key === "Escape" && typing && target instanceof HTMLElement && !dialog.open && !event.defaultPrevented) {
+      event.preventDefault();
+      return target.blur();
+    }
     // While the keys drive a robot, they do nothing else.
     const driving = /** @type {any} */ (app).drive?.mode && key !== "?";
     if (typing || driving || ctrlKey || metaKey || altKey || !Object.hasOwn(acts, key)) return;
@@ -56,7 +63,7 @@ function makeHelp() {
     const rows = all.filter((one) => one.group === group).map(({ keys, text }) => el("div", {}, el("dt", {}, ...keysOf(keys)), el("dd", {}, text)));
     groups.append(el("section", {}, el("h3", {}, group), el("dl", {}, ...rows)));
   }
-  const dialog = el("dialog", { id: "help", "aria-label": "Short cuts" }, el("header", {}, el("h2", {}, "Short cuts"), close), groups);
+  const dialog = el("dialog", { id: "help", "aria-label": "Shortcuts" }, el("header", {}, el("h2", {}, "Shortcuts"), close), groups);
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
   document.body.append(dialog);
   return dialog;

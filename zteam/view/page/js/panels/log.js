@@ -21,12 +21,13 @@ class LogView {
   #following = true;
   #missed = 0;
   #troubles = 0;
+  #viewer = -1;
 
   /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout */
   constructor({ store }, layout) {
     this.store = store;
     this.badge = el("span", { class: "badge", hidden: true });
-    this.level = el("select", { "aria-label": "Least level" }, ...LEVELS.map((level) => el("option", {}, level)));
+    this.level = el("select", { "aria-label": "Minimum level" }, ...LEVELS.map((level) => el("option", {}, level)));
     this.level.value = "info";
     this.process = el("select", { "aria-label": "Process" }, el("option", { value: "" }, "all processes"));
     this.text = el("input", { type: "search", class: "grow", id: "log-filter", placeholder: "Filter  /", "aria-label": "Text in the line" });
@@ -43,7 +44,14 @@ class LogView {
     this.lines.addEventListener("scroll", () => this.#scrolled());
     store.on("log", (lines) => this.#add(lines));
     // The server tells its newest lines anew to a page that comes back.
-    store.on("connection", ({ state }) => state === "open" && this.#clear());
+    store.on("connection", ({ state, viewer }) => {
+      if (state === "open" && viewer !== this.#viewer) {
+        this.#clear();
+        this.#troubles = 0;
+        this.badge.hidden = true;
+      }
+      this.#viewer = viewer;
+    });
     layout.register("log", { get: () => this.#get(), set: (text) => this.#set(text) });
   }
 
@@ -67,7 +75,9 @@ class LogView {
 
   /** @param {Line[]} lines */
   #add(lines) {
-    for (const { process } of lines) this.#know(process);
+    for (const process of new Set(lines.map((line) => line.process))) this.#know(process);
+    // It says now that there is none.
+    if (!this.store.log.length) return this.#render();
     if (!this.#shown) {
       this.#troubles += lines.filter(({ level }) => LEVELS.indexOf(level) >= LEVELS.indexOf("warn")).length;
       this.badge.hidden = this.#troubles === 0;
@@ -93,7 +103,8 @@ class LogView {
 
   #render() {
     const rows = this.store.log.filter((line) => this.#fits(line)).slice(-MOST_ROWS).map(drawLine);
-    const text = this.store.log.length ? "No line fits the filter." : "Nothing has been logged yet.";
+    const { log, docs } = this.store;
+    const text = log.length ? "No line fits the filter." : docs.log ? "Nothing has been logged yet." : "Loading the log…";
     this.lines.replaceChildren(...(rows.length ? rows : [el("div", { class: "hint" }, text)]));
     this.#follow(true);
   }
@@ -146,7 +157,7 @@ class LogView {
 }
 
 /** @param {Line} line */
-function drawLine({ time, process, level, text }) {
+export function drawLine({ time, process, level, text }) {
   const parts = [el("span", { class: "time" }, formatTime(time)), el("span", { class: "process" }, process)];
   return el("div", { class: "line", "data-level": level }, ...parts, el("span", { class: "level" }, level), el("span", { class: "text" }, text));
 }

@@ -1,6 +1,8 @@
-/** What the user must know: above the map why nothing moves and the way out, in the footer the state, and messages. */
+/** What the user must know: above the map why nothing moves and the way out, and that the page only watches; in the footer
+ *  the state; and messages. */
 
-import { el, setText } from "./dom.js";
+import { WATCHING } from "../connection.js";
+import { el, iconButton, setText } from "./dom.js";
 import { formatClock, formatNumber } from "./format.js";
 
 const TOAST = { info: 4000, error: 9000 }; // ms
@@ -39,6 +41,7 @@ export function chooseNotice(store, seen) {
 function noticeOfTeam(team, seen) {
   const where = team.namespace ? ` in the namespace ${team.namespace}` : "";
   if (!isHere(team)) {
+    if (team.loading) return { title: "Looking for a team…", text: "" };
     if (!seen.team) {
       return { title: "No team yet", text: `Neither a simulator nor a robot is here${where}. Start one; it appears by itself:`, way: "zteam up" };
     }
@@ -58,7 +61,8 @@ function isHere(team) {
 /** @param {import("../app.js").App} app */
 export function mountNotices(app) {
   const { store } = app;
-  const place = /** @type {HTMLElement} */ (document.getElementById("notice"));
+  const card = el("div", { role: "status" }), banner = watchingBanner(app);
+  document.getElementById("notice")?.append(card, banner.element);
   const seen = { team: false, simulator: false };
   let last = "";
   const show = () => {
@@ -69,19 +73,64 @@ export function mountNotices(app) {
     const key = JSON.stringify(notice);
     if (key === last) return;
     last = key;
-    place.replaceChildren(...(notice ? [drawNotice(notice)] : []));
+    card.replaceChildren(...(notice ? [drawNotice(notice)] : []));
   };
   for (const event of ["connection", "team"]) store.on(event, show);
   show();
   mountToasts(store);
-  mountStatus(store);
+  mountStatus(store, banner.open);
+}
+
+/**
+ * Says that the page only watches, with a field for the token.
+ *
+ * @param {import("../app.js").App} app
+ */
+function watchingBanner({ store, connection }) {
+  const title = "The part of the printed address behind #token=, or the whole address";
+  const field = el("input", { "aria-label": "Token", placeholder: "Token", title, autocomplete: "off", spellcheck: "false", autocapitalize: "off", maxlength: 256 });
+  const text = el("span", { role: "status" }), use = el("button", { type: "submit" }, "Command");
+  let hidden = false, before = "";
+  const close = iconButton("close", "Only watch", () => open(false));
+  close.classList.add("plain");
+  const element = el("form", { class: "card watching", hidden: true, "aria-label": "Right to command" }, el("strong", {}, "Watching only"), text, field, use, close);
+  element.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const given = tokenIn(field.value);
+    if (!given) return field.focus();
+    field.value = "";
+    return connection.useToken(given);
+  });
+  const show = () => {
+    const { state, mayCommand, token } = store.connection;
+    if (token === "wrong" && before !== token) hidden = false;
+    before = token;
+    element.hidden = hidden || state !== "open" || mayCommand || token === "asked";
+    const wrong = token === "wrong";
+    setText(text, wrong ? "That is not the token of this view. zteam has printed the right one:" : "To send commands, enter the token of the address that zteam printed:");
+    text.className = wrong ? "bad" : "muted";
+  };
+  const open = (/** @type {boolean} */ on) => {
+    hidden = !on;
+    show();
+    if (on) field.focus();
+  };
+  store.on("connection", show);
+  show();
+  return { element, open: () => open(true) };
+}
+
+/** @param {string} text a token, or an address that has one @returns {string} */
+export function tokenIn(text) {
+  const fragment = text.trim().split("#").at(-1) ?? "";
+  return (fragment.includes("token=") ? new URLSearchParams(fragment).get("token") : fragment) ?? "";
 }
 
 /** @param {Notice} notice */
 function drawNotice(notice) {
   const text = el("p", {}, notice.text);
   if (notice.way) text.append(" ", el("code", {}, notice.way));
-  return el("div", { class: notice.bad ? "bad" : "" }, el("strong", {}, notice.title), ...(notice.text ? [text] : []));
+  return el("div", { class: notice.bad ? "card bad" : "card" }, el("strong", {}, notice.title), ...(notice.text ? [text] : []));
 }
 
 /** @param {import("../store.js").Store} store */
@@ -96,21 +145,21 @@ function mountToasts(store) {
   });
 }
 
-/** @param {import("../store.js").Store} store */
-function mountStatus(store) {
+/** @param {import("../store.js").Store} store @param {() => void} askForToken */
+function mountStatus(store, askForToken) {
   const place = /** @type {HTMLElement} */ (document.getElementById("status"));
-  const link = el("span"), rights = el("span", { class: "muted" }), gate = el("span", { class: "grow" });
+  const link = el("span"), viewer = el("span", { class: "muted" }), gate = el("span", { class: "grow" });
   const viewers = el("span", { class: "muted" }), time = el("span", { class: "mono" });
-  place.append(link, rights, gate, viewers, time);
+  const watching = el("button", { type: "button", class: "link", title: WATCHING, onclick: askForToken }, "watching only");
+  place.append(link, viewer, watching, gate, viewers, time);
   const show = () => {
-    const { state, viewer, mayCommand } = store.connection, { team, frame } = store;
+    const { state, mayCommand } = store.connection, { team, frame } = store;
     const silent = (performance.now() - frame.received) / 1000;
     const old = state === "open" && frame.number >= 0 && silent > OLD;
     setText(link, state === "open" ? (old ? `● no frame for ${formatNumber(silent, 0)} s` : "● connected") : `○ ${state}`);
     link.className = state === "open" && !old ? "good" : "bad";
-    const title = "Open the address with #token=… that zteam printed to command the team";
-    setText(rights, state !== "open" ? "" : mayCommand ? `viewer ${viewer}` : `viewer ${viewer}, watching only`);
-    rights.title = state === "open" && !mayCommand ? title : "";
+    setText(viewer, state === "open" ? `viewer ${store.connection.viewer}` : "");
+    watching.hidden = state !== "open" || mayCommand;
     setText(gate, team ? gateText(team) : "");
     gate.title = gate.textContent ?? "";
     gate.className = `grow ${team && team.gate.state !== "go" ? "warn" : "muted"}`;

@@ -32,7 +32,7 @@ export function mountPageButtons(app, layout, theme, showHelp) {
     { icon: null, text: "Open a layout file…", key: "", act: () => file.click() },
     { icon: null, text: "Copy the address of this view", key: "", act: () => copyAddress(app) },
     { icon: "theme", text: "Dark or light", key: "t", act: () => theme.toggle() },
-    { icon: "help", text: "Short cuts", key: "?", act: showHelp },
+    { icon: "help", text: "Shortcuts", key: "?", act: showHelp },
   ];
   const buttons = entries.flatMap(({ icon, text, key, act }) => (icon ? [iconButton(icon, `${text} (${key})`, act)] : []));
   place.append(...buttons, menuButton(entries));
@@ -82,9 +82,10 @@ function menuButton(entries) {
     if (step || event.key === "Escape") event.stopPropagation();
   });
   document.addEventListener("pointerdown", (event) => {
-    if (!menu.contains(/** @type {Node} */ (event.target)) && !button.contains(/** @type {Node} */ (event.target))) menu.hidden = true;
+    const target = /** @type {Node} */ (event.target);
+    if (!menu.hidden && !menu.contains(target) && !button.contains(target)) show(false);
   });
-  document.body.append(menu);
+  document.getElementById("toolbar")?.append(menu);
   return button;
 }
 

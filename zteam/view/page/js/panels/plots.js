@@ -77,8 +77,8 @@ class PlotsView {
 
   #toggle() {
     this.#frozenAt = this.#frozenAt ? 0 : this.store.frame.stamp;
-    setText(this.freeze, this.#frozenAt ? "Go on" : "Pause");
-    this.freeze.setAttribute("aria-pressed", String(this.#frozenAt > 0));
+    setText(this.freeze, this.#frozenAt ? "Resume" : "Pause");
+    this.freeze.classList.toggle("on", this.#frozenAt > 0);
     this.#draw(true);
   }
 

@@ -1,18 +1,13 @@
 /** The simulator's controls: a few in the tool bar, all of them on a page of the panels. */
 
-import { confirmButton, drawIcon, el, iconButton, reconcile, setAttribute, setText } from "./dom.js";
+import { confirmButton, drawIcon, el, iconButton, setAttribute, setText } from "./dom.js";
 import { formatClock, formatNumber } from "./format.js";
+import { showFacts } from "./inspector.js";
 import { whyNoCommand } from "./rights.js";
 
 /** Simulated seconds a second of the host; 0: as fast as possible. */
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 0];
 const CLOCK_PERIOD = 100; // ms
-
-/** @param {import("../app.js").App} app @param {object} command @param {string} what it was for */
-async function ask(app, command, what) {
-  const error = await app.send(command);
-  if (error) app.say(`${what}: ${error}`, "error");
-}
 
 /** @param {import("../store.js").Store} store @returns {string} why the world cannot be commanded; "" if it can */
 function whyNot(store) {
@@ -28,30 +23,36 @@ export function mountSimulatorBar(app) {
   const place = /** @type {HTMLElement} */ (document.getElementById("sim"));
   const pause = iconButton("pause", "Pause", () => {
     const stands = store.team?.sim.state === "paused";
-    ask(app, { op: stands ? "resume" : "pause" }, stands ? "Resume" : "Pause");
+    app.ask({ op: stands ? "resume" : "pause" }, stands ? "Resume" : "Pause");
   });
-  const step = iconButton("step", "One tick", () => ask(app, { op: "step", ticks: 1 }, "Step"));
+  const step = iconButton("step", "One tick", () => app.ask({ op: "step", ticks: 1 }, "Step"));
   const speed = speedSelect(app);
   const clock = el("span", { class: "value", title: "Simulated time" }), factor = el("span", { class: "value", title: "Real-time factor: simulated seconds a second" });
   place.append(pause, step, speed.select, clock, factor);
+  const badge = el("div", { id: "stands", role: "status" });
+  document.getElementById("scene")?.after(badge);
   const show = () => {
     const sim = store.team?.sim, why = whyNot(store), stands = sim?.state === "paused";
     const name = stands ? "play" : "pause", label = stands ? "Resume" : "Pause";
     if (pause.dataset.icon !== name) pause.replaceChildren(drawIcon(name));
     pause.dataset.icon = name;
     setAttribute(pause, "aria-label", label);
-    setAttribute(pause, "aria-pressed", stands ? "true" : null);
+    pause.classList.toggle("on", stands);
     for (const [button, text] of /** @type {const} */ ([[pause, label], [step, "One tick, then stand still"]])) {
       button.disabled = why !== "";
       button.title = why ? `${text}: ${why}` : text;
     }
     speed.show();
-    setText(factor, sim?.present ? `${formatNumber(sim.rtf, 2)} ×` : "–");
+    setText(factor, factorText(sim));
+    setText(badge, sim?.present && sim.state !== "running" ? sim.state.toUpperCase() : "");
   };
   for (const event of ["team", "connection"]) store.on(event, show);
   showClock(store, clock);
   show();
 }
+
+/** @param {any} sim of the team's document @returns {string} a world that stands has no factor */
+const factorText = (sim) => (sim?.present && sim.state === "running" ? `${formatNumber(sim.rtf, 2)} ×` : "–");
 
 /** @param {import("../store.js").Store} store @param {HTMLElement} node */
 function showClock(store, node) {
@@ -71,8 +72,9 @@ function speedSelect(app) {
   const { store } = app;
   const select = el("select", { "aria-label": "Speed" }, ...SPEEDS.map((factor) => el("option", { value: factor }, speedText(factor))));
   select.addEventListener("change", () => {
-    select.blur();
-    ask(app, { op: "speed", factor: Number(select.value) }, "Speed");
+    // With the keys the next choice may follow; after the mouse, keys are meant for the map.
+    if (!select.matches(":focus-visible")) select.blur();
+    app.ask({ op: "speed", factor: Number(select.value) }, "Speed");
   });
   const show = () => {
     const sim = store.team?.sim, why = whyNot(store);
@@ -96,9 +98,7 @@ export function simulatorTab(app) {
   let shown = false;
   const show = () => {
     if (!shown) return;
-    reconcile(facts, factsOf(store), ([name]) => name, ([name]) => el("div", {}, el("dt", {}, name), el("dd")), (node, [, text]) => {
-      setText(/** @type {Element} */ (node.lastElementChild), text);
-    });
+    showFacts(facts, factsOf(store));
     const reason = whyNot(store);
     setText(why, reason ? `These need the right to command a simulator; ${reason}.` : "");
     for (const part of parts) part.show(reason);
@@ -110,23 +110,26 @@ export function simulatorTab(app) {
 /** @param {import("../store.js").Store} store @returns {[string, string][]} */
 function factsOf({ team, frame }) {
   const sim = team?.sim;
-  if (!team || !sim?.present) return [["State", "there is no simulator"]];
+  if (!team) return [["State", "loading…"]];
+  /** @type {[string, string]} */
+  const namespace = ["Namespace", team.namespace || "none"];
+  if (!sim?.present) return [["State", team.loading ? "loading…" : "there is no simulator"], namespace];
   const waits = sim.waits_for ? `, waits for ${sim.waits_for}` : "";
   return [
     ["State", sim.state],
     ["Simulated time", `${formatClock(frame.stamp)}, tick ${frame.tick}`],
     ["Speed", sim.speed ? speedText(sim.speed) : "as fast as possible"],
-    ["Real-time factor", `${formatNumber(sim.rtf, 2)} ×`],
+    ["Real-time factor", factorText(sim)],
     ["Lock-step", sim.lockstep ? `on${waits}` : "off: real time"],
     ["Start gate", team.gate.state === "go" ? "GO" : team.gate.text || "waiting"],
-    ["Namespace", team.namespace || "none"],
+    namespace,
   ];
 }
 
 /** @param {import("../app.js").App} app */
 function stepRow(app) {
   const ticks = el("input", { type: "number", min: 1, max: 1000000, value: 10, "aria-label": "Ticks" });
-  const button = el("button", { type: "button", onclick: () => ask(app, { op: "step", ticks: ticks.valueAsNumber || 1 }, "Step") }, "Step");
+  const button = el("button", { type: "button", onclick: () => app.ask({ op: "step", ticks: ticks.valueAsNumber || 1 }, "Step") }, "Step");
   const element = el("div", { class: "row" }, el("span", { class: "label" }, "Ticks"), ticks, button);
   return { element, show: (/** @type {string} */ why) => setDisabled([ticks, button], why) };
 }
@@ -135,30 +138,43 @@ function stepRow(app) {
 function spawnRow(app) {
   const { store } = app;
   const model = el("select", { "aria-label": "Model of the new robot" });
+  const behavior = el("select", { "aria-label": "Behaviour of the new robot" });
   const button = el("button", { type: "button", onclick: () => place() }, "Place in the map");
   const place = () => {
     if (app.tool === "spawn") return app.useTool("select");
-    /** @type {any} */ (app).spawnModel = model.value;
+    choose();
     app.useTool("spawn");
     return app.say(`Click where the ${model.value} should stand; drag for its heading. Esc ends this.`);
   };
-  model.addEventListener("change", () => {
-    /** @type {any} */ (app).spawnModel = model.value;
-  });
-  const element = el("div", { class: "row" }, el("span", { class: "label" }, "New robot"), model, button);
+  const choose = () => {
+    app.spawnModel = model.value;
+    app.spawnBehavior = behavior.value;
+  };
+  for (const list of [model, behavior]) list.addEventListener("change", choose);
+  const element = el("div", { class: "row" }, el("span", { class: "label" }, "New robot"), model, behavior, button);
   const show = (/** @type {string} */ why) => {
     const models = store.team?.sim.models ?? [];
-    const names = [...model.options].map((option) => option.value);
-    if (names.join() !== models.join()) model.replaceChildren(...models.map((/** @type {string} */ name) => el("option", { value: name }, name)));
+    const launcher = store.team?.launcher;
+    offer(model, models);
+    offer(behavior, ["", ...(launcher ? store.team?.behaviors ?? [] : [])]);
     setAttribute(button, "aria-pressed", app.tool === "spawn" ? "true" : null);
     setDisabled([model, button], why || (models.length ? "" : "the world's file has no models of robots"));
+    setDisabled([behavior], why || (launcher ? "" : "behaviours are started by zteam up, which is not there"));
   };
   return { element, show };
 }
 
+/** Makes these the choices of a list, unless they are. @param {HTMLSelectElement} list @param {string[]} names "": none */
+function offer(list, names) {
+  if ([...list.options].map((option) => option.value).join() === names.join()) return;
+  const chosen = list.value;
+  list.replaceChildren(...names.map((name) => el("option", { value: name }, name || "no behaviour")));
+  if (names.includes(chosen)) list.value = chosen;
+}
+
 /** @param {import("../app.js").App} app */
 function resetRow(app) {
-  const button = confirmButton("Reset the world", "Click again to reset", () => ask(app, { op: "reset" }, "Reset"));
+  const button = confirmButton("Reset the world", "Click again to reset", () => app.ask({ op: "reset" }, "Reset"));
   button.classList.add("danger");
   const element = el("div", { class: "row" }, el("span", { class: "label" }, "Begin again"), button);
   return { element, show: (/** @type {string} */ why) => setDisabled([button], why) };

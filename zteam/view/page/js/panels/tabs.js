@@ -22,18 +22,18 @@ export class Tabs {
   constructor(place, what, changed) {
     this.place = place;
     this.changed = changed;
-    this.row = el("div", { class: "tabs", role: "tablist", "aria-label": what, onkeydown: (/** @type {KeyboardEvent} */ e) => this.#onKey(e) });
+    this.row = el("div", { role: "tablist", "aria-label": what, onkeydown: (/** @type {KeyboardEvent} */ e) => this.#onKey(e) });
     this.fold = iconButton(what === "Panels" ? "side" : "dock", "", () => this.toggle());
     this.what = what;
     this.body = el("div", { class: "page" });
-    place.append(this.row, this.body);
+    place.append(el("div", { class: "tabs" }, this.row, this.fold), this.body);
   }
 
   /** @param {Tab[]} tabs all that stand here from now on */
   setTabs(tabs) {
     this.tabs = tabs;
     if (!tabs.some((tab) => tab.name === this.current)) this.current = tabs[0]?.name ?? "";
-    this.row.replaceChildren(...tabs.map((tab) => this.#button(tab)), this.fold);
+    this.row.replaceChildren(...tabs.map((tab) => this.#button(tab)));
     this.body.replaceChildren(...tabs.map((tab) => tab.page));
     this.#show();
   }

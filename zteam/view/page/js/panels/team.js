@@ -21,14 +21,16 @@ export function teamTab(app) {
   const headings = el("tr", {}, ...["Robot", "State", "Behaviour"].map((text) => el("th", { scope: "col" }, text)));
   headings.append(...["m/s", "Age"].map((text) => el("th", { scope: "col", class: "number" }, text)));
   const table = el("table", { id: "robots", "aria-label": "Robots" }, el("thead", {}, headings));
+  const loading = el("div", { class: "hint" }, "Loading the robots…");
   const empty = el("div", { class: "hint" }, "No robots. Start a team with ", el("code", {}, "zteam up"), ".");
   const actions = actionsOf(app);
-  const page = el("div", { class: "page" }, summary, el("div", { class: "scroll" }, table, empty), actions.row);
+  const page = el("div", { class: "page" }, summary, el("div", { class: "scroll" }, table, loading, empty), actions.row);
   let shown = false;
   const show = () => {
     if (!shown) return;
     const robots = store.team?.robots ?? [];
-    empty.hidden = robots.length > 0;
+    loading.hidden = robots.length > 0 || !(store.team?.loading ?? true);
+    empty.hidden = robots.length > 0 || !loading.hidden;
     table.hidden = robots.length === 0;
     setText(summary, summaryOf(store));
     reconcile(table, robots, (robot) => String(robot.id), (robot) => createRows(app, robot), (rows, robot) => updateRows(app, rows, robot));
@@ -60,10 +62,11 @@ function createRows(app, robot) {
   const choose = (/** @type {MouseEvent} */ event) => select(app, robot.id, event.shiftKey || event.ctrlKey || event.metaKey);
   const button = el("button", { type: "button", class: "link robot" }, swatch, name);
   const state = el("td"), behavior = el("td"), speed = el("td", { class: "number" }), age = el("td", { class: "number" });
-  const note = el("td", { colspan: 5 });
+  const words = el("span"), start = el("span", { class: "row start", hidden: "" });
+  const note = el("td", { colspan: 5 }, words, start);
   const below = el("tr", { class: "note" }, note);
-  const rows = el("tbody", { onclick: choose }, el("tr", {}, el("td", {}, button), state, behavior, speed, age), below);
-  return Object.assign(rows, { cells: { swatch, name, button, state, behavior, speed, age, note, below }, look: "" });
+  const rows = el("tbody", { onclick: choose, ondblclick: () => app.inspect(robot.id) }, el("tr", {}, el("td", {}, button), state, behavior, speed, age), below);
+  return Object.assign(rows, { cells: { swatch, name, button, state, behavior, speed, age, words, start, below }, look: "" });
 }
 
 /** @param {import("../app.js").App} app @param {number} id @param {boolean} more whether the others stay selected */
@@ -74,7 +77,8 @@ function select(app, id, more) {
 }
 
 /** @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
-function updateRows({ store }, rows, robot) {
+function updateRows(app, rows, robot) {
+  const { store } = app;
   const { cells } = rows;
   setText(cells.speed, formatNumber(robot.speed, 2));
   setText(cells.age, formatAge(robot.age));
@@ -82,13 +86,14 @@ function updateRows({ store }, rows, robot) {
   if (rows.look === look) return;
   rows.look = look;
   updateLook(store, rows, robot);
+  showStart(app, rows, robot);
 }
 
 /** All that rarely changes in a robot's rows: a table of a thousand robots takes ten times as long with it.
  * @param {import("../store.js").Store} store @param {Robot} robot */
-function lookOf({ selection, connection }, robot) {
+function lookOf({ selection, connection, team }, robot) {
   const old = (robot.age ?? 0) > OLD_STATUS;
-  return `${robot.state}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${connection.viewer}|${selection.has(robot.id)}|${robot.present}|${old}`;
+  return `${robot.state}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${robot.localised}|${team?.launcher}|${team?.options}|${connection.viewer}|${connection.mayCommand}|${selection.has(robot.id)}|${robot.present}|${old}`;
 }
 
 /** @param {import("../store.js").Store} store @param {Rows} rows @param {Robot} robot */
@@ -105,13 +110,48 @@ function updateLook(store, { cells, classList }, robot) {
   cells.behavior.title = robot.model ? `model ${robot.model}` : "";
   cells.age.className = `number ${(robot.age ?? 0) > OLD_STATUS ? "bad" : "muted"}`;
   const note = [leaseOf(store, robot), robot.reason].filter(Boolean).join(" · ");
-  setText(cells.note, note);
+  setText(cells.words, note);
+  cells.words.className = robot.localised ? "" : "bad";
   setAttribute(cells.below, "hidden", !note);
 }
 
+/** Whether a behaviour may be started for it: it is there, and no process holds its name. @param {Robot} robot */
+const lacksProcess = (robot) => robot.present && ["no behaviour", "lost", "stopped"].includes(robot.state);
+
+/** The way to a behaviour for a robot without a process: a button where `zteam up` runs the team, else a command.
+ * @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
+function showStart(app, { cells: { start } }, robot) {
+  const { team } = app.store, why = whyNoCommand(app.store);
+  const offered = team && lacksProcess(robot) ? team.behaviors : [];
+  const about = offered.length ? `${team?.launcher} ${team?.options} ${offered} ${why}` : "";
+  if (start.dataset.about === about) return;
+  start.dataset.about = about;
+  start.hidden = about === "";
+  if (start.hidden) return start.replaceChildren();
+  const given = offered.includes("wander") ? "wander" : offered[0];
+  if (!team?.launcher) return start.replaceChildren("type ", el("code", {}, `zteam-robot --id ${robot.id} --behavior ${given}${team?.options}`));
+  const behavior = el("select", { "aria-label": `Behaviour of robot_${robot.id}` }, ...offered.map((name) => el("option", { value: name }, name)));
+  behavior.value = given;
+  const button = el("button", { type: "button" }, "Start");
+  button.addEventListener("click", async () => {
+    button.disabled = true;
+    await app.ask({ op: "start", robot: robot.id, behavior: behavior.value }, `robot_${robot.id} is not started`);
+    button.disabled = false;
+  });
+  for (const control of [behavior, button]) {
+    control.disabled = why !== "";
+    control.title = why || "Have zteam up start a process for this robot";
+  }
+  // A click there must not select the row.
+  start.onclick = start.ondblclick = (event) => event.stopPropagation();
+  return start.replaceChildren(behavior, button);
+}
+
 /** Behaviour and leader, and in front of it what else drives. @param {Robot} robot */
-function behaviorOf({ behavior, leader, driver }) {
+export function behaviorOf({ behavior, leader, driver }) {
   const text = leader === null || leader < 0 ? behavior : `${behavior} robot_${leader}`;
+  // The behaviour idle is what a robot runs that navigation drives.
+  if (driver === "navigation" && ["idle", ""].includes(text)) return driver;
   return ["behavior", "none", ""].includes(driver) ? text || "–" : `${driver} (${text})`;
 }
 
@@ -127,21 +167,19 @@ function actionsOf(app) {
   const text = el("span", { class: "muted grow" });
   const first = () => [...store.selection][0];
   const follow = el("button", { type: "button", onclick: () => app.camera.set({ follow: app.camera.follow === first() ? -1 : first() }) }, "Follow");
+  const inspect = el("button", { type: "button", onclick: () => app.inspect(first()) }, "Inspect");
   const none = el("button", { type: "button", onclick: () => app.select([]) }, "Select none");
   const remove = confirmButton("Remove", "Click again to remove", async () => {
-    for (const robot of store.selection) {
-      const error = await app.send({ op: "remove", robot });
-      if (error) app.say(`robot_${robot} stays: ${error}`, "error");
-    }
+    for (const robot of store.selection) await app.ask({ op: "remove", robot }, `robot_${robot} stays`);
   });
   remove.classList.add("danger");
-  const row = el("div", { class: "row over" }, text, follow, none, remove);
+  const row = el("div", { class: "row over" }, text, inspect, follow, none, remove);
   const show = () => {
     const count = store.selection.size, why = whyNoCommand(store);
     row.hidden = count === 0;
     setText(text, count === 1 ? `robot_${first()}` : `${count} robots`);
     setText(follow, app.camera.follow === first() ? "Do not follow" : "Follow");
-    follow.hidden = count !== 1;
+    follow.hidden = inspect.hidden = count !== 1;
     remove.disabled = why !== "" || !store.team?.sim.present;
     remove.title = why || (store.team?.sim.present ? "Take the selected robots out of the world" : "there is no simulator");
   };

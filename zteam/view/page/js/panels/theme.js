@@ -1,5 +1,7 @@
 /** Dark or light: as the system has it, until the user chooses. */
 
+import { keep, recall } from "../kept.js";
+
 const KEY = "zteam-theme";
 const CHOICES = ["auto", "dark", "light"];
 
@@ -11,7 +13,7 @@ export class Theme {
     this.store = store;
     this.choice = "auto";
     this.#dark.addEventListener("change", () => this.#show());
-    this.set(localStorage.getItem(KEY) ?? "auto");
+    this.set(recall(KEY) || "auto");
   }
 
   get() {
@@ -28,7 +30,7 @@ export class Theme {
   /** The other one, and this browser's from now on. */
   toggle() {
     this.set(this.shown === "dark" ? "light" : "dark");
-    localStorage.setItem(KEY, this.choice);
+    keep(KEY, this.choice);
   }
 
   get shown() {

@@ -19,14 +19,17 @@ export function topicsTab(app, layout, plot) {
   const headings = el("tr", {}, el("th", { scope: "col" }, "Topic"), el("th", { scope: "col" }, "Type"));
   headings.append(el("th", { scope: "col", class: "number" }, "Hz"), el("th", { scope: "col", class: "number", title: "Publishers and subscribers" }, "P / S"));
   const table = el("table", { id: "topics", "aria-label": "Topics" }, el("thead", {}, headings));
-  const page = el("div", { class: "page" }, el("div", { class: "row" }, filter, count), el("div", { class: "scroll" }, table), echo.element);
+  const empty = el("div", { class: "hint" });
+  const page = el("div", { class: "page" }, el("div", { class: "row" }, filter, count), el("div", { class: "scroll" }, table, empty), echo.element);
   let shown = false;
   const show = () => {
     if (!shown) return;
     /** @type {Topic[]} */
-    const topics = app.store.docs.topics ?? [], wanted = filter.value.toLowerCase();
+    const known = app.store.docs.topics, topics = known ?? [], wanted = filter.value.toLowerCase();
     const fitting = topics.filter(({ key, type }) => `${key} ${type}`.toLowerCase().includes(wanted));
-    setText(count, wanted ? `${fitting.length} of ${topics.length}` : `${topics.length} topics`);
+    table.hidden = topics.length === 0;
+    setText(empty, topics.length ? "" : known ? "Nothing is published here." : "Loading the topics…");
+    setText(count, !known ? "" : wanted ? `${fitting.length} of ${topics.length}` : `${topics.length} topics`);
     reconcile(table, fitting, ({ key }) => key, (topic) => createRow(topic, (key) => echo.choose(key)), (row, topic) => updateRow(row, topic, echo.topic));
   };
   filter.addEventListener("input", show);
@@ -77,7 +80,7 @@ class Echo {
     close.classList.add("plain");
     this.element = el("div", { class: "echo", hidden: true }, el("div", { class: "row under" }, this.title, close), el("div", { class: "scroll" }, this.hint, this.tree.element));
     app.store.on("echo", (doc) => this.#take(doc));
-    layout.register("echo", { get: () => this.topic, set: (text) => this.choose(text) });
+    layout.register("echo", { get: () => this.topic, set: (text) => text !== this.topic && this.choose(text) });
   }
 
   /** @param {string} topic "" for none; the one that is shown is closed */

@@ -3,7 +3,7 @@
 import { paintDevices } from "./devices.js";
 import { paintFrames } from "./frames.js";
 import { paintGoals } from "./goals.js";
-import { paintRings } from "./labels.js";
+import { paintLeaders, paintRings } from "./labels.js";
 import { paintMarkers } from "./markers.js";
 import { inPixels } from "./paint.js";
 import { paintRuler } from "./ruler.js";
@@ -19,9 +19,12 @@ export function paintAbove(pen, painters) {
   ctx.setTransform(1, 0, 0, 1, 0, 0);
   ctx.clearRect(0, 0, ctx.canvas.width, ctx.canvas.height);
   inPixels(pen);
+  ctx.globalAlpha = layers.opacity("markers") / 100;
   if (layers.has("markers")) paintMarkers(pen);
+  ctx.globalAlpha = 1;
   paintDevices(pen);
   if (layers.has("goals")) paintGoals(pen);
+  paintLeaders(pen);
   paintRings(pen);
   if (layers.has("tf")) paintFrames(pen);
   paintRuler(pen);

@@ -38,6 +38,12 @@ export function makeBodies(gl) {
     /** @param {number} id @returns {number} metres */
     radius: (id) => (meshOf.get(id) ?? unknown).radius,
 
+    /** @param {number} id @param {number} scale pixels a metre @returns {number} pixels to its edge, as it is drawn */
+    reach(id, scale) {
+      const { radius, reach } = meshOf.get(id) ?? unknown;
+      return reach * Math.max(scale, MIN_RADIUS / radius);
+    },
+
     /** The team has changed. @param {Store} store */
     setTeam(store) {
       meshOf = new Map(
@@ -49,7 +55,7 @@ export function makeBodies(gl) {
     },
 
     /** Take over poses and colours. @param {Store} store @param {Theme} theme */
-    update({ poses, selection }, theme) {
+    update({ poses, selection, robots }, theme) {
       if (theme !== ofTheme) looks.clear();
       ofTheme = theme;
       shapes.clear();
@@ -61,7 +67,14 @@ export function makeBodies(gl) {
         const hollow = poses.truth[i] === 1,
           edge = selected ? look.selected : hollow ? look.hollowEdge : look.edge;
         const fill = hollow ? look.hollowFill : look.fill;
-        shapes.add(meshOf.get(id) ?? unknown, poses.x[i], poses.y[i], poses.yaw[i], fill, edge, selected);
+        const mesh = meshOf.get(id) ?? unknown,
+          { x, y, yaw, dx, dy, dyaw } = poses;
+        shapes.add(mesh, x[i], y[i], yaw[i], fill, edge, selected, dx[i], dy[i], dyaw[i]);
+      }
+      // A ghost: where a robot is that takes itself to be elsewhere.
+      for (const { id, truth } of robots.values()) {
+        const look = looks.get(id);
+        if (truth && look) shapes.add(meshOf.get(id) ?? unknown, ...truth, look.hollowFill, look.hollowEdge, false);
       }
     },
 
@@ -69,8 +82,9 @@ export function makeBodies(gl) {
      * @param {Float32Array} camera
      * @param {number} scale CSS pixels a metre
      * @param {number} ratio device pixels a CSS pixel
+     * @param {number} left share of the robots' ways that is left
      */
-    draw: (camera, scale, ratio) => shapes.draw(camera, scale, ratio, MIN_RADIUS),
+    draw: (camera, scale, ratio, left) => shapes.draw(camera, scale, ratio, MIN_RADIUS, left),
   };
 }
 

@@ -13,6 +13,7 @@ export function paintDevices(pen) {
 function paintSonars(pen) {
   const { ctx, app, theme } = pen;
   for (const { robot, x, y, yaw, field_of_view: width, range, max_range: most } of app.store.docs.sonars ?? []) {
+    if (!app.layers.showsRobot("sensors", robot)) continue;
     const hit = range !== null && range >= 0 && range < most;
     inMetres(pen, x, y, yaw);
     ctx.beginPath();
@@ -37,9 +38,10 @@ function paintSonars(pen) {
 function paintFiducials(pen) {
   const { ctx, app, theme } = pen;
   for (const { robot, id, x, y } of app.store.docs.fiducials ?? []) {
+    if (!app.layers.showsRobot("sensors", robot)) continue;
     const [px, py] = app.camera.toScreen(x, y);
     if (!isOnScreen(app, px, py)) continue;
-    const from = app.store.poses.at(robot);
+    const from = app.store.poses.drawn(robot);
     ctx.strokeStyle = theme.robotCss(robot);
     ctx.lineWidth = 1;
     ctx.setLineDash([2, 3]);

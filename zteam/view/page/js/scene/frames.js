@@ -43,6 +43,10 @@ export function composeFrames(frames, root = "map") {
   return /** @type {any} */ (new Map([...poses].filter(([, pose]) => pose)));
 }
 
+/** The newest ones: they come less often than pictures.
+ * @type {{frames: Frame[] | null, poses: ReturnType<typeof composeFrames>}} */
+const composed = { frames: null, poses: new Map() };
+
 /** @param {import("./paint.js").Pen} pen */
 export function paintFrames(pen) {
   const { app, ctx } = pen,
@@ -52,7 +56,8 @@ export function paintFrames(pen) {
   const length = Math.min(34, Math.max(12, 0.35 * app.camera.scale));
   /** @type {Map<string, {px: number, py: number, names: string[]}>} by place on the screen */
   const places = new Map();
-  for (const [name, { x, y, yaw }] of composeFrames(frames)) {
+  if (frames !== composed.frames) Object.assign(composed, { frames, poses: composeFrames(frames) });
+  for (const [name, { x, y, yaw }] of composed.poses) {
     const [px, py] = app.camera.toScreen(x, y);
     if (!isOnScreen(app, px, py)) continue;
     for (const [color, turn] of /** @type {[string, number][]} */ ([

@@ -3,14 +3,16 @@
 /**
  * @param {WebGL2RenderingContext} gl
  * @param {string} vertex
- * @param {string} fragment GLSL ES 3.00 without its version line
+ * @param {string} fragment GLSL ES 3.00 without its version line, with a premultiplied colour as its one `out vec4`
  * @returns {{program: WebGLProgram, at: Record<string, WebGLUniformLocation | null>}} `at`: the uniforms by name
  */
 export function makeProgram(gl, vertex, fragment) {
   const program = /** @type {WebGLProgram} */ (gl.createProgram());
+  const paint = fragment.replace("void main()", "void paint()"),
+    color = /out vec4 (\w+);/.exec(fragment)?.[1];
   for (const [type, source] of /** @type {[number, string][]} */ ([
     [gl.VERTEX_SHADER, vertex],
-    [gl.FRAGMENT_SHADER, fragment],
+    [gl.FRAGMENT_SHADER, `${paint}\nuniform float opacity;\nvoid main() { paint(); ${color} *= opacity; }`],
   ])) {
     const shader = /** @type {WebGLShader} */ (gl.createShader(type));
     gl.shaderSource(
@@ -38,6 +40,15 @@ export function makeProgram(gl, vertex, fragment) {
 
 /** @type {WeakMap<WebGLProgram, Float32Array>} */
 const cameras = new WeakMap();
+/** Of what is drawn from now on. @type {WeakMap<WebGL2RenderingContext, number>} */
+const wanted = new WeakMap();
+/** @type {WeakMap<WebGLProgram, number>} */
+const opacities = new WeakMap();
+
+/** Of all that programs draw from now on. @param {WebGL2RenderingContext} gl @param {number} opacity 0 to 1 */
+export function setOpacity(gl, opacity) {
+  wanted.set(gl, opacity);
+}
 
 /**
  * Makes a program the one that draws. Its uniforms stay from one drawing to the next.
@@ -48,6 +59,11 @@ const cameras = new WeakMap();
  */
 export function useProgram(gl, { program, at }, camera) {
   gl.useProgram(program);
+  const opacity = wanted.get(gl) ?? 1;
+  if (opacities.get(program) !== opacity) {
+    opacities.set(program, opacity);
+    gl.uniform1f(at.opacity, opacity);
+  }
   if (cameras.get(program) === camera) return false;
   cameras.set(program, camera);
   gl.uniformMatrix3fv(at.camera, false, camera);

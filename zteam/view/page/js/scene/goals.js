@@ -1,14 +1,21 @@
-/** Goals of robots: a ring with a heading in the robot's colour, and a dashed line from the robot. */
+/** Goals that last: a ring with a heading in the robot's colour, a dashed line from the robot, and how far it is. */
 
-import { ahead, arrow, isOnScreen } from "./paint.js";
+import { liveGoals, progressText } from "../goals.js";
+import { ahead, arrow, isOnScreen, label } from "./paint.js";
+
+/** With more goals only those of selected robots say how far it is. */
+const MOST_TEXTS = 30;
+const BESIDE = 18;
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintGoals(pen) {
-  const { app, ctx, theme } = pen;
-  for (const { robot, x, y, yaw } of app.store.docs.goals ?? []) {
+  const { app, ctx, theme } = pen,
+    goals = liveGoals(app.store).filter(({ robot }) => app.layers.showsRobot("navigation", robot));
+  for (const goal of goals) {
+    const { robot, x, y, yaw } = goal;
     const [px, py] = app.camera.toScreen(x, y),
       color = theme.robotCss(robot),
-      from = app.store.poses.at(robot);
+      from = app.store.poses.drawn(robot);
     ctx.strokeStyle = ctx.fillStyle = color;
     if (from) {
       ctx.lineWidth = 1.25;
@@ -19,7 +26,11 @@ export function paintGoals(pen) {
       ctx.stroke();
       ctx.setLineDash([]);
     }
-    if (isOnScreen(app, px, py)) paintGoal(pen, px, py, yaw, color);
+    if (!isOnScreen(app, px, py)) continue;
+    paintGoal(pen, px, py, yaw, color);
+    // Above the mark, or below it if it points up. What a tool says stands below the pointer.
+    const side = Math.sin(yaw + app.camera.angle) > 0.3 ? BESIDE : -BESIDE;
+    if (goals.length <= MOST_TEXTS || app.store.selection.has(robot)) label(pen, progressText(goal), px, py + side, { color });
   }
 }
 

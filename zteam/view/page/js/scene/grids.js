@@ -16,8 +16,7 @@ void main() {
   gl_Position = vec4((camera * vec3(q, 1.0)).xy, 0.0, 1.0);
 }`;
 
-// Red: how likely the cell is occupied, green: whether it is known. Where many cells share a pixel the mean is shown;
-// the
+// Red: how likely the cell is occupied, green: whether it is known. Where many cells share a pixel the mean is shown; the
 // boost keeps walls of one cell visible then. Lines of the grid are drawn here, so that they never cross a wall.
 const MAP_FRAGMENT = `
 uniform sampler2D cells;
@@ -41,12 +40,7 @@ in vec2 place;
 out vec4 color;
 void main() {
   vec2 cell = texture(cells, place).rg;
-  if (cell.g < 0.5 || cell.r < 0.005) discard;
-  // As rviz draws costs: from blue to red, the inscribed radius in cyan, lethal cells in magenta.
-  vec3 cost = vec3(cell.r, 0.0, 1.0 - cell.r);
-  if (cell.r > 0.995) cost = vec3(0.9, 0.0, 0.9);
-  else if (cell.r > 0.985) cost = vec3(0.0, 0.75, 0.8);
-  color = vec4(cost, 1.0) * (0.25 + 0.3 * cell.r);
+  color = vec4(cell.g < 0.5 ? 0.0 : cell.r);
 }`;
 
 /** @param {string} key @returns {boolean} whether a grid is the map; all others are costs */
@@ -54,12 +48,7 @@ export function isMap(key) {
   return key === "map" || key.endsWith("/map");
 }
 
-/**
- * @param {WebGL2RenderingContext} gl
- * @returns {{draw(camera: Float32Array, store: import("../store.js").Store, theme: import("./colors.js").Theme,
- *   costs: boolean, step: number): void}}
- *  step: metres between the lines of the grid; 0: none
- */
+/** @param {WebGL2RenderingContext} gl */
 export function makeGrids(gl) {
   const map = makeProgram(gl, VERTEX, MAP_FRAGMENT),
     cost = makeProgram(gl, VERTEX, COST_FRAGMENT);
@@ -70,18 +59,26 @@ export function makeGrids(gl) {
   let ofTheme = /** @type {import("./colors.js").Theme | null} */ (null),
     ofStep = -1;
 
-  /** @param {import("../store.js").Store} store */
-  function forgetOld(store) {
-    const live = new Set([...store.grids.values()].flatMap((tiles) => [...tiles.values()]));
-    for (const [tile, texture] of textures) {
-      if (live.has(tile)) continue;
-      gl.deleteTexture(texture);
-      textures.delete(tile);
-    }
-  }
-
   return {
-    draw(camera, store, theme, costs, step) {
+    /** Give back the textures of tiles that are gone. @param {import("../store.js").Store} store */
+    forgetOld(store) {
+      const live = new Set([...store.grids.values()].flatMap((tiles) => [...tiles.values()]));
+      for (const [tile, texture] of textures) {
+        if (live.has(tile)) continue;
+        gl.deleteTexture(texture);
+        textures.delete(tile);
+      }
+    },
+
+    /**
+     * @param {Float32Array} camera
+     * @param {import("../store.js").Store} store
+     * @param {import("./colors.js").Theme} theme
+     * @param {boolean} costs as red, for `makeCostmaps`
+     * @param {number} step metres between the lines of the grid; 0: none
+     * @param {(key: string) => boolean} [shows] whether a grid is drawn
+     */
+    draw(camera, store, theme, costs, step, shows) {
       const program = costs ? cost : map,
         { at } = program,
         moved = useProgram(gl, program, camera);
@@ -93,9 +90,8 @@ export function makeGrids(gl) {
         gl.uniform1f(at.pixel, pixel);
         [ofTheme, ofStep] = [theme, step];
       }
-      let drawn = 0;
       for (const [key, tiles] of store.grids) {
-        if (isMap(key) === costs) continue;
+        if (isMap(key) === costs || (shows && !shows(key))) continue;
         let first = true;
         for (const tile of tiles.values()) {
           const { x, y, yaw, resolution: r, tile: part } = tile.meta;
@@ -107,10 +103,8 @@ export function makeGrids(gl) {
           first = false;
           gl.uniform4f(at.box, part[0] * r, part[1] * r, part[2] * r, part[3] * r);
           gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
-          drawn++;
         }
       }
-      if (textures.size > drawn) forgetOld(store);
     },
   };
 }

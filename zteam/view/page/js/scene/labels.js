@@ -1,7 +1,8 @@
 /** Where names of robots go, and a ring around each robot that is driven from a page. */
 
 import { MIN_RADIUS } from "./bodies.js";
-import { drawSprite, isFree, isOnScreen, spriteOf } from "./paint.js";
+import { Occupancy } from "./occupancy.js";
+import { drawSprite, isOnScreen, spriteOf, strokeWithHalo } from "./paint.js";
 
 /** @typedef {import("./names.js").Name} Name */
 
@@ -10,13 +11,30 @@ const MAX_LABELS = 150;
 /** A robot of this radius in pixels has its whole name, a smaller one its id. */
 const NAME_RADIUS = 9;
 const HEIGHT = 14;
+/** Where a name may be, as directions on the screen: first where it touches its robot. */
+const TOUCHING = [
+  [0, 1],
+  [0, -1],
+  [1, 0],
+  [-1, 0],
+];
+/** Then with a line to it, at these pixels from its edge, all round. */
+const AWAY = [14, 30, 50, 75],
+  AROUND = Array.from({ length: 12 }, (_, i) => [Math.cos((i * Math.PI) / 6), Math.sin((i * Math.PI) / 6)]);
+const PLACES = TOUCHING.length + AWAY.length * AROUND.length;
+/** A robot's middle, where no name of others may be, as a share of its size. */
+const MIDDLE = 0.8;
 const BOLD = { bold: true },
   PLAIN = { bold: false };
 
 /**
- * @typedef {{id: number, px: number, py: number, radius: number, selected: boolean, driver: number | null}} Seen
- *   pixels
+ * @typedef {{id: number, px: number, py: number, dx: number, dy: number, radius: number, reach: number, selected: boolean,
+ *   driver: number | null}} Seen pixels: its newest pose, the way to it, and how far its edge is at most and in the mean
  */
+
+const occupied = new Occupancy();
+/** Where each robot has its name: it stays there as long as it can. @type {Map<number, number>} */
+const places = new Map();
 
 /** The names that are shown. Their places are taken from now on. @param {import("./paint.js").Pen} pen */
 export function placeNames(pen) {
@@ -25,6 +43,14 @@ export function placeNames(pen) {
     /** @type {Name[]} */
     names = [],
     all = app.layers.has("labels") && countInView(app) <= MAX_LABELS;
+  occupied.begin(app.camera.width, app.camera.height);
+  if (all) {
+    for (let i = 0; i < poses.count; i++) {
+      const [px, py] = app.camera.toScreen(poses.x[i], poses.y[i]),
+        half = MIDDLE * pen.reach(poses.ids[i]);
+      if (isOnScreen(app, px, py)) occupied.take([px - half, py - half, px + half, py + half]);
+    }
+  }
   // The selected ones choose their places first.
   for (const id of selection) if (poses.index.has(id)) placeName(pen, id, names);
   if (all) {
@@ -40,21 +66,50 @@ function placeName(pen, id, names) {
   const robot = lookAt(pen, id);
   if (!isOnScreen(pen.app, robot.px, robot.py)) return;
   const sprite = spriteOf(pen, textOf(pen, robot), robot.selected ? BOLD : PLAIN);
-  const box = freeBox(pen, robot, sprite.width);
-  if (!box) return;
+  const place = choosePlace(robot, sprite.width);
+  if (place < 0) return;
+  const box = boxAt(robot, sprite.width, place),
+    [left, top, right, bottom] = box;
+  places.set(id, place);
   pen.taken.push(box);
-  names.push({ sprite, px: (box[0] + box[2]) / 2, py: (box[1] + box[3]) / 2 });
+  occupied.take(box);
+  names.push({
+    sprite,
+    px: (left + right) / 2,
+    py: (top + bottom) / 2,
+    dx: robot.dx,
+    dy: robot.dy,
+    leader: place < TOUCHING.length ? null : leaderOf(robot, box),
+    robot: id,
+  });
+}
+
+/** Lines from names to their robots that they do not touch. @param {import("./paint.js").Pen} pen */
+export function paintLeaders(pen) {
+  const { app, ctx, theme, names } = pen,
+    { left } = app.store.poses;
+  for (const { leader, dx, dy, robot } of names) {
+    if (!leader) continue;
+    ctx.beginPath();
+    ctx.moveTo(leader[0] - left * dx, leader[1] - left * dy);
+    ctx.lineTo(leader[2] - left * dx, leader[3] - left * dy);
+    strokeWithHalo(pen, theme.robotCss(robot), 1.5);
+  }
 }
 
 /** Names on the 2-D canvas, where there is no WebGL2. @param {import("./paint.js").Pen} pen @param {Name[]} names */
 export function paintNames(pen, names) {
-  for (const { sprite, px, py } of names) drawSprite(pen, sprite, px, py);
+  const { left } = pen.app.store.poses;
+  for (const { sprite, px, py, dx, dy } of names) drawSprite(pen, sprite, px - left * dx, py - left * dy);
 }
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintRings(pen) {
   for (const id of drivenRobots(pen.app)) {
-    const robot = lookAt(pen, id);
+    const robot = lookAt(pen, id),
+      { left } = pen.app.store.poses;
+    robot.px -= left * robot.dx;
+    robot.py -= left * robot.dy;
     if (isOnScreen(pen.app, robot.px, robot.py)) ring(pen, robot);
   }
 }
@@ -79,15 +134,20 @@ function countInView({ store: { poses }, camera }) {
 }
 
 /** @param {import("./paint.js").Pen} pen @param {number} id of a robot that has a pose @returns {Seen} */
-function lookAt({ app: { store, camera }, radius }, id) {
+function lookAt({ app: { store, camera }, radius, reach }, id) {
   const i = /** @type {number} */ (store.poses.index.get(id)),
-    [px, py] = camera.toScreen(store.poses.x[i], store.poses.y[i]);
+    { x, y, dx, dy } = store.poses,
+    [px, py] = camera.toScreen(x[i], y[i]),
+    [fromX, fromY] = camera.toScreen(x[i] - dx[i], y[i] - dy[i]);
   const driver = store.robots.get(id)?.lease ?? null;
   return {
     id,
     px,
     py,
+    dx: px - fromX,
+    dy: py - fromY,
     radius: Math.max(MIN_RADIUS, radius(id) * camera.scale),
+    reach: reach(id),
     selected: store.selection.has(id),
     driver,
   };
@@ -101,27 +161,45 @@ function textOf({ app: { store } }, { id, radius, selected, driver }) {
 }
 
 /**
- * Below the robot, or above, right or left of it; null if other labels are everywhere, but a selected robot has its own.
- * @param {import("./paint.js").Pen} pen
+ * The place of a name, touching its robot, or where it is crowded with a line to it; -1 if there is none, but a selected
+ * robot has its own.
  * @param {Seen} robot
  * @param {number} width
- * @returns {import("./paint.js").Box | null}
  */
-function freeBox(pen, { px, py, radius, selected }, width) {
-  const beside = radius + width / 2 + 1,
-    below = boxAt(px, py + radius + 11, width);
-  if (isFree(pen, below)) return below;
-  const above = boxAt(px, py - radius - 11, width);
-  if (isFree(pen, above)) return above;
-  const right = boxAt(px + beside, py, width);
-  if (isFree(pen, right)) return right;
-  const left = boxAt(px - beside, py, width);
-  return isFree(pen, left) ? left : selected ? below : null;
+function choosePlace(robot, width) {
+  const last = places.get(robot.id) ?? 0;
+  if (last < TOUCHING.length && occupied.isFree(boxAt(robot, width, last))) return last;
+  for (let place = 0; place < PLACES; place++) {
+    if (place === TOUCHING.length && last > place && isPlace(robot, width, last)) return last;
+    if (isPlace(robot, width, place)) return place;
+  }
+  return robot.selected ? 0 : -1;
 }
 
-/** @param {number} x @param {number} y @param {number} width @returns {import("./paint.js").Box} */
-function boxAt(x, y, width) {
-  return [x - width / 2 + 2, y - HEIGHT / 2, x + width / 2 - 2, y + HEIGHT / 2];
+/** @param {Seen} robot @param {number} width @param {number} place */
+function isPlace(robot, width, place) {
+  const box = boxAt(robot, width, place);
+  return occupied.isFree(box) && (place < TOUCHING.length || occupied.holds(box));
+}
+
+/** @param {Seen} robot @param {number} width of the picture of the name @param {number} place
+ * @returns {import("./paint.js").Box} */
+function boxAt({ px, py, reach }, width, place) {
+  const away = place - TOUCHING.length,
+    [ux, uy] = away < 0 ? TOUCHING[place] : AROUND[away % AROUND.length],
+    distance = away < 0 ? reach : reach + AWAY[Math.floor(away / AROUND.length)];
+  const half = width / 2 - 2,
+    x = px + ux * (distance + half),
+    y = py + uy * (distance + HEIGHT / 2);
+  return [x - half, y - HEIGHT / 2, x + half, y + HEIGHT / 2];
+}
+
+/** From the robot's edge to the nearest point of its name. @param {Seen} robot @param {import("./paint.js").Box} box */
+function leaderOf({ px, py, reach }, [left, top, right, bottom]) {
+  const x = Math.min(Math.max(px, left), right),
+    y = Math.min(Math.max(py, top), bottom),
+    share = reach / Math.max(Math.hypot(x - px, y - py), 1);
+  return [px + share * (x - px), py + share * (y - py), x, y];
 }
 
 /** @param {import("./paint.js").Pen} pen @param {Seen} robot */

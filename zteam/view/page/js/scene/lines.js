@@ -1,5 +1,6 @@
 /** What is made of straight lines: the grid of the map, trails, links to leaders, plans, particles. */
 
+import { ownerOf } from "../layers.js";
 import { MIN_RADIUS } from "./bodies.js";
 import { packed } from "./colors.js";
 import { makeSegments } from "./segments.js";
@@ -13,11 +14,6 @@ const TRAIL_LINES = 65536;
 
 /** @typedef {import("../store.js").Store} Store */
 /** @typedef {import("./colors.js").Theme} Theme */
-
-/** @param {string} key such as robot_3/plan @returns {number} the robot's id; 0 if it has none */
-export function robotOf(key) {
-  return Number(/^robot_(\d+)\//.exec(key)?.[1] ?? 0);
-}
 
 /** @param {WebGL2RenderingContext} gl */
 export function makeTrails(gl) {
@@ -37,8 +33,8 @@ export function makeTrails(gl) {
       stamp = frame.stamp;
       for (let i = 0; i < poses.count; i++) {
         const id = poses.ids[i],
-          x = poses.x[i],
-          y = poses.y[i],
+          x = poses.x[i] - poses.left * poses.dx[i],
+          y = poses.y[i] - poses.left * poses.dy[i],
           from = last.get(id);
         if (!from) last.set(id, [x, y]);
         else {
@@ -71,11 +67,11 @@ export function makeLinks(gl) {
         tip = 8 / scale;
       for (const robot of store.robots.values()) {
         if (robot.leader < 0) continue;
-        const a = poses.index.get(robot.id),
-          b = poses.index.get(robot.leader);
-        if (a === undefined || b === undefined) continue;
-        const dx = poses.x[b] - poses.x[a],
-          dy = poses.y[b] - poses.y[a],
+        const a = poses.drawn(robot.id),
+          b = poses.drawn(robot.leader);
+        if (!a || !b) continue;
+        const dx = b.x - a.x,
+          dy = b.y - a.y,
           length = Math.hypot(dx, dy) || 1;
         const ux = dx / length,
           uy = dy / length;
@@ -83,9 +79,9 @@ export function makeLinks(gl) {
           end = length - Math.max(MIN_RADIUS / scale, radius(robot.leader)) - 2 / scale;
         if (end - start < tip) continue;
         const color = packed(theme.robot(robot.id), 0.9),
-          tipX = poses.x[a] + ux * end,
-          tipY = poses.y[a] + uy * end;
-        lines.add(poses.x[a] + ux * start, poses.y[a] + uy * start, tipX, tipY, color);
+          tipX = a.x + ux * end,
+          tipY = a.y + uy * end;
+        lines.add(a.x + ux * start, a.y + uy * start, tipX, tipY, color);
         for (const side of [-0.5, 0.5]) {
           lines.add(tipX, tipY, tipX - tip * (ux - side * uy), tipY - tip * (uy + side * ux), color);
         }
@@ -99,11 +95,12 @@ export function makeLinks(gl) {
 export function makePlans(gl) {
   const lines = makeSegments(gl, 256, false);
   return {
-    /** @param {Store} store @param {Theme} theme */
-    update(store, theme) {
+    /** @param {Store} store @param {Theme} theme @param {(robot: number) => boolean} shows whether a robot's are drawn */
+    update(store, theme, shows) {
       lines.clear();
       for (const [key, points] of store.paths) {
-        const color = packed(theme.robot(robotOf(key)), 0.9);
+        if (!shows(ownerOf(key))) continue;
+        const color = packed(theme.robot(Math.max(0, ownerOf(key))), 0.9);
         for (let i = 2; i + 1 < points.length; i += 2) {
           lines.add(points[i - 2], points[i - 1], points[i], points[i + 1], color);
         }
@@ -119,11 +116,12 @@ export function makeParticles(gl) {
   const lines = makeSegments(gl, 1024, false),
     length = 0.15;
   return {
-    /** @param {Store} store @param {Theme} theme */
-    update(store, theme) {
+    /** @param {Store} store @param {Theme} theme @param {(robot: number) => boolean} shows whether a robot's are drawn */
+    update(store, theme, shows) {
       lines.clear();
       for (const [key, poses] of store.posearrays) {
-        const color = packed(theme.robot(robotOf(key)), 0.5);
+        if (!shows(ownerOf(key))) continue;
+        const color = packed(theme.robot(Math.max(0, ownerOf(key))));
         for (let i = 0; i + 2 < poses.length; i += 3) {
           const x = poses[i],
             y = poses[i + 1],

@@ -1,10 +1,12 @@
 /** Drawing on the 2-D canvas above the map: a pen that knows the camera. */
 
 /** @typedef {import("../app.js").App} App */
-/** @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number, radius: (id:
- *   number) => number,
- * taken: Box[]}} Pen ratio: device pixels a CSS pixel; radius: of a robot in metres; taken: places that have a label
- *   already */
+/**
+ * @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number,
+ *   radius: (id: number) => number, reach: (id: number) => number, names: import("./names.js").Name[], taken: Box[]}} Pen
+ * ratio: device pixels a CSS pixel; radius: of a robot in metres; reach: pixels to a robot's edge; names: of robots;
+ * taken: places that have a label already
+ */
 /** @typedef {[number, number, number, number]} Box left, top, right, bottom in pixels */
 
 const FONT = "12px system-ui, sans-serif";
@@ -84,10 +86,23 @@ export function trace(ctx, points, close) {
   if (close) ctx.closePath();
 }
 
-const MAX_SPRITES = 4000;
+/** Strokes the current path, with a halo. @param {Pen} pen @param {string} color @param {number} width pixels */
+export function strokeWithHalo({ ctx, theme }, color, width) {
+  for (const [style, line] of /** @type {[string, number][]} */ ([
+    [theme.css.halo, width + 2.5],
+    [color, width],
+  ])) {
+    ctx.strokeStyle = style;
+    ctx.lineWidth = line;
+    ctx.stroke();
+  }
+}
+
+/** So many new pictures, then those that were not used meanwhile go. */
+const MAX_SPRITES = 2000;
 /** Those of one theme and density, by look, then by text: a key of both would be made anew for each label.
- * @type {{halo: string, ratio: number, count: number, byLook: Map<string, Map<string, Sprite>>}} */
-const sprites = { halo: "", ratio: 0, count: 0, byLook: new Map() };
+ * @type {{halo: string, ratio: number, count: number, byLook: Map<string, Map<string, Sprite>>, older: Map<string, Map<string, Sprite>>}} */
+const sprites = { halo: "", ratio: 0, count: 0, byLook: new Map(), older: new Map() };
 
 /** @typedef {{color?: string, bold?: boolean, align?: "center" | "left"}} Look */
 /** @typedef {{canvas: HTMLCanvasElement, width: number, height: number}} Sprite a picture of text, size in CSS pixels */
@@ -130,15 +145,15 @@ export function isFree({ taken }, box) {
  * @param {Pen} pen @param {string} text @param {Look} look */
 export function spriteOf(pen, text, { color = pen.theme.css.text, bold = false } = {}) {
   const { halo } = pen.theme.css;
-  if (sprites.halo !== halo || sprites.ratio !== pen.ratio || sprites.count >= MAX_SPRITES) {
-    Object.assign(sprites, { halo, ratio: pen.ratio, count: 0, byLook: new Map() });
-  }
+  if (sprites.halo !== halo || sprites.ratio !== pen.ratio) {
+    Object.assign(sprites, { halo, ratio: pen.ratio, count: 0, byLook: new Map(), older: new Map() });
+  } else if (sprites.count >= MAX_SPRITES) Object.assign(sprites, { count: 0, byLook: new Map(), older: sprites.byLook });
   const look = bold ? `bold ${color}` : color;
   let byText = sprites.byLook.get(look);
   if (!byText) sprites.byLook.set(look, (byText = new Map()));
   let sprite = byText.get(text);
   if (!sprite) {
-    byText.set(text, (sprite = makeSprite(pen, text, color, bold)));
+    byText.set(text, (sprite = sprites.older.get(look)?.get(text) ?? makeSprite(pen, text, color, bold)));
     sprites.count++;
   }
   return sprite;

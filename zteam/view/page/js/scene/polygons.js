@@ -60,6 +60,15 @@ export function radiusOf(outline) {
   return Math.max(0.05, ...outline.flat().map(([x, y]) => Math.hypot(x, y)));
 }
 
+/** How far the outline reaches, as the mean of all directions: a name at this distance touches it however it is turned.
+ * @param {Polygon[]} outline */
+export function reachOf(outline) {
+  const corners = outline.flat(),
+    directions = circle(1, 16);
+  const reaches = directions.map(([c, s]) => Math.max(0.03, ...corners.map(([x, y]) => c * x + s * y)));
+  return reaches.reduce((sum, reach) => sum + reach) / directions.length;
+}
+
 /** How far the outline reaches to the front. @param {Polygon[]} outline */
 export function frontOf(outline) {
   return Math.max(0.05, ...outline.flat().map(([x]) => x));

@@ -1,6 +1,6 @@
 /** The bar that tells the scale, at the lower left. */
 
-import { label } from "./paint.js";
+import { label, strokeWithHalo } from "./paint.js";
 
 const LONGEST = 130;
 
@@ -22,18 +22,11 @@ export function paintRuler(pen) {
     width = length * camera.scale,
     left = 16,
     y = camera.height - 16;
-  for (const [color, line] of /** @type {[string, number][]} */ ([
-    [theme.css.halo, 4],
-    [theme.css.text, 1.5],
-  ])) {
-    ctx.strokeStyle = color;
-    ctx.lineWidth = line;
-    ctx.beginPath();
-    ctx.moveTo(left, y - 5);
-    ctx.lineTo(left, y);
-    ctx.lineTo(left + width, y);
-    ctx.lineTo(left + width, y - 5);
-    ctx.stroke();
-  }
+  ctx.beginPath();
+  ctx.moveTo(left, y - 5);
+  ctx.lineTo(left, y);
+  ctx.lineTo(left + width, y);
+  ctx.lineTo(left + width, y - 5);
+  strokeWithHalo(pen, theme.css.text, 1.5);
   label(pen, length >= 1 ? `${length} m` : `${Math.round(1000 * length) / 10} cm`, left + width / 2, y - 11);
 }

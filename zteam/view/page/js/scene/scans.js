@@ -33,7 +33,7 @@ const AREA = `${BEAM}
 void main() {
   vec4 a = texelFetch(rows, ivec2(0, gl_InstanceID), 0), b = texelFetch(rows, ivec2(1, gl_InstanceID), 0);
   int beam = gl_VertexID / 3, corner = gl_VertexID % 3;
-  tint = vec4(texelFetch(rows, ivec2(2, gl_InstanceID), 0).rgb, 1.0) * 0.16;
+  tint = vec4(texelFetch(rows, ivec2(2, gl_InstanceID), 0).rgb, 1.0);
   if (beam + 1 >= int(b.z)) { hide(); return; }
   vec2 p = corner == 0 ? a.xy : endOf(beam + corner - 1, a, b);
   gl_Position = vec4((camera * vec3(p, 1.0)).xy, 0.0, 1.0);
@@ -79,15 +79,17 @@ export function makeScans(gl) {
   }
 
   return {
-    /** Take over all scans. @param {import("../store.js").Store} store @param {import("./colors.js").Theme} theme */
-    update(store, theme) {
-      count = store.scans.size;
+    /** Take over all scans. @param {import("../store.js").Store} store @param {import("./colors.js").Theme} theme
+     * @param {(robot: number) => boolean} shows whether a robot's are drawn */
+    update(store, theme, shows) {
+      const scans = [...store.scans.values()].filter(({ robot }) => shows(robot));
+      count = scans.length;
       beams = 0;
-      for (const scan of store.scans.values()) beams = Math.max(beams, scan.ranges.length);
+      for (const scan of scans) beams = Math.max(beams, scan.ranges.length);
       if (beams > width || count > height) grow(beams, count);
       if (!count) return;
       let row = 0;
-      for (const scan of store.scans.values()) {
+      for (const scan of scans) {
         cells.set(scan.ranges, row * width);
         writeFacts(facts, 4 * TEXELS * row++, scan, theme.robot(scan.robot));
       }

@@ -8,6 +8,10 @@ import { paintNames, placeNames } from "./labels.js";
 
 /** Figures of so many drawings are kept. */
 const KEPT = 200;
+/** Milliseconds from the request of a picture that count at most. */
+const MOST_WAIT = 1000;
+/** Metres beside the robots that a page shows at first. */
+const AROUND = 3;
 const REDRAWN_ON = [
   "robots",
   "team",
@@ -27,19 +31,21 @@ const REDRAWN_ON = [
   "tool",
   "drive",
 ];
+/** What moves names or changes them. */
+const NAMED_ON = ["robots", "team", "selection", "layers", "camera", "drive", "theme"];
 
 /** @typedef {ReturnType<typeof makeScene>} Scene */
 /**
- * @typedef {{frames: number, js_ms: number[], age_ms: number[], bytes: number}} Stats
+ * @typedef {{frames: number, js_ms: number[], arrival_ms: number[], age_ms: number[], bytes: number}} Stats
  * Drawings and bytes so far. Of the newest drawings: ms of JavaScript, with those for what came since the last one, and
- * the age of the poses that were drawn for the first time.
+ * the age of the poses that were drawn for the first time, when they came and when they were drawn.
  */
 
 /** @param {import("../app.js").App} app @param {HTMLElement} element @param {Stats} stats */
 export function makeScene(app, element, stats) {
   const { store, camera } = app;
   const [lower, upper] = [document.createElement("canvas"), document.createElement("canvas")];
-  element.append(lower, upper);
+  /** @type {HTMLElement} */ (element.querySelector("#map")).append(lower, upper);
   const ctx = /** @type {CanvasRenderingContext2D} */ (upper.getContext("2d"));
   /** What has come since the last drawing. @type {Set<string>} */
   const changed = new Set(["theme"]);
@@ -50,13 +56,22 @@ export function makeScene(app, element, stats) {
     ratio = 1,
     pending = false,
     drawnFrame = -1,
-    fitted = "";
+    fitted = "",
+    asked = 0,
+    waited = 0;
+  /** Those of the last drawing. @type {import("./names.js").Name[]} */
+  let names = [];
+  /** Their places. @type {import("./paint.js").Box[]} */
+  let named = [];
 
   function requestDraw() {
     if (pending) return;
     pending = true;
+    asked = performance.now();
     requestAnimationFrame(() => {
       pending = false;
+      // A page that is not seen draws nothing for hours.
+      waited += 0.2 * (Math.min(performance.now() - asked, MOST_WAIT) - waited);
       draw();
     });
   }
@@ -68,15 +83,34 @@ export function makeScene(app, element, stats) {
   }
 
   function draw() {
-    const start = performance.now();
+    const start = performance.now(),
+      goesOn = moveRobots(start);
+    follow();
+    // A scan is drawn from halfway on: then its robot is nearest to where it was seen.
+    const later = store.poses.left > 0.5 && changed.delete("scans");
     /** @type {import("./paint.js").Pen} */
-    const pen = { ctx, app, theme, ratio, radius: below.radius, taken: [] };
-    const names = placeNames(pen),
-      drawn = below.draw(changed, theme, ratio, names);
+    const pen = { ctx, app, theme, ratio, radius: below.radius, reach: below.reach, names, taken: [] };
+    if (NAMED_ON.some((name) => changed.has(name))) {
+      pen.names = names = placeNames(pen);
+      named = [...pen.taken];
+    } else pen.taken.push(...named);
+    const drawn = below.draw(changed, theme, ratio, names);
     paintAbove(pen, painters);
     if (!drawn) paintNames(pen, names);
     changed.clear();
+    if (later) changed.add("scans");
     note(start);
+    if (goesOn) requestDraw();
+  }
+
+  /** Between two poses the robots are drawn on their way, unless the world stands or too few pictures would come.
+   * @param {number} now ms @returns {boolean} whether they will be elsewhere in the next picture */
+  function moveRobots(now) {
+    const { poses, team } = store,
+      stands = team?.sim.present && team.sim.state !== "running";
+    if (!stands && waited < poses.period / 2) return poses.drawAt(now);
+    poses.arrive();
+    return false;
   }
 
   /** @param {number} start ms */
@@ -89,6 +123,7 @@ export function makeScene(app, element, stats) {
     app.connection.decodingMs = 0;
     if (frame.number === drawnFrame || frame.age < 0) return;
     drawnFrame = frame.number;
+    keep(stats.arrival_ms, 1000 * frame.age);
     keep(stats.age_ms, 1000 * frame.age + now - frame.received);
   }
 
@@ -107,22 +142,24 @@ export function makeScene(app, element, stats) {
 
   /** Shows the whole map, or all robots if there is none. */
   function fit() {
-    const box = boxOf(store);
+    const box = mapBox(store) ?? robotsBox(store);
     if (box) camera.fit(box);
   }
 
-  /** Until the user moves the camera it fits what comes: a map, or without one the first robots. */
+  /** Until the user moves the camera it fits what comes: robots with what is around them, or before them a map. */
   function fitFirst() {
     if (camera.placed) return;
-    const about = `${store.grids.size ? boxOf(store) : store.poses.count} ${camera.width} ${camera.height}`;
+    const { count } = store.poses,
+      about = `${count || mapBox(store)} ${camera.width} ${camera.height}`;
     if (about === fitted) return;
     fitted = about;
-    fit();
+    const box = robotsBox(store) ?? mapBox(store);
+    if (box) camera.fit(box);
     camera.placed = false;
   }
 
   function follow() {
-    const pose = camera.follow >= 0 ? store.poses.at(camera.follow) : null;
+    const pose = camera.follow >= 0 ? store.poses.drawn(camera.follow) : null;
     if (pose && (pose.x !== camera.x || pose.y !== camera.y)) camera.set({ x: pose.x, y: pose.y });
   }
 
@@ -131,7 +168,6 @@ export function makeScene(app, element, stats) {
     theme = readTheme(element);
     change("theme");
   });
-  store.on("robots", follow);
   store.on("robots", fitFirst);
   store.on("grids", fitFirst);
   new ResizeObserver(resize).observe(element);
@@ -143,6 +179,7 @@ export function makeScene(app, element, stats) {
     requestDraw,
     fit,
     radius: below.radius,
+    works: below.works,
     /** A picture of both canvases. @returns {Promise<Blob>} */
     png() {
       draw();
@@ -168,18 +205,24 @@ function keep(list, value) {
   if (list.length > KEPT) list.shift();
 }
 
-/** @param {import("../store.js").Store} store @returns {[number, number, number, number] | null} in map */
-function boxOf(store) {
-  for (const [key, tiles] of store.grids) {
+/** @typedef {[number, number, number, number]} Extent xmin, ymin, xmax, ymax in map */
+
+/** @param {import("../store.js").Store} store @returns {Extent | null} */
+function mapBox({ grids }) {
+  for (const [key, tiles] of grids) {
     const meta = tiles.values().next().value?.meta;
     if (!meta || !isMap(key)) continue;
     return [meta.x, meta.y, meta.x + meta.width * meta.resolution, meta.y + meta.height * meta.resolution];
   }
-  const { poses } = store;
+  return null;
+}
+
+/** All robots, with AROUND on each side. @param {import("../store.js").Store} store @returns {Extent | null} */
+function robotsBox({ poses }) {
   if (!poses.count) return null;
   const xs = poses.x.subarray(0, poses.count),
     ys = poses.y.subarray(0, poses.count);
-  return [Math.min(...xs) - 2, Math.min(...ys) - 2, Math.max(...xs) + 2, Math.max(...ys) + 2];
+  return [Math.min(...xs) - AROUND, Math.min(...ys) - AROUND, Math.max(...xs) + AROUND, Math.max(...ys) + AROUND];
 }
 
 /** Calls a function when the window comes to a screen of another density. @param {() => void} changed */

@@ -1,12 +1,13 @@
 /** Things with outlines, filled and with an edge: many of one shape in one call. */
 
 import { makeProgram, setAttributes, useProgram } from "./gl.js";
-import { frontOf, radiusOf, triangulate } from "./polygons.js";
+import { frontOf, radiusOf, reachOf, triangulate } from "./polygons.js";
 
 const VERTEX = `
 uniform mat3 camera;
 uniform vec2 pixels;
 uniform float grow;                       // so that a far robot is still seen
+uniform float left;                       // of the way to the pose
 uniform vec2 widths;                      // of an edge, and of a selected robot's, in device pixels
 layout(location = 0) in vec4 ends;        // of an edge; a filled corner has both the same
 layout(location = 1) in vec2 kind;        // which corner of the edge's quad (-1: filled), 1: of the mark at the front
@@ -14,11 +15,13 @@ layout(location = 2) in vec3 pose;
 layout(location = 3) in vec4 fill;
 layout(location = 4) in vec4 edge;
 layout(location = 5) in float selected;
+layout(location = 6) in vec3 way;
 out vec4 color;
 vec2 place(vec2 p) {
   vec2 q = grow * p;
-  float c = cos(pose.z), s = sin(pose.z);
-  return (camera * vec3(pose.xy + vec2(c * q.x - s * q.y, s * q.x + c * q.y), 1.0)).xy;
+  vec3 at = pose - left * way;
+  float c = cos(at.z), s = sin(at.z);
+  return (camera * vec3(at.xy + vec2(c * q.x - s * q.y, s * q.x + c * q.y), 1.0)).xy;
 }
 void main() {
   vec2 a = place(ends.xy);
@@ -38,11 +41,11 @@ in vec4 color;
 out vec4 result;
 void main() { result = color; }`;
 
-const WORDS = 6;
+const WORDS = 9;
 const QUAD = [0, 1, 2, 2, 1, 3];
 
 /** @typedef {[number, number][][]} Outline polygons in metres, in the thing's own frame */
-/** @typedef {{radius: number, vertices: number, array: WebGLVertexArrayObject, instances: WebGLBuffer, floats:
+/** @typedef {{radius: number, reach: number, vertices: number, array: WebGLVertexArrayObject, instances: WebGLBuffer, floats:
  *   Float32Array,
  *  words: Uint32Array, count: number}} Mesh */
 
@@ -108,6 +111,7 @@ export function makeShapes(gl, marked) {
         { place: 3, ...bytes, offset: 12 },
         { place: 4, ...bytes, offset: 16 },
         { place: 5, size: 1, offset: 20 },
+        { place: 6, size: 3, offset: 24 },
       ],
       4 * WORDS,
       1,
@@ -144,6 +148,7 @@ export function makeShapes(gl, marked) {
       );
       const mesh = {
         radius: radiusOf(outline),
+        reach: reachOf(outline),
         vertices: vertices.length / 6,
         array,
         instances,
@@ -166,8 +171,11 @@ export function makeShapes(gl, marked) {
      * @param {number} yaw in map
      * @param {number} fill packed
      * @param {number} edge packed
-     * @param {boolean} bold */
-    add(mesh, x, y, yaw, fill, edge, bold) {
+     * @param {boolean} bold
+     * @param {number} [dx]
+     * @param {number} [dy]
+     * @param {number} [dyaw] the way to this pose */
+    add(mesh, x, y, yaw, fill, edge, bold, dx = 0, dy = 0, dyaw = 0) {
       if ((mesh.count + 1) * WORDS > mesh.floats.length) grow(mesh);
       const place = mesh.count++ * WORDS;
       mesh.floats[place] = x;
@@ -176,17 +184,22 @@ export function makeShapes(gl, marked) {
       mesh.words[place + 3] = fill;
       mesh.words[place + 4] = edge;
       mesh.floats[place + 5] = bold ? 1 : 0;
+      mesh.floats[place + 6] = dx;
+      mesh.floats[place + 7] = dy;
+      mesh.floats[place + 8] = dyaw;
     },
 
     /** @param {Float32Array} camera
      * @param {number} scale CSS pixels a metre
      * @param {number} ratio device pixels a CSS pixel
-     * @param {number} least radius in CSS pixels */
-    draw(camera, scale, ratio, least) {
+     * @param {number} least radius in CSS pixels
+     * @param {number} [left] share of the ways that is left */
+    draw(camera, scale, ratio, least, left = 0) {
       if (useProgram(gl, filled, camera)) {
         gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
         gl.uniform2f(at.widths, 1.25 * ratio, 3 * ratio);
       }
+      gl.uniform1f(at.left, left);
       for (const mesh of meshes.values()) {
         if (!mesh.count) continue;
         gl.uniform1f(at.grow, Math.max(1, least / (scale * mesh.radius)));

@@ -9,14 +9,21 @@ const TOOL_KEYS = /** @type {Record<string, string>} */ ({
   v: "move",
   r: "measure",
 });
+/** Inputs that no text goes into. */
+const WITHOUT_TEXT = ["checkbox", "radio", "range", "color", "file", "button", "submit", "reset"];
 const STEP = 60;
 const TURN = Math.PI / 12;
 const ZOOM = 1.25;
 
-/** Whether a key is meant for a field or a dialogue, not for the map. @param {KeyboardEvent} event */
-export function isTyped(event) {
-  const target = event.target;
-  return target instanceof Element && target.closest("input, textarea, select, dialog, [contenteditable]") !== null;
+/**
+ * Whether a key is meant for a field that takes text, or for a dialogue that is open, not for the map: a checkbox or a
+ * list that was clicked last keeps the focus, and takes no shortcut away.
+ * @param {Event} event
+ */
+export function isTyped({ target }) {
+  if (document.querySelector("dialog[open]")) return true;
+  if (target instanceof HTMLInputElement && WITHOUT_TEXT.includes(target.type)) return false;
+  return target instanceof Element && target.closest("input, textarea, [contenteditable]") !== null;
 }
 
 /** Follow the selected robot with the camera, or no longer. @param {import("../app.js").App} app */
@@ -28,11 +35,15 @@ export function toggleFollow(app) {
   app.camera.set(pose ? { x: pose.x, y: pose.y, follow: first } : { follow: first });
 }
 
-/** @param {import("../app.js").App} app @param {() => void} cancel what goes on */
-export function listenToKeys(app, cancel) {
+/**
+ * @param {import("../app.js").App} app
+ * @param {ReturnType<typeof import("./cursor.js").makeCursor>} cursor takes keys first, while the map has the focus
+ * @param {() => void} cancel what goes on
+ */
+export function listenToKeys(app, cursor, cancel) {
   const { camera } = app;
-  /** @param {number} factor @param {number} [turn] */
-  const zoom = (factor, turn) => camera.zoom(camera.width / 2, camera.height / 2, factor, turn);
+  /** About the cursor, or the middle. @param {number} factor @param {number} [turn] */
+  const zoom = (factor, turn) => camera.zoom(...(cursor.place() ?? [camera.width / 2, camera.height / 2]), factor, turn);
   /** @type {Record<string, () => void>} */
   const actions = {
     Escape: cancel,
@@ -55,19 +66,21 @@ export function listenToKeys(app, cancel) {
 
   window.addEventListener("keydown", (event) => {
     if (app.drive?.mode || event.defaultPrevented || isTyped(event) || event.altKey || event.metaKey) return;
+    if (cursor.key(event)) return event.preventDefault();
     if (event.ctrlKey) {
       if (event.key !== "a") return;
       event.preventDefault();
       return app.select(app.store.poses.index.keys());
     }
     const act = actions[event.key];
-    if (!act || (isOnControl(event) && event.key.startsWith("Arrow"))) return;
+    if (!act || (isOnControl(event) && /^Arrow|^Home$/.test(event.key))) return;
     event.preventDefault();
     act();
   });
 }
 
 /** Arrows move between the buttons and rows of a panel, not the map. @param {KeyboardEvent} event */
-function isOnControl(event) {
-  return event.target instanceof Element && event.target.closest("button, a, [tabindex], #panel") !== null;
+function isOnControl({ target }) {
+  if (!(target instanceof Element) || target.id === "map") return false;
+  return target.closest("button, a, input, select, [tabindex], #panel, #dock") !== null;
 }

@@ -1,6 +1,6 @@
 /** Measuring: the distance and direction between two places. It stays until the next one. */
 
-import { label } from "../scene/paint.js";
+import { label, strokeWithHalo } from "../scene/paint.js";
 
 /** @param {number} dx @param {number} dy metres @returns {string} such as "3.42 m  57°" */
 export function measureText(dx, dy) {
@@ -41,24 +41,17 @@ export function makeMeasureTool(app) {
         [[ax, ay], [bx, by]] = ends;
       const [px, py] = app.camera.toScreen(ax, ay),
         [qx, qy] = app.camera.toScreen(bx, by);
-      for (const [color, width] of /** @type {[string, number][]} */ ([
-        [theme.css.halo, 5],
-        [theme.css.accent, 2],
-      ])) {
-        ctx.strokeStyle = color;
-        ctx.lineWidth = width;
-        ctx.beginPath();
-        ctx.moveTo(px, py);
-        ctx.lineTo(qx, qy);
-        for (const [x, y] of [
-          [px, py],
-          [qx, qy],
-        ]) {
-          ctx.moveTo(x + 4, y);
-          ctx.arc(x, y, 4, 0, 2 * Math.PI);
-        }
-        ctx.stroke();
+      ctx.beginPath();
+      ctx.moveTo(px, py);
+      ctx.lineTo(qx, qy);
+      for (const [x, y] of [
+        [px, py],
+        [qx, qy],
+      ]) {
+        ctx.moveTo(x + 4, y);
+        ctx.arc(x, y, 4, 0, 2 * Math.PI);
       }
+      strokeWithHalo(pen, theme.css.accent, 2);
       label(pen, measureText(bx - ax, by - ay), (px + qx) / 2, (py + qy) / 2 - 14, { bold: true });
     },
   };

@@ -21,11 +21,10 @@ export function makeMoveTool(app) {
   async function send(sent) {
     sent.state = "sent";
     const { robot, x, y, yaw } = sent,
-      error = await app.send({ op: "move", robot, x, y, yaw });
+      error = await app.ask({ op: "move", robot, x, y, yaw }, `Robot ${robot} was not moved`);
     if (ghost !== sent) return;
     if (!error) ghost = null;
     else {
-      app.say(`Robot ${robot} was not moved: ${error}`, "error");
       sent.state = "refused";
       setTimeout(() => {
         if (ghost === sent) ghost = null;

@@ -9,9 +9,8 @@ const TURN_STEP = 0.002;
 
 /** @typedef {import("./pose.js").Point} Point */
 /** @typedef {{down(point: Point): boolean | void, move(point: Point): void, up(point: Point): void, cancel(): void,
- * paint(pen: import("../scene/paint.js").Pen): void, wheel?(steps: number): boolean}} Tool `down` returns false if
- *   the press is
- *  not for the tool: then it moves the map */
+ * paint(pen: import("../scene/paint.js").Pen): void, wheel?(steps: number): boolean, hover?(point: Point | null): void}} Tool
+ *   `down` returns false if the press is not for the tool: then it moves the map */
 
 /**
  * The robot at a place of the screen; -1: none.
@@ -24,7 +23,7 @@ export function robotAt({ store, camera, scene }, px, py) {
     nearest = Infinity;
   const { poses } = store;
   for (let i = 0; i < poses.count; i++) {
-    const [x, y] = camera.toScreen(poses.x[i], poses.y[i]),
+    const [x, y] = camera.toScreen(...poses.drawnAt(i)),
       distance = Math.hypot(px - x, py - y);
     if (distance >= nearest) continue;
     const radius = Math.max(MIN_RADIUS, (scene?.radius(poses.ids[i]) ?? 0) * camera.scale);
@@ -58,7 +57,7 @@ export function listenToPointer(app, element, tool) {
     const point = pointOf(event);
     if (event.pointerType === "touch") {
       fingers.set(event.pointerId, point);
-      if (fingers.size > 1) return cancel();
+      if (fingers.size > 1) return void cancel();
     } else if (press) return;
     const using = tool();
     const taken = event.button === 0 && using.down(point) !== false;
@@ -70,12 +69,22 @@ export function listenToPointer(app, element, tool) {
   /** @param {PointerEvent} event */
   function move(event) {
     if (fingers.size > 1) return gesture(event);
-    if (press?.id !== event.pointerId) return;
+    if (!press) return hover(event);
+    if (press.id !== event.pointerId) return;
     const point = pointOf(event);
     if (press.does === "tool") press.using.move(point);
     else if (press.does === "pan") app.camera.pan(point.px - press.px, point.py - press.py);
     else app.camera.zoom(element.clientWidth / 2, element.clientHeight / 2, 1, turnAbout(press, point));
     [press.px, press.py] = [point.px, point.py];
+    app.scene?.requestDraw();
+  }
+
+  /** The pointer moves without a press, or leaves. @param {PointerEvent} event */
+  function hover(event) {
+    const using = tool(),
+      outside = event.type === "pointerleave" || (event.target instanceof Element && event.target.closest("[data-own-pointer]"));
+    if (!using.hover) return;
+    using.hover(outside ? null : pointOf(event));
     app.scene?.requestDraw();
   }
 
@@ -114,10 +123,13 @@ export function listenToPointer(app, element, tool) {
     app.scene?.requestDraw();
   }
 
+  /** @returns {boolean} whether there was a press to cancel */
   function cancel() {
+    const had = press !== null;
     if (press?.does === "tool") press.using.cancel();
     press = null;
     app.scene?.requestDraw();
+    return had;
   }
 
   /** @param {WheelEvent} event */
@@ -131,7 +143,14 @@ export function listenToPointer(app, element, tool) {
   }
 
   element.addEventListener("pointerdown", down);
+  // A press takes the focus away from fields and lists, and does not give it to the map: arrows move the map then.
+  element.addEventListener("mousedown", (event) => {
+    if (event.target instanceof Element && event.target.closest("[data-own-pointer]")) return;
+    event.preventDefault();
+    if (document.activeElement instanceof HTMLElement) document.activeElement.blur();
+  });
   element.addEventListener("pointermove", move);
+  element.addEventListener("pointerleave", hover);
   element.addEventListener("pointerup", up);
   element.addEventListener("pointercancel", (event) => {
     fingers.delete(event.pointerId);

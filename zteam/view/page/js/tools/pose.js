@@ -1,9 +1,14 @@
 /** Tools that give a pose: press for the place, drag for the heading. */
 
+import { judge } from "../costs.js";
 import { paintGoal } from "../scene/goals.js";
+import { label } from "../scene/paint.js";
 
 /** A drag of fewer pixels gives no heading. */
 const MIN_DRAG = 8;
+/** A second press within so many ms and pixels sends a goal that was not sent at the first one. */
+const ASK_LIMIT = 15000;
+const SAME = 15;
 
 /** @typedef {import("../app.js").App} App */
 /**
@@ -71,17 +76,63 @@ export function chosenRobots({ store }) {
   return store.robots.size === 1 ? [...store.robots.keys()] : [];
 }
 
-/** @param {App} app */
+/**
+ * A goal where a robot cannot stand is sent by a second press at the same place: the map may be wrong or old.
+ * @param {App} app
+ */
 export function makeGoalTool(app) {
-  return makePoseTool(
+  /** @type {Point | null} where the pointer is */
+  let at = null;
+  /** @type {{x: number, y: number, time: number} | null} the place of the press that was not sent */
+  let asked = null;
+
+  /** Whether to send it; if not it says why. @param {number[]} robots @param {number} x @param {number} y */
+  function isMeant(robots, x, y) {
+    const found = judge(app.store, robots, x, y),
+      now = performance.now(),
+      before = asked;
+    asked = null;
+    if (!found?.bad) return true;
+    const isSecond = before && now - before.time < ASK_LIMIT && Math.hypot(x - before.x, y - before.y) * app.camera.scale < SAME;
+    if (isSecond) return true;
+    asked = { x, y, time: now };
+    app.say(`Goal not sent: ${found.text}. Press again at the same place to send it anyway`, "error");
+    return false;
+  }
+
+  const tool = makePoseTool(
     app,
-    async (x, y, yaw) => {
+    (x, y, yaw) => {
       const robots = chosenRobots(app);
-      const error = await app.send({ op: "goal", robots, x, y, yaw: yaw ?? headingTo(app, robots, x, y) });
-      if (error) app.say(`Goal: ${error}`, "error");
+      if (isMeant(robots, x, y)) app.ask({ op: "goal", robots, x, y, yaw: yaw ?? headingTo(app, robots, x, y) }, "Goal");
     },
     () => chosenRobots(app).length > 0 || refuse(app, "Goal: select the robots first (s)"),
   );
+  return {
+    ...tool,
+    /** @param {Point | null} point */
+    hover(point) {
+      at = point;
+    },
+    /** @param {Point} point */
+    down(point) {
+      at = point;
+      tool.down(point);
+    },
+    cancel() {
+      asked = at = null;
+      tool.cancel();
+    },
+    /** @param {import("../scene/paint.js").Pen} pen */
+    paint(pen) {
+      tool.paint(pen);
+      // The camera may have moved under the pointer.
+      const found = at && judge(app.store, chosenRobots(app), ...app.camera.toMap(at.px, at.py));
+      if (!at || !found) return;
+      const { css } = pen.theme;
+      label(pen, found.text, at.px + 14, at.py + 16, { align: "left", bold: found.bad, color: found.bad ? css.danger : css.text });
+    },
+  };
 }
 
 /** @param {App} app */
@@ -101,10 +152,7 @@ export function makeInitialPoseTool(app) {
 export function makeSpawnTool(app) {
   return makePoseTool(
     app,
-    async (x, y, yaw) => {
-      const error = await app.send({ op: "spawn", model: app.spawnModel, x, y, yaw: yaw ?? 0 });
-      if (error) app.say(`Spawn: ${error}`, "error");
-    },
+    (x, y, yaw) => app.ask({ op: "spawn", model: app.spawnModel, behavior: app.spawnBehavior, x, y, yaw: yaw ?? 0 }, "Spawn"),
     () => app.spawnModel !== "" || refuse(app, "Spawn: choose a model first"),
   );
 }

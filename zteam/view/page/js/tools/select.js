@@ -15,7 +15,7 @@ export function makeSelectTool(app) {
       { poses } = app.store;
     const ids = [];
     for (let i = 0; i < poses.count; i++) {
-      const [px, py] = app.camera.toScreen(poses.x[i], poses.y[i]);
+      const [px, py] = app.camera.toScreen(...poses.drawnAt(i));
       if ((px - start.px) * (px - last.px) <= 0 && (py - start.py) * (py - last.py) <= 0) ids.push(poses.ids[i]);
     }
     return ids;

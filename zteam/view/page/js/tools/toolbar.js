@@ -39,11 +39,7 @@ function makeButton(name, title, act) {
   path.setAttribute("d", ICONS[name]);
   svg.append(path);
   button.append(svg);
-  button.addEventListener("click", () => {
-    act();
-    // Keys go to the map again, not to the button.
-    button.blur();
-  });
+  button.addEventListener("click", act);
   return button;
 }
 
@@ -55,6 +51,13 @@ export function mountToolbar(app, bar) {
   const follow = makeButton("follow", "Follow the selected robot with the view (Shift+F)", () => toggleFollow(app));
   bar.append(...tools, drive, separator(), fit, follow);
 
+  let followed = app.camera.follow;
+  app.store.on("camera", () => {
+    if (followed === app.camera.follow) return;
+    followed = app.camera.follow;
+    show();
+  });
+
   function show() {
     const commands = app.store.connection.mayCommand;
     for (const button of tools) {
@@ -65,7 +68,7 @@ export function mountToolbar(app, bar) {
     drive.setAttribute("aria-pressed", String(app.drive?.mode ?? false));
     follow.setAttribute("aria-pressed", String(app.camera.follow >= 0));
   }
-  for (const name of ["tool", "drive", "camera", "connection"]) app.store.on(name, show);
+  for (const name of ["tool", "drive", "connection"]) app.store.on(name, show);
   show();
 }
 

@@ -1,5 +1,7 @@
 /** The tools of the map: one of them takes the mouse. */
 
+import { makeCursor } from "./cursor.js";
+import { cancelGoals, liveGoals } from "../goals.js";
 import { makeMeasureTool } from "./measure.js";
 import { makeMoveTool } from "./move.js";
 import { listenToPointer } from "./pointer.js";
@@ -20,19 +22,26 @@ export function mountTools(app, element, bar) {
     spawn: makeSpawnTool(app),
   };
   const pointer = listenToPointer(app, element, () => tools[app.tool]);
+  const [map, said] = ["map", "map-cursor"].map((id) => /** @type {HTMLElement} */ (document.getElementById(id)));
+  const cursor = makeCursor(app, map, said, () => tools[app.tool]);
   let used = app.tool;
   app.store.on("tool", (name) => {
     pointer.cancel();
+    cursor.cancel();
     tools[used].cancel();
     used = name;
     element.dataset.tool = name;
   });
-  app.scene?.painters.push((pen) => tools[app.tool].paint(pen));
+  app.scene?.painters.push((pen) => tools[app.tool].paint(pen), cursor.paint);
   const cancel = () => {
-    pointer.cancel();
+    const pressed = [pointer.cancel(), cursor.cancel()].includes(true),
+      idle = !pressed && app.tool === "select";
     tools[app.tool].cancel();
     app.useTool("select");
+    const robots = idle && app.store.connection.mayCommand ? liveGoals(app.store).map(({ robot }) => robot) : [];
+    const chosen = robots.filter((robot) => app.store.selection.has(robot));
+    if (chosen.length) cancelGoals(app, chosen);
   };
-  listenToKeys(app, cancel);
+  listenToKeys(app, cursor, cancel);
   mountToolbar(app, bar);
 }
