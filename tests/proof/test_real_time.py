@@ -48,7 +48,7 @@ def test_a_page_sees_the_team_of_up(team: TeamFixture) -> None:
     """A page over WebSocket shows poses and scans of the team that `zteam up --view` runs."""
     name = team.spawn("zteam", "up", "line", "--view", "--no-browser")
     team.wait_for_line(name, "the view is at http://127.0.0.1:")
-    line = next(line for line in team.lines(name) if "the view is at" in line)
+    line = next(line for line in team.lines(name) if "the view is at http" in line)
     port, _, token = line.partition("127.0.0.1:")[2].partition("/#token=")
     with open_page(int(port), token=token.strip()) as page:
         assert page.welcome["may_command"] is True

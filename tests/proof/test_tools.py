@@ -41,9 +41,14 @@ def test_the_tools_of_the_readme_work_on_a_running_team(
         assert done.stdout or words[1] == "teleop", command
         if words[1:3] == ["sim", "pause"]:
             assert team.command("sim", "resume").returncode == 0
-    measured = team.command("topic", "hz", "robot_0/base_scan", "--clock", "sim", "--once", "--json")
-    # A scan may come before the clock of its tick or after it: eleven scans in nine to eleven tenths of a second.
-    assert json.loads(measured.stdout)["rate"] == pytest.approx(10.0, abs=1.2), measured.stderr
+
+    def rate() -> float:
+        measured = team.command("topic", "hz", "robot_0/base_scan", "--clock", "sim", "--once", "--json")
+        return float(json.loads(measured.stdout)["rate"])
+
+    # A scan may come before the clock of its tick or after it: eleven scans in nine to eleven tenths of a second. On a
+    # crowded machine a second brings fewer scans, and the same step counts for more.
+    team.wait_for(lambda: rate() == pytest.approx(10.0, abs=1.2))
 
 
 def commanded(team: TeamFixture) -> float:

@@ -9,6 +9,7 @@ import pytest
 from support.limits import LIMIT
 from support.pairs import PAIR
 from zteam.config.fault import Fault
+from zteam.node.kinds import ROUTER
 from zteam.team.chaos.plan import plan_text
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
@@ -22,21 +23,32 @@ PLAN = (
 )
 
 
+def run_in(folder: Path, *options: str) -> str:
+    """The hash of seven seconds of `team.toml` in lock-step; whatever the plan, no robot moves on without commands."""
+    words = ("team.toml", "--lockstep", "--for", "7", "--report", "run.json", *options)
+    done = subprocess.run(
+        zteam_command("zteam", "up", *words), cwd=folder, capture_output=True, text=True, timeout=LIMIT,
+        check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert ("no robot moved longer than the watchdog allows" in done.stdout) == ("--chaos" in options)
+    report = json.loads((folder / "run.json").read_text())
+    assert report["hung"] == []
+    return str(report["trajectory_sha256"])
+
+
 def test_a_plan_of_lock_step_is_the_same_run_with_processes(tmp_path: Path) -> None:
     """One process each and all in one process give the same trajectory under the same faults, and exit code 0."""
     (tmp_path / "team.toml").write_text(PAIR)
     (tmp_path / "plan.toml").write_text(plan_text(PLAN))
-    hashes = []
-    for options in ((), ("--in-process",)):
-        words = ("team.toml", "--lockstep", "--for", "7", "--chaos", "plan.toml", "--report", "run.json", *options)
-        done = subprocess.run(
-            zteam_command("zteam", "up", *words), cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT,
-            check=False, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "no robot moved longer than the watchdog allows" in done.stdout
-        hashes.append(json.loads((tmp_path / "run.json").read_text())["trajectory_sha256"])
-    assert hashes[0] == hashes[1]
+    assert run_in(tmp_path, "--chaos", "plan.toml") == run_in(tmp_path, "--chaos", "plan.toml", "--in-process")
+
+
+def test_a_killed_router_changes_no_run_of_lock_step(tmp_path: Path) -> None:
+    """The world waits for the next router, and all take part as before: the trajectory is that without faults."""
+    (tmp_path / "team.toml").write_text(PAIR.replace("[team]", '[team]\nrestart = "on-failure"'))
+    (tmp_path / "plan.toml").write_text(plan_text([Fault(at=at, fault="kill", name=ROUTER) for at in (2.0, 4.0)]))
+    assert run_in(tmp_path, "--chaos", "plan.toml", "--lockstep-timeout", "60") == run_in(tmp_path, "--in-process")
 
 
 def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_a_run_needs_no_disk_no_shared_memory_and_no_home(tmp_path: Path) -> Non
     assert (without.returncode, trajectory(without)) == (0, trajectory(done))
 
 
-@pytest.mark.parametrize(("limit", "way_out"), [("-n 12", "ulimit -n"), ("-v 700000", "ulimit -v")])
+@pytest.mark.parametrize(("limit", "way_out"), [("-n 12", "ulimit -n"), ("-v 260000", "ulimit -v")])
 def test_a_limit_that_is_too_low_is_named(tmp_path: Path, limit: str, way_out: str) -> None:
     """With too few descriptors or too little memory one line names the limit to raise; there is no traceback."""
     done = run(f"ulimit {limit}; {UP}", tmp_path)

@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
+from support.freezing import wait_until_frozen
 from support.limits import LIMIT
 from zteam import names
 from zteam.bus import BusOptions, connect
@@ -159,6 +160,8 @@ def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPa
         for robot in robots:
             robot.signal(signal.SIGSTOP)
         faulty.signal(signal.SIGKILL if fault == ROUTER else signal.SIGSTOP)
+        if fault == names.SIMULATOR:
+            wait_until_frozen(faulty.pid)
         for _ in range(12):
             commands.put(Twist(Vector3(-0.4)))
             pause(0.1)

@@ -3,12 +3,17 @@
 import json
 import os
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
+from zteam.bus import BusOptions, connect
+from zteam.bus.options import TlsFiles
+from zteam.errors import BusError
 from zteam.node.kinds import ROUTER
+from zteam.node.starting import start_robot
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
@@ -69,7 +74,8 @@ def test_a_secure_team_drives_as_a_plain_one(team_file: Path, tmp_path: Path) ->
 
 
 def test_tools_are_let_in_with_the_certificate_that_up_prints(team_file: Path, tmp_path: Path) -> None:
-    """The doctor finds no problem, and the simulator obeys; a tool without a certificate is told what is missing."""
+    """The doctor finds no problem, and the simulator obeys; a tool without a certificate is told what is missing; one
+    without the grant is told that it may not start processes."""
     launcher = subprocess.Popen(
         zteam_command("zteam", "up", str(team_file), "--secure", "my certs"),
         cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
@@ -91,6 +97,10 @@ def test_tools_are_let_in_with_the_certificate_that_up_prints(team_file: Path, t
         assert done.returncode == 0, found
         assert found["certificate"]["text"].startswith("operator.1, valid for ")
         assert zteam("sim", "pause", environment=environment, cwd=tmp_path).returncode == 0
+        files = TlsFiles(*(environment[f"ZTEAM_TLS_{part}"] for part in ("CA", "CERT", "KEY")))
+        refused = pytest.raises(BusError, match="this process's certificate may not ask for it")
+        with closing(connect(BusOptions(endpoint, tls=files), patience=LIMIT)) as bus, refused:
+            start_robot(bus, 1, "wander")
         outside = zteam("node", "list", "--connect", endpoint.replace("tls/", "tcp/"), environment={}, cwd=tmp_path)
         assert outside.returncode == 1
         assert "takes TLS only" in outside.stderr

@@ -22,6 +22,7 @@ from zteam.node.kinds import ROUTER
 from zteam.team.chaos.means import means_on_bus
 from zteam.team.chaos.observer import Observer, Violation
 from zteam.team.chaos.plan import plan_text, random_plan
+from zteam.team.chaos.run import Outcome
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, zteam_command
 from zteam.team.launch.report import RunReport
@@ -30,6 +31,8 @@ _EARLY, _LOOKS = 2, 20
 """What the processes hold is looked at so often, at equal distances; this look counts as early."""
 _PATIENCE = 120.0
 """Host seconds without progress after which the run is given up."""
+SLOW = 1.5
+"""Host seconds within which a team is to recover from a fault."""
 
 
 class Footprint(msgspec.Struct):
@@ -65,11 +68,13 @@ class FaultFigures(msgspec.Struct):
     recovery_p50: float | None
     """Host seconds."""
     recovery_max: float | None
+    slow: list[Outcome]
+    """Those that took longer than `SLOW`."""
     violations: list[Violation]
     """Each truth in which a robot moved longer than the watchdog allows."""
     restarts: dict[str, int]
     hung: list[str]
-    """What lock-step left behind; `router` where the simulator lost its link. It makes the exit code 1."""
+    """What lock-step left behind. It makes the exit code 1."""
     crashed: list[str]
     """Processes that ended by an error or a signal that the plan did not send."""
     left_processes: list[str]
@@ -248,6 +253,7 @@ def _figures(
         dict(Counter(each.problem for each in report.chaos.faults if each.problem)),
         round(times[len(times) // 2], 3) if times else None,
         round(times[-1], 3) if times else None,
+        [each for each in report.chaos.faults if (each.recovery or 0.0) > SLOW],
         report.chaos.violations,
         report.restarts,
         report.hung,

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from studies.view.browser import DrawFigures, measure_drawing
+from studies.view.foxglove import FoxgloveFigures, measure_foxglove
 from studies.view.page import FrameFigures, Page
 from studies.view.stage import TOKEN, crowd, processes, start_view, team
 from studies.view.starting import StartFigures, measure_start
@@ -17,7 +18,7 @@ from zteam.errors import ZteamError
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.report import RunReport
 
-PARTS = ("load", "slow", "many", "cost", "browser", "start")
+PARTS = ("load", "slow", "many", "cost", "foxglove", "browser", "start")
 SLOW_FRAME = 0.5
 """Host seconds that a slow page takes a frame."""
 MANY, STARTS = 10, 5
@@ -66,6 +67,7 @@ class ViewFigures(msgspec.Struct):
     drawings: list[DrawFigures] = []
     many: list[FrameFigures] = []
     """Of ten pages at once at one view."""
+    foxglove: FoxgloveFigures | None = None
     start: StartFigures | None = None
     no_browser: str = ""
     """Why nothing was drawn."""
@@ -74,7 +76,7 @@ class ViewFigures(msgspec.Struct):
 def measure_view(
     world: Path, seconds: float, pairs: int, parts: tuple[str, ...], progress: Progress = lambda _text: None
 ) -> ViewFigures:
-    """Measure `parts` of load, slow, many, cost, browser and start; a load for `seconds`, the cost in so many pairs."""
+    """Measure `parts` of PARTS; a load for `seconds`, the cost in so many pairs."""
     figures = ViewFigures()
     if "load" in parts:
         for robots in (4, 100):
@@ -88,6 +90,9 @@ def measure_view(
         figures.many = measure_many_pages(seconds)
     if "cost" in parts:
         figures.cost = measure_cost(world, pairs, progress)
+    if "foxglove" in parts:
+        progress("a client of Foxglove's protocol, 20 robots")
+        figures.foxglove = measure_foxglove(seconds)
     try:
         for robots in (100, 1000) if "browser" in parts else ():
             progress(f"a browser, {robots} robots")

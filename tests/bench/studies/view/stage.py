@@ -3,13 +3,16 @@
 import math
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from studies.bare_zenoh import START_LIMIT
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
 from zteam.errors import ZteamError
+from zteam.messages import Clock, Twist, Vector3
 from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, Usage, zteam_command
 from zteam.team.launch.run import start_router, wait_for_endpoint
@@ -18,6 +21,8 @@ from zteam.team.launch.supervisor import Supervisor
 TOKEN = "bench"
 SPACING = 2.0
 """Metres between two robots of a crowd."""
+CIRCLE = Twist(Vector3(0.2), Vector3(z=0.8))
+"""Of 0.25 m radius."""
 _CROWD = """
 resolution 0.02
 define bench_robot position
@@ -64,14 +69,31 @@ class Stage(NamedTuple):
 
 
 @contextmanager
-def crowd(robots: int, beams: int) -> Iterator[Stage]:
-    """A simulator of many robots in real time, without any other process of a team, and a view."""
-    with TemporaryDirectory() as folder, processes() as (supervisor, endpoint):
+def crowd(robots: int, beams: int, *options: str) -> Iterator[Stage]:
+    """A simulator of many robots that drive in real time, without any other process of a team, and a view with these
+    options."""
+    with (
+        TemporaryDirectory() as folder,
+        processes() as (supervisor, endpoint),
+        closing(connect(BusOptions(connect=endpoint, namespace=""), patience=START_LIMIT)) as bus,
+    ):
         world = Path(folder) / "crowd.world"
         world.write_text(crowd_world(robots, beams))
         simulator = supervisor.start("sim", zteam_command("zteam-sim", str(world), "--connect", endpoint))
         _wait_for(supervisor, simulator, rf"{robots} robots?, a tick every")
-        yield Stage(supervisor, endpoint, start_view(supervisor, endpoint))
+        drive(bus, robots)
+        yield Stage(supervisor, endpoint, start_view(supervisor, endpoint, *options))
+
+
+def drive(bus: Bus, robots: int) -> None:
+    """Command so many robots at each tick: each drives a circle in its own place."""
+    wheels = [bus.publisher(names.robot_key(i, names.CMD_VEL), Twist) for i in range(robots)]
+
+    def command(_key: str, _tick: Clock) -> None:
+        for each in wheels:
+            each.put(CIRCLE)
+
+    bus.subscribe(names.CLOCK, Clock, command)
 
 
 @contextmanager
@@ -98,11 +120,16 @@ def processes() -> Iterator[tuple[Supervisor, str]]:
             supervisor.stop([ROUTER])
 
 
-def start_view(supervisor: Supervisor, endpoint: str) -> int:
+def start_view(supervisor: Supervisor, endpoint: str, *more: str) -> int:
     """Start a view; the port of its page."""
     options = ("--connect", endpoint, "--port", "0", "--token", TOKEN, "--no-browser", "--name", "view")
-    view = supervisor.start("view", zteam_command("zteam-view", *options))
-    return int(_wait_for(supervisor, view, r"http://127\.0\.0\.1:(\d+)/")[1])
+    supervisor.start("view", zteam_command("zteam-view", *options, *more))
+    return view_port(supervisor, r"http://127\.0\.0\.1:(\d+)/")
+
+
+def view_port(supervisor: Supervisor, pattern: str) -> int:
+    """The port that the view prints, the first group of `pattern`."""
+    return int(_wait_for(supervisor, supervisor.processes["view"], pattern)[1])
 
 
 def _wait_for(supervisor: Supervisor, process: Process, pattern: str) -> "re.Match[str]":

@@ -1,5 +1,6 @@
 """The figures of the study `view` as tables."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from zteam.cli.bench import figure
@@ -7,6 +8,7 @@ from zteam.cli.tables import format_table
 from zteam.config.numbers import counted
 
 if TYPE_CHECKING:
+    from studies.view.browser import DrawFigures
     from studies.view.figures import CostFigures, ViewFigures
     from studies.view.page import FrameFigures
     from studies.view.starting import StartFigures
@@ -31,19 +33,36 @@ def format_view(found: "ViewFigures") -> str:
         )
     if found.cost is not None:
         parts.append(_cost(found.cost))
+    if (client := found.foxglove) is not None:
+        parts.append(
+            f"Foxglove's protocol, 20 robots: {client.messages_per_s:.0f} scans/s, {client.kilobytes_per_s:.0f} kB/s "
+            f"for {100 * client.cores:.1f} % of a core ({100 * client.idle_cores:.1f} % without a subscription), "
+            f"{client.rss_mb} MB (resident)"
+        )
     if found.drawings:
-        head = ("browser", "frames/s", "JavaScript, ms a frame", "95 %", "age when drawn, ms", "95 %")
+        head = (
+            "browser", "pictures/s", "JavaScript, ms of a processor", "JavaScript, ms", "95 %", "age on arrival",
+            "95 %", "when drawn", "95 %",
+        )  # fmt: skip
         body = [
-            (f"{drawing.robots} robots, {drawing.beams} beams", figure(drawing.frames_per_s), figure(drawing.js_p50),
-             figure(drawing.js_p95), figure(drawing.age_p50), figure(drawing.age_p95))
-            for drawing in found.drawings
-        ]  # fmt: skip
+            (
+                f"{each.robots} robots, {each.beams} beams",
+                *map(figure, (each.frames_per_s, each.script_ms)),
+                *_spreads(each),
+            )
+            for each in found.drawings
+        ]
         parts.append(format_table(head, body, numbers_from=1))
     if found.start is not None:
         parts.append(_start(found.start))
     if found.no_browser:
         parts.append(f"no browser: {found.no_browser}")
     return "\n\n".join(parts)
+
+
+def _spreads(drawing: "DrawFigures") -> Iterator[str]:
+    for spread in (drawing.js_ms, drawing.arrival_ms, drawing.age_ms):
+        yield from (figure(spread.p50), figure(spread.p95))
 
 
 def _frames(name: str, page: "FrameFigures") -> tuple[str, ...]:
