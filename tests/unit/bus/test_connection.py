@@ -248,17 +248,19 @@ def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, mo
         wire.close()
 
 
-def test_a_whole_link_is_kept(router: RouterProcess, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_whole_link_is_kept(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """A link that came back whole is not ended."""
+    ended: list[object] = []
+    monkeypatch.setattr(connection, "cut", ended.append)
     wire = HalfLink(router.endpoint, half=frozenset())
     session, told = connect(BusOptions(connect=wire.endpoint, lease=LIMIT)), Inbox()
     try:
         session.watch_link(told)
         wire.cut()
+        # A router that still holds the last link ends the next one by itself, and then Zenoh opens a third.
         told.wait_for(True)
         wait_until_true(lambda: "link" not in [thread.name for thread in threading.enumerate()])
-        assert told.items == [False, True]
-        assert "no query" not in caplog.text
+        assert ended == []
     finally:
         session.close()
         wire.close()
