@@ -27,7 +27,7 @@ from zteam.view import rights
 from zteam.view.commands import Commands
 from zteam.view.composing import Composer
 from zteam.view.driving import Driving
-from zteam.view.files import HEADERS, KEPT, find_version, read_file, read_index
+from zteam.view.files import HEADERS, KEPT, KINDS, SCRIPTS, find_version, read_file, read_index, read_script
 from zteam.view.received import Viewer
 from zteam.view.requests import (
     MAX_BYTES,
@@ -353,6 +353,8 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
     async def file(request: Request) -> Response:
         name: str = request.path_params["name"]
         version, _, rest = name.partition("/")
+        if version == shown and rest in SCRIPTS:
+            return Response(read_script(rest), media_type=KINDS[".js"], headers=KEPT)
         found = read_file(rest, KEPT) if version == shown else read_file(name)
         return found or PlainTextResponse("there is no such file", 404)
 
