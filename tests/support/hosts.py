@@ -44,16 +44,6 @@ def why_no_hosts() -> str:
     return ""
 
 
-def build_clock(folder: Path) -> Path | None:
-    """The library of clock_offset.c; None without a C compiler."""
-    compiler, library = shutil.which("cc"), folder / "clock_offset.so"
-    if compiler is None:
-        return None
-    source = Path(__file__).with_name("clock_offset.c")
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True, timeout=LIMIT)
-    return library
-
-
 class Started:
     """A process on a host, and the lines that it has written."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.clock_offset import build_clock
 from support.limits import LIMIT
 from zteam.team.launch.process import zteam_command
 from zteam.testing import Team
@@ -24,55 +25,6 @@ touch /written $HOME/written 2>/dev/null && exit 78
 TMPDIR=$PWD {up} --report report.json
 """
 """The disk of the current and the temporary folder is full; all else can only be read, the home folder too."""
-LATE = """
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <fcntl.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <sys/time.h>
-#include <time.h>
-#include <unistd.h>
-
-static time_t back(void) {
-    static int told;
-    const char *mark = getenv("SET_BACK");
-    char name[4096];
-    if (!mark || access(mark, F_OK))
-        return 0;
-    if (!told && (told = 1) && snprintf(name, sizeof name, "%s.%d", mark, (int)getpid()) > 0)
-        close(open(name, O_CREAT | O_WRONLY, 0600));
-    return 3600;
-}
-
-int clock_gettime(clockid_t clock, struct timespec *now) {
-    static int (*real)(clockid_t, struct timespec *);
-    if (!real)
-        real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
-    int result = real(clock, now);
-    if (clock == CLOCK_REALTIME)
-        now->tv_sec -= back();
-    return result;
-}
-
-int gettimeofday(struct timeval *restrict now, void *restrict zone) {
-    struct timespec exact;
-    (void)zone;
-    clock_gettime(CLOCK_REALTIME, &exact);
-    now->tv_sec = exact.tv_sec;
-    now->tv_usec = exact.tv_nsec / 1000;
-    return 0;
-}
-
-time_t time(time_t *place) {
-    struct timespec exact;
-    clock_gettime(CLOCK_REALTIME, &exact);
-    if (place)
-        *place = exact.tv_sec;
-    return exact.tv_sec;
-}
-"""
-"""Sets the clock of a process back by an hour from the moment on in which a file is there."""
 
 
 def run(script: str, folder: Path, *before: str, **environment: str | None) -> "subprocess.CompletedProcess[str]":
@@ -117,14 +69,9 @@ def test_a_limit_that_is_too_low_is_named(tmp_path: Path, limit: str, way_out: s
 @pytest.mark.real_time
 def test_a_clock_that_is_set_back_changes_nothing(team: Team, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The host's clock goes back by an hour in the middle of a run: the robots drive on, and nothing is told of it."""
-    if (compiler := shutil.which("cc")) is None:
-        pytest.skip("no C compiler makes the library that sets clocks back")
-    (tmp_path / "late.c").write_text(LATE)
-    library, mark = tmp_path / "late.so", tmp_path / "mark"
-    subprocess.run(
-        [compiler, "-shared", "-fPIC", "-o", library, tmp_path / "late.c", "-ldl"], check=True, timeout=LIMIT
-    )
-    for name, value in (("LD_PRELOAD", library), ("SET_BACK", mark), ("ZTEAM_NO_FORK", "1")):
+    mark = tmp_path / "mark"
+    clock = {"LD_PRELOAD": build_clock(tmp_path), "CLOCK_OFFSET_NS": -3600 * 10**9, "CLOCK_OFFSET_FROM": mark}
+    for name, value in {**clock, "ZTEAM_NO_FORK": 1}.items():
         monkeypatch.setenv(name, str(value))
     team.start("arena", 2, follow={1: 0}, lockstep=False)
     team.wait_for_go()
