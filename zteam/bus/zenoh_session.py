@@ -30,7 +30,7 @@ from zteam.bus.transport import (
     check_use,
     first_line,
 )
-from zteam.clock import monotonic
+from zteam.clock import monotonic, pause
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 
@@ -49,6 +49,8 @@ LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
 _LAST_CALLS = 0.3
 """Host seconds that the end of a session waits for what its threads have begun."""
+_TRIES, _AGAIN = 1000, 0.001
+"""To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LOOK_TIMEOUT = 5.0
 """Host seconds for the router's answer."""
 
@@ -140,12 +142,19 @@ class Declared:
 
     def close(self) -> None:
         entity, self._entity = self._entity, None
-        if entity is not None:
-            self._declared.discard(self)
+        if entity is None:
+            return
+        self._declared.discard(self)
+        for _ in range(_TRIES):
             try:
                 entity.undeclare()
+                return
             except zenoh.ZError as error:
                 log.debug("undeclare: %s", error)
+                return
+            except RuntimeError:
+                # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
+                pause(_AGAIN)
 
 
 class ZenohPublisher(Declared):
@@ -189,7 +198,8 @@ class ZenohPublisher(Declared):
             return
         try:
             entity.put(payload, timestamp=self._stamp())
-        except zenoh.ZError as error:
+        except (zenoh.ZError, RuntimeError) as error:
+            # RuntimeError: another thread closes it just now.
             log.debug("put: the message is dropped: %s", error)
 
     def put_message(self, message: Message) -> None:

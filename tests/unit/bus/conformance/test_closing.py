@@ -2,12 +2,15 @@
 
 import gc
 import itertools
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, Sessions, wait_until_true, zenoh_sessions
-from zteam.bus import Bus, NoRequest
+from zteam.bus import Bus, NoRequest, Publisher
 from zteam.errors import BusError
 from zteam.messages import Done
 
@@ -43,6 +46,30 @@ def test_declarations_may_close_after_their_session(sessions: Sessions) -> None:
     assert not publisher.find_subscribers()
     for closeable in closeables:
         closeable.close()
+
+
+def publish(publisher: Publisher[Done], tick: int, begun: threading.Barrier, ended: threading.Event) -> None:
+    """Put messages until the end."""
+    begun.wait(LIMIT)
+    while not ended.is_set():
+        publisher.put(Done(tick=tick))
+
+
+def test_a_publisher_closes_while_other_threads_publish(sessions: Sessions) -> None:
+    """It waits for the messages that are under way; neither those threads nor the one that closes it get an error."""
+    bus, heard = sessions(), [threading.Event() for _ in range(3)]
+    sessions().subscribe("a", Done, lambda _, message: heard[message.tick].set())
+    for tick in range(3):
+        publisher, begun, ended = bus.publisher("a", Done), threading.Barrier(3), threading.Event()
+        with ThreadPoolExecutor(2) as threads:
+            works = [threads.submit(publish, publisher, tick, begun, ended) for _ in range(2)]
+            try:
+                begun.wait(LIMIT)
+                assert heard[tick].wait(LIMIT)
+                publisher.close()
+            finally:
+                ended.set()
+        assert [work.exception() for work in works] == [None, None]
 
 
 @pytest.mark.few(1)
