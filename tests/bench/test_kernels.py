@@ -11,7 +11,7 @@ import pytest
 
 from zteam.cli.bench_team import free_poses
 from zteam.config.resources import find_world
-from zteam.kernels.binding import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
+from zteam.kernels.simulator import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.simulator.core.casting import bitmap_of, build_fields, group_shapes, make_polygons
 from zteam.world import World, add_robot, load_world
 

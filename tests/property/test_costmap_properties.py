@@ -11,7 +11,7 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
-from zteam.kernels.binding import inflate, trace_beams
+from zteam.kernels.navigation import inflate, trace_beams
 from zteam.navigation.planning.costmap import (
     LETHAL_OBSTACLE,
     NO_INFORMATION,

@@ -11,7 +11,7 @@ from support import planning_references
 from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds
 from zteam.geometry import Pose2
-from zteam.kernels.binding import climb, find_cluster, move_poses, resample, sum_poses
+from zteam.kernels.navigation import climb, find_cluster, move_poses, resample, sum_poses
 from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, estimate_pose, kld_limits
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.likelihood import make_likelihood_field, weigh_poses

@@ -12,7 +12,7 @@ from studies.navigation.ways import cost_of, length_of, plain_field
 from support import planning_references
 from support.examples import examples
 from support.planning_cases import random_cells, seeds, shares
-from zteam.kernels.binding import measure_lines, shorten
+from zteam.kernels.navigation import measure_lines, shorten
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
 from zteam.navigation.planning.planner import Field
 

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from support import safety_references as slow
-from zteam.kernels import binding
+from zteam.kernels import safety
 from zteam.robot.safety.motion import Outline
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ def test_a_base_meets_points_when_the_formulas_say_so(
         return min(met, default=math.inf) / abs(turn)
 
     rows = planes.tolist()
-    found = binding.meet(given_points, planes, (x, turn, y), seconds, margin, EVERYWHERE)
+    found = safety.meet(given_points, planes, (x, turn, y), seconds, margin, EVERYWHERE)
     expected = [first(margin + off) for off in (-1e-6, 0.0, 1e-6)]
     assume(max(expected) - min(expected) < 1e-3 or all(each > seconds for each in expected))
     expected = [each if each <= seconds else math.inf for each in expected]
@@ -61,7 +61,7 @@ def test_a_base_meets_points_when_the_formulas_say_so(
 def test_points_are_told_in_another_frame(known: Floats, x: float, y: float, turn: float) -> None:
     """As with the sine and cosine of `math`; what else is known of a point stays."""
     moved, cos, sin = known.copy(), math.cos(turn), math.sin(turn)
-    binding.move_points(moved, x, y, turn)
+    safety.move_points(moved, x, y, turn)
     ahead, aside = known[0] - x, known[1] - y
     assert np.allclose(moved, (cos * ahead + sin * aside, cos * aside - sin * ahead, known[2]), rtol=0.0, atol=1e-13)
 
@@ -98,7 +98,7 @@ def test_a_scan_tells_of_points_and_adds_its_hits(
         assume((abs(np.nan_to_num(distances, posinf=9.0) + 0.05 - math.hypot(x - pose[0], y - pose[1])) > NEAR).all())
     beams = list(zip(*axes.tolist(), distances.tolist(), strict=True))
     expected = slow.see(known.T.tolist(), beams, laser, few, pose, far, 7.0, oldest)
-    found = binding.see(known, axes, distances, laser, few, pose, far, 7.0, oldest)
+    found = safety.see(known, axes, distances, laser, few, pose, far, 7.0, oldest)
     assert found.shape == (3, len(expected))
     assert np.allclose(found.T, np.reshape(expected, (-1, 3)), rtol=0.0, atol=1e-12)
 
@@ -110,13 +110,13 @@ def test_a_corridor_is_clear_up_to_its_nearest_hit(
     """As the slow loop finds, but for hits on the very edge; of many headings the first clear one is found."""
     _, axes, distances = scan
     beams = list(zip(*axes.tolist(), distances.tolist(), strict=True))
-    rooms = [binding.look_along(axes, distances, half_width, heading) for heading in headings]
+    rooms = [safety.look_along(axes, distances, half_width, heading) for heading in headings]
     for heading, room in zip(headings, rooms, strict=True):
         wide, narrow = (slow.look_along(beams, half_width + off, heading) for off in (NEAR, -NEAR))
         # A hit that is exactly beside the laser may count as before it.
         assert wide - NEAR <= room <= narrow + NEAR or room <= NEAR
     clear = [i for i, room in enumerate(rooms) if room >= reach]
-    assert binding.first_clear(axes, distances, half_width, reach, np.array(headings)) == (clear[0] if clear else -1)
+    assert safety.first_clear(axes, distances, half_width, reach, np.array(headings)) == (clear[0] if clear else -1)
 
 
 @given(
@@ -125,36 +125,36 @@ def test_a_corridor_is_clear_up_to_its_nearest_hit(
 def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: list[float]) -> None:
     """No number, infinity or magnitude leads out of an array: what was seen is some of the points, a time no NaN."""
     axes = np.resize(known, (2, 5))
-    seen = binding.see(known, axes, distances, (n[0], n[1]), 2, (n[2], n[3], n[4]), n[5], n[6], n[7])
+    seen = safety.see(known, axes, distances, (n[0], n[1]), 2, (n[2], n[3], n[4]), n[5], n[6], n[7])
     assert seen.shape[1] <= 4 + 3
-    assert binding.see(known, axes, distances, (0.0, 0.1), 2**63 - 1, (0.0, 0.0, 0.0), 9.0, 0.0, 0.0).shape[1] <= 4 + 1
+    assert safety.see(known, axes, distances, (0.0, 0.1), 2**63 - 1, (0.0, 0.0, 0.0), 9.0, 0.0, 0.0).shape[1] <= 4 + 1
     for planes in (known.T.copy(), np.empty((0, 3))):
-        assert not math.isnan(binding.meet(known[:2], planes, (n[0], n[1], n[2]), n[3], n[4], (n[5], n[6], n[7])))
-    assert not math.isnan(binding.look_along(axes, distances, n[0], n[1]))
-    assert binding.first_clear(axes, distances, n[0], n[1], np.array(n)) < len(n)
-    binding.move_points(known, n[0], n[1], n[2])
+        assert not math.isnan(safety.meet(known[:2], planes, (n[0], n[1], n[2]), n[3], n[4], (n[5], n[6], n[7])))
+    assert not math.isnan(safety.look_along(axes, distances, n[0], n[1]))
+    assert safety.first_clear(axes, distances, n[0], n[1], np.array(n)) < len(n)
+    safety.move_points(known, n[0], n[1], n[2])
 
 
 def test_a_million_points_and_beams() -> None:
     """Large arrays are no special case."""
     known, axes, distances = np.ones((3, 10**6)), np.ones((2, 10**6)), np.full(10**6, 2.0)
-    assert binding.see(known, axes, distances, (0.0, 1e-6), 1, (0.0, 0.0, 0.0), 9.0, 5.0, 0.0).shape == (3, 10**6)
+    assert safety.see(known, axes, distances, (0.0, 1e-6), 1, (0.0, 0.0, 0.0), 9.0, 5.0, 0.0).shape == (3, 10**6)
     planes = Outline(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))).rows
-    assert binding.meet(known[:2], planes, (0.0, 0.0, 1.0), 9.0, 0.6, EVERYWHERE) == math.inf
-    assert binding.meet(known[:2] * 0.9, planes, (1.0, 0.0, 1.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
+    assert safety.meet(known[:2], planes, (0.0, 0.0, 1.0), 9.0, 0.6, EVERYWHERE) == math.inf
+    assert safety.meet(known[:2] * 0.9, planes, (1.0, 0.0, 1.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
     ("call", "name"),
     [
-        (lambda a: binding.meet(a[:1], a.T.copy(), (0.0, 0.0, 0.0), 1.0, 0.1, EVERYWHERE), "points"),
-        (lambda a: binding.meet(a[:2], a.T, (0.0, 0.0, 0.0), 1.0, 0.1, EVERYWHERE), "planes"),
-        (lambda a: binding.move_points(a.astype(np.float32), 0.0, 0.0, 0.0), "points"),
-        (lambda a: binding.see(a, a[:2], a[2], (0.0, 0.1), 0, (0.0, 0.0, 0.0), 1.0, 0.0, 0.0), "few"),
-        (lambda a: binding.see(a[:2], a[:2], a[2], (0.0, 0.1), 1, (0.0, 0.0, 0.0), 1.0, 0.0, 0.0), "known"),
-        (lambda a: binding.look_along(a, a[2], 0.1, 0.0), "axes"),
-        (lambda a: binding.look_along(a[:2, ::2], a[2, ::2], 0.1, 0.0), "axes"),
-        (lambda a: binding.first_clear(a[:2], a[2], 0.1, 1.0, a), "headings"),
+        (lambda a: safety.meet(a[:1], a.T.copy(), (0.0, 0.0, 0.0), 1.0, 0.1, EVERYWHERE), "points"),
+        (lambda a: safety.meet(a[:2], a.T, (0.0, 0.0, 0.0), 1.0, 0.1, EVERYWHERE), "planes"),
+        (lambda a: safety.move_points(a.astype(np.float32), 0.0, 0.0, 0.0), "points"),
+        (lambda a: safety.see(a, a[:2], a[2], (0.0, 0.1), 0, (0.0, 0.0, 0.0), 1.0, 0.0, 0.0), "few"),
+        (lambda a: safety.see(a[:2], a[:2], a[2], (0.0, 0.1), 1, (0.0, 0.0, 0.0), 1.0, 0.0, 0.0), "known"),
+        (lambda a: safety.look_along(a, a[2], 0.1, 0.0), "axes"),
+        (lambda a: safety.look_along(a[:2, ::2], a[2, ::2], 0.1, 0.0), "axes"),
+        (lambda a: safety.first_clear(a[:2], a[2], 0.1, 1.0, a), "headings"),
     ],
 )
 def test_what_does_not_fit_is_refused(call: Any, name: str) -> None:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from support.examples import examples
 from support.ray_references import Point, cast_at_cells, cast_at_polygons, common_area, cosine_sine, is_on_border
 from zteam.geometry import Pose2
-from zteam.kernels import binding
-from zteam.kernels.binding import (
+from zteam.kernels import binding, simulator
+from zteam.kernels.simulator import (
     Bases,
     BeamTable,
     Bitmap,
@@ -221,8 +221,8 @@ def test_movers_at_odd_places_overlap_nothing_that_is_somewhere(poses: list[tupl
     assert not found[~np.isfinite(poses).all(axis=1)].any()
     ends, blocked = np.array(poses)[::-1].copy(), np.zeros(len(poses), bool)
     suspects = np.ones(len(poses), bool)
-    binding.hold(polygons, Bitmaps([]), np.full(len(poses), 0.1), np.array(poses), ends, suspects, ~suspects, True)
-    binding.move_all(polygons, Bitmaps([]), np.array(poses), ends, blocked)
+    simulator.hold(polygons, Bitmaps([]), np.full(len(poses), 0.1), np.array(poses), ends, suspects, ~suspects, True)
+    simulator.move_all(polygons, Bitmaps([]), np.array(poses), ends, blocked)
 
 
 speeds = st.tuples(st.floats(-2.0, 2.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0))
@@ -322,7 +322,7 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="index: 0 is not within"):
         cast_squares(Bitmaps([]), 0, fans, 1)
     with pytest.raises(ValueError, match="owner"):
-        binding.place_mounts(Rays(np.zeros((3, 1)), np.zeros(1), np.array([2])), np.zeros((2, 3)), fans_rays(1))
+        simulator.place_mounts(Rays(np.zeros((3, 1)), np.zeros(1), np.array([2])), np.zeros((2, 3)), fans_rays(1))
     fields[:, -1] = 1
     with pytest.raises(ValueError, match="parked"):
         Bitmaps([Bitmap(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
@@ -330,7 +330,7 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
     ends.flags.writeable = False
     some = np.ones(1, bool)
     with pytest.raises(ValueError, match=r"ends: .*read-only"):
-        binding.hold(polygons, Bitmaps([]), np.ones(1), np.zeros((1, 3)), ends, some, some, True)
+        simulator.hold(polygons, Bitmaps([]), np.ones(1), np.zeros((1, 3)), ends, some, some, True)
 
 
 def fans_rays(count: int) -> Rays:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from support.examples import examples
 from zteam.geometry import Pose2
-from zteam.kernels.binding import BeamTable, Fans, Rays, cast_edges
+from zteam.kernels.simulator import BeamTable, Fans, Rays, cast_edges
 from zteam.simulator.core.casting import NO_MOVER, group_shapes, make_polygons
 from zteam.simulator.world.model import Obstacle, Robot, Shape
 

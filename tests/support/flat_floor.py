@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.kernels.binding import follow
+from zteam.kernels.simulator import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
 from zteam.robot.behaviors.behavior import FindPose
 from zteam.robot.trials import situations

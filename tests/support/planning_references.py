@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from zteam.geometry import Pose2
-from zteam.kernels.binding import measure_lines
+from zteam.kernels.navigation import measure_lines
 
 
 def trace_beams(costs: np.ndarray, x0: int, y0: int, ends: np.ndarray, marks: np.ndarray) -> None:

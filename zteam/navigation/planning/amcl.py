@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import BeamEnds, Floats, find_cluster, move_poses, resample
+from zteam.kernels.binding import Floats
+from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
 from zteam.navigation.planning.grid import FREE, GridMap
 from zteam.navigation.planning.likelihood import (
     GlobalSearch,

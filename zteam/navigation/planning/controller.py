@@ -12,7 +12,8 @@ from msgspec import Meta
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, curvature_to, normalize_angle
-from zteam.kernels.binding import Floats, find_hit
+from zteam.kernels.binding import Floats
+from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
 Positive = Annotated[float, Meta(gt=0.0)]

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
-from zteam.kernels import binding
-from zteam.kernels.binding import UNREACHED, Bytes, Cells, Floats, Steps
+from zteam.kernels import navigation as kernels
+from zteam.kernels.binding import Bytes, Cells, Floats
+from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
 from zteam.navigation.planning.grid import Frame
 
@@ -75,7 +76,7 @@ class Field:
         heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
         if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
             raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        binding.weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
+        kernels.weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:
@@ -101,11 +102,11 @@ class Field:
         end = self._nearest(self.weights, 0, goal, tolerance)
         if end is None:
             return None
-        found, (low, high, left, right) = binding.search(self.weights, begin, end, self.steps, self._costs)
+        found, (low, high, left, right) = kernels.search(self.weights, begin, end, self.steps, self._costs)
         if not found:
             # All that can be reached has been.
             end = self._nearest(self._costs, UNREACHED, goal, tolerance)
-        cells = None if end is None else binding.trace(self.weights, begin, end, self.steps, self._costs)
+        cells = None if end is None else kernels.trace(self.weights, begin, end, self.steps, self._costs)
         self._costs[low : high + 1, left : right + 1] = UNREACHED
         if cells is None:
             return None
@@ -248,7 +249,7 @@ def make_any_angle(weights: Bytes, way: Cells, least: int) -> Cells:
 
 def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
     """The corners of the cheapest way along lines between points of `way`, and its cost."""
-    best, before = binding.shorten(weights, way, stride, reach, float(least))
+    best, before = kernels.shorten(weights, way, stride, reach, float(least))
     found = [len(way) - 1]
     while before[found[-1]] >= 0:
         found.append(int(before[found[-1]]))
@@ -289,7 +290,7 @@ def _shift(weights: Bytes, points: Cells, width: int) -> Cells:
     count = len(points) - 1
     begins = np.repeat(places[:-1], sides, axis=1).reshape(-1, 2)
     ends = np.tile(places[1:], (1, sides, 1)).reshape(-1, 2)
-    lines = binding.measure_lines(weights, begins, ends).reshape(count, sides, sides)
+    lines = kernels.measure_lines(weights, begins, ends).reshape(count, sides, sides)
     best, before = lines[0].min(axis=0), np.zeros((count + 1, sides), np.int64)
     for i in range(1, count):
         sums = best[:, None] + lines[i]

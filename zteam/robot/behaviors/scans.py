@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels import binding as kernels
+from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
 

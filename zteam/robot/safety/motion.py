@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Point2, Pose2, convex_hull
-from zteam.kernels import binding as kernels
+from zteam.kernels import safety as kernels
 from zteam.messages import Twist, Vector3
 from zteam.messages.base import Base
 from zteam.robot.behaviors.behavior import View

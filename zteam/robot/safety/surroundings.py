@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
-from zteam.kernels import binding as kernels
+from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.robot.behaviors.behavior import View, own_pose

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
-from zteam.kernels.binding import follow, move_all
+from zteam.kernels.simulator import follow, move_all
 from zteam.simulator.core.casting import Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
 from zteam.simulator.world.model import Obstacle, Robot
 

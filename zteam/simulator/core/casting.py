@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, is_convex
-from zteam.kernels.binding import (
+from zteam.kernels.simulator import (
     Bitmap,
     Bitmaps,
     Fans,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import BeamTable, Fans, Rays
+from zteam.kernels.simulator import BeamTable, Fans, Rays
 from zteam.messages import Blob, ColorRGBA, Fiducial, Message
 from zteam.simulator.core.casting import NO_MOVER, Caster, SensedWorld, mount_devices, rays_of
 from zteam.simulator.world.colors import find_color

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from zteam.errors import UsageError
 from zteam.geometry import Point2, Pose2, is_convex
-from zteam.kernels.binding import find_overlaps, follow, hold
+from zteam.kernels.simulator import find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from zteam.config.simulation_options import Options
 from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.binding import BeamTable, Fans, Rays, place_mounts
+from zteam.kernels.simulator import BeamTable, Fans, Rays, place_mounts
 from zteam.simulator.core.casting import Caster, mount_devices
 from zteam.simulator.world.model import Ranger, Robot
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
 from zteam.geometry import Pose2
-from zteam.kernels.binding import Bases
+from zteam.kernels.simulator import Bases
 from zteam.simulator.world.model import Robot
 
 Floats = NDArray[np.float64]

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import Cells, Steps, measure_lines
+from zteam.kernels.binding import Cells
+from zteam.kernels.navigation import Steps, measure_lines
 from zteam.navigation.planning.planner import Field
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.kernels.binding import find_hit
+from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.controller import (
     BlockedError,
     GoalChecker,

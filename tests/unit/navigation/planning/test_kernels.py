@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from zteam.kernels import binding
-from zteam.kernels.binding import UNREACHED, Steps
+from zteam.kernels import navigation
+from zteam.kernels.navigation import UNREACHED, Steps
 
 COSTS = np.zeros((6, 8), np.uint8)
 WEIGHTS = np.pad(np.ones((4, 6), np.uint8), 1)
@@ -22,50 +22,50 @@ SIZE = (0.5, 0.5, 0.2)
 NONE, ENOUGH = np.zeros(3, bool), np.array((3,))
 REFUSED: dict[str, list[Callable[[], object]]] = {
     "window": [
-        lambda: binding.square_distances(COSTS, (0, 7, 0, 8), 1),
-        lambda: binding.square_distances(COSTS, (3, 2, 0, 8), 1),
-        lambda: binding.square_distances(COSTS, (0, 6, 0, 8), 181),
+        lambda: navigation.square_distances(COSTS, (0, 7, 0, 8), 1),
+        lambda: navigation.square_distances(COSTS, (3, 2, 0, 8), 1),
+        lambda: navigation.square_distances(COSTS, (0, 6, 0, 8), 181),
     ],
-    "table": [lambda: binding.inflate(COSTS, np.zeros(4, np.uint8), 2, (0, 6, 0, 8), 1, COSTS.copy())],
-    "out": [lambda: binding.inflate(COSTS, np.zeros(5, np.uint8), 1, (0, 6, 0, 8), 1, COSTS[:-1].copy())],
+    "table": [lambda: navigation.inflate(COSTS, np.zeros(4, np.uint8), 2, (0, 6, 0, 8), 1, COSTS.copy())],
+    "out": [lambda: navigation.inflate(COSTS, np.zeros(5, np.uint8), 1, (0, 6, 0, 8), 1, COSTS[:-1].copy())],
     "costs": [
-        lambda: binding.square_distances(COSTS[:, ::2], (0, 6, 0, 4), 1),
-        lambda: binding.square_distances(COSTS.ravel(), (0, 6, 0, 4), 1),
-        lambda: binding.search(WEIGHTS, 9, 10, STEPS, REACHED[1:].copy()),
-        lambda: binding.trace(WEIGHTS, 9, 12, STEPS, np.zeros((6, 8), np.uint32)),
+        lambda: navigation.square_distances(COSTS[:, ::2], (0, 6, 0, 4), 1),
+        lambda: navigation.square_distances(COSTS.ravel(), (0, 6, 0, 4), 1),
+        lambda: navigation.search(WEIGHTS, 9, 10, STEPS, REACHED[1:].copy()),
+        lambda: navigation.trace(WEIGHTS, 9, 12, STEPS, np.zeros((6, 8), np.uint32)),
     ],
     "ends": [
-        lambda: binding.trace_beams(COSTS.copy(), 0, 0, np.array([[1 << 62, 0]]), NOWHERE),
-        lambda: binding.measure_lines(WEIGHTS, WALK, WALK + 5),
-        lambda: binding.measure_lines(WEIGHTS, WALK, WALK[:2]),
+        lambda: navigation.trace_beams(COSTS.copy(), 0, 0, np.array([[1 << 62, 0]]), NOWHERE),
+        lambda: navigation.measure_lines(WEIGHTS, WALK, WALK + 5),
+        lambda: navigation.measure_lines(WEIGHTS, WALK, WALK[:2]),
     ],
-    "corners": [lambda: binding.find_hit(COSTS, np.empty((0, 2)), 0.0, 0.0, 0.0, np.zeros(3), 0)],
+    "corners": [lambda: navigation.find_hit(COSTS, np.empty((0, 2)), 0.0, 0.0, 0.0, np.zeros(3), 0)],
     "motion": [
-        lambda: binding.find_hit(COSTS, np.ones((3, 2)), 0.0, 0.0, 0.0, np.zeros(2), 0),
-        lambda: binding.move_poses(POSES.copy(), (0.0, 1.0), POSES),
+        lambda: navigation.find_hit(COSTS, np.ones((3, 2)), 0.0, 0.0, 0.0, np.zeros(2), 0),
+        lambda: navigation.move_poses(POSES.copy(), (0.0, 1.0), POSES),
     ],
-    "weights": [lambda: binding.search(WEIGHTS[1:].copy(), 9, 10, STEPS, REACHED[1:].copy())],
-    "steps": [lambda: binding.search(WEIGHTS, 9, 10, Steps(2, 1, 1), REACHED.copy())],
+    "weights": [lambda: navigation.search(WEIGHTS[1:].copy(), 9, 10, STEPS, REACHED[1:].copy())],
+    "steps": [lambda: navigation.search(WEIGHTS, 9, 10, Steps(2, 1, 1), REACHED.copy())],
     "start": [
-        lambda: binding.search(WEIGHTS, 0, 10, STEPS, REACHED.copy()),
-        lambda: binding.search(WEIGHTS, 48, 10, STEPS, REACHED.copy()),
+        lambda: navigation.search(WEIGHTS, 0, 10, STEPS, REACHED.copy()),
+        lambda: navigation.search(WEIGHTS, 48, 10, STEPS, REACHED.copy()),
     ],
     "way": [
-        lambda: binding.shorten(WEIGHTS, NOWHERE, 1, 3, 1.0),
-        lambda: binding.shorten(WEIGHTS, WALK, 0, 3, 1.0),
-        lambda: binding.shorten(WEIGHTS, -WALK, 1, 3, 1.0),
+        lambda: navigation.shorten(WEIGHTS, NOWHERE, 1, 3, 1.0),
+        lambda: navigation.shorten(WEIGHTS, WALK, 0, 3, 1.0),
+        lambda: navigation.shorten(WEIGHTS, -WALK, 1, 3, 1.0),
     ],
-    "neutral": [lambda: binding.weigh_cells(COSTS, 50, -1, 253, 0, np.zeros((8, 10), np.uint8))],
+    "neutral": [lambda: navigation.weigh_cells(COSTS, 50, -1, 253, 0, np.zeros((8, 10), np.uint8))],
     "values": [
-        lambda: binding.sum_poses(VALUES[:0], PLACE, POSES, BEAMS),
-        lambda: binding.sum_poses(VALUES, (0.0, 0.0, 0.0, 0.0), POSES, BEAMS),
+        lambda: navigation.sum_poses(VALUES[:0], PLACE, POSES, BEAMS),
+        lambda: navigation.sum_poses(VALUES, (0.0, 0.0, 0.0, 0.0), POSES, BEAMS),
     ],
-    "beams": [lambda: binding.climb(VALUES, PLACE, POSES.copy(), BEAMS[:1], (1.0, 0.1), 4, 30)],
+    "beams": [lambda: navigation.climb(VALUES, PLACE, POSES.copy(), BEAMS[:1], (1.0, 0.1), 4, 30)],
     "poses": [
-        lambda: binding.sum_poses(VALUES, PLACE, POSES[:, :2].copy(), BEAMS),
-        lambda: binding.resample(POSES, np.ones(3), np.ones(3), ~NONE, ENOUGH, SIZE),
-        lambda: binding.resample(POSES, np.ones(0), np.ones(3), NONE, ENOUGH, SIZE),
-        lambda: binding.find_cluster(POSES, np.ones(3), SIZE, 65),
+        lambda: navigation.sum_poses(VALUES, PLACE, POSES[:, :2].copy(), BEAMS),
+        lambda: navigation.resample(POSES, np.ones(3), np.ones(3), ~NONE, ENOUGH, SIZE),
+        lambda: navigation.resample(POSES, np.ones(0), np.ones(3), NONE, ENOUGH, SIZE),
+        lambda: navigation.find_cluster(POSES, np.ones(3), SIZE, 65),
     ],
 }
 

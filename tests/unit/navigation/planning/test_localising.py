@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import find_cluster
+from zteam.kernels.navigation import find_cluster
 from zteam.navigation.planning.amcl import BIN_SIZE, Amcl, AmclOptions, kld_limits, move_differential
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.scans import Scan, Teammate

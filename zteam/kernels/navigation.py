@@ -1,0 +1,341 @@
+"""The kernels of navigation (costmaps.c, search.c, particles.c), as `binding.py` says."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.kernels.binding import (
+    BOOL,
+    DOUBLE,
+    FLOAT,
+    INT64,
+    UINT8,
+    UINT16,
+    UINT32,
+    Bytes,
+    Cells,
+    Counts,
+    Floats,
+    check_within,
+    ffi,
+    lib,
+    memory,
+)
+
+_MOST_REACH = 180
+"""Cells: the sum of two squares of it fits into 16 bits."""
+_WIDEST = 10_000
+"""Cells from a robot's base to its corners."""
+_FARTHEST = 1 << 58
+"""Cells from the grid at which a beam may end: twice a beam's length fits into 64 bits."""
+
+
+def _grid(name: str, array: NDArray[Any], kind: np.dtype[Any], out: bool = False) -> tuple[Any, int, int]:
+    """An array's memory, its rows and its columns. Raises ValueError unless it has two dimensions."""
+    if array.ndim != 2:
+        raise ValueError(f"{name}: {array.ndim} dimensions are not 2")
+    return memory(name, array, kind, *array.shape, out=out), array.shape[0], array.shape[1]
+
+
+Window = tuple[int, int, int, int]
+"""Rows from, to (not included), columns from, to."""
+
+
+def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from: int, out: Any) -> NDArray[np.uint16]:
+    grid, rows, columns = _grid("costs", costs, UINT8)
+    r0, r1, c0, c1 = window
+    if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= _MOST_REACH):
+        raise ValueError(f"window, reach: {window} is not within {rows} rows and {columns} columns, or {reach} too far")
+    width = c1 - c0 + 2 * reach
+    steps, line = np.empty((r1 - r0 + 2 * reach + 1) * width, np.uint8), np.empty(width, np.uint16)
+    squares = np.empty((r1 - r0, c1 - c0), np.uint16)
+    scratch = memory("steps", steps, UINT8, len(steps), out=True), memory("line", line, UINT16, width, out=True)
+    made = memory("squares", squares, UINT16, *squares.shape, out=True)
+    lib.inflate(grid, rows, columns, window, reach, *scratch, made, table, unknown_from, out)
+    return squares
+
+
+def square_distances(costs: Bytes, window: Window, reach: int) -> NDArray[np.uint16]:
+    """Squared distance of each cell of a window of `costs` (rows, columns) to the nearest lethal one, in cells.
+
+    Distances are exact, from centre to centre, and cut to (`reach` + 1)². Raises ValueError.
+    """
+    return _inflate(costs, window, reach, ffi.NULL, 0, ffi.NULL)
+
+
+def inflate(costs: Bytes, table: Bytes, reach: int, window: Window, unknown_from: int, out: Bytes) -> None:
+    """Raise the cells in `window` of `costs` (rows, columns) to the cost of their distance to a lethal one, into `out`.
+
+    `table` ((`reach` + 1)² + 1) has the cost by squared distance in cells; lethal cells up to `reach` cells outside of
+    the window count. A cell without information gets a cost from `unknown_from` on. Raises ValueError.
+    """
+    prices = memory("table", table, UINT8, (reach + 1) ** 2 + 1)
+    _inflate(costs, window, reach, prices, unknown_from, memory("out", out, UINT8, *costs.shape, out=True))
+
+
+def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> None:
+    """Clear the cells from the sensor's (column `x0`, row `y0`) to each of `ends` (n, 2), then mark `marks` (m, 2).
+
+    Cells are (column, row); those outside of `costs` (rows, columns) are left out. Raises ValueError.
+    """
+    for name, cells in (("x0, y0", np.array((x0, y0))), ("ends", ends)):
+        check_within(name, cells, -_FARTHEST, _FARTHEST)
+    grid = _grid("costs", costs, UINT8, out=True)
+    beams = memory("ends", ends, INT64, len(ends), 2), len(ends)
+    lib.trace_beams(*grid, x0, y0, *beams, memory("marks", marks, INT64, len(marks), 2), len(marks))
+
+
+def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, motion: Floats, steps: int) -> int:
+    """The first step of `steps` at which a robot touches a lethal cell that it does not touch at the start; else -1.
+
+    All is in cells of `costs` (rows, columns): the robot's `corners` (n, 2) in its base frame, its pose in the grid,
+    and `motion` (3) of one step, forwards, to the left and radians, on an arc. With 0 steps: 0 if it touches any lethal
+    cell where it stands. What is outside of the grid is lethal, also if it is not finite. Raises ValueError.
+    """
+    count = len(corners)
+    if not count or steps < 0 or np.abs(corners).max() > _WIDEST:
+        raise ValueError(f"corners, steps: {count} corners up to {_WIDEST} cells from the base, {steps} steps")
+    outline = memory("corners", corners, DOUBLE, count, 2)
+    points = np.empty((2, count, 2))
+    return int(
+        lib.find_hit(
+            *_grid("costs", costs, UINT8), outline, count, x, y, yaw, memory("motion", motion, DOUBLE, 3), steps,
+            memory("points", points, DOUBLE, 2, count, 2, out=True),
+        )
+    )  # fmt: skip
+
+
+# search.c: ways over grids of weights
+
+UNREACHED = 0xFFFFFFFF
+"""Cost of a cell that a search has not met."""
+
+
+class Steps(NamedTuple):
+    """What steps cost."""
+
+    straight: int
+    """At weight 1."""
+    diagonal: int
+    least: int
+    """The least weight of a cell that can be entered."""
+
+
+def weigh_cells(costs: Bytes, neutral: int, factor: int, barred: int, unknown: int, out: Bytes) -> None:
+    """Write a costmap's cells (rows, columns) as weights to the inner part of `out` (rows + 2, columns + 2).
+
+    A cell weighs `neutral` + cost · `factor` / 256, cut to a whole number below 256; 0 from the cost `barred` on, and
+    `unknown` without information. Raises ValueError.
+    """
+    grid, rows, columns = _grid("costs", costs, UINT8)
+    made = memory("out", out, UINT8, rows + 2, columns + 2, out=True)
+    check_within("neutral, factor, barred, unknown", np.array((neutral, factor, barred, unknown)), 0, 257)
+    lib.weigh_cells(grid, rows, columns, neutral, factor, barred, unknown, made)
+
+
+def _walled(weights: Bytes, steps: Steps, *cells: int) -> tuple[Any, int]:
+    """A grid's memory and columns. Raises ValueError unless its border is 0, and those cells, which are inner, not."""
+    grid, _, columns = _grid("weights", weights, UINT8)
+    border = weights[[0, -1]].any() or weights[:, [0, -1]].any() if weights.size else True
+    if border or weights.size >= 1 << 31:
+        raise ValueError("weights: the border is not 0, or there are 2^31 cells")
+    if not (0 < steps.straight <= steps.diagonal < 1 << 16 and 0 <= steps.least < 256):
+        raise ValueError(f"steps: {steps}")
+    for cell in cells:
+        if not (0 <= cell < weights.size and weights[divmod(cell, columns)]):
+            raise ValueError(f"start or goal: cell {cell} cannot be entered")
+    return grid, columns
+
+
+def search(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) -> tuple[bool, list[int]]:
+    """Find the cheapest way from `start` to `goal` (indexes of cells): A* with buckets of costs for a queue.
+
+    `weights` (rows, columns) say what a step into a cell costs as a multiple of the step's cost, 0 if it cannot be
+    entered, as on the border. The ways' costs are written to `costs` (rows, columns), which are UNREACHED before. A
+    diagonal step needs both cells beside it to be free. No step may raise cost plus heuristic by 2^18.
+
+    Return whether there is a way; if not, all cells that can be reached have been. And the first and last row and
+    column with costs. Raises ValueError, and MemoryError.
+    """
+    grid, columns = _walled(weights, steps, start, goal)
+    box = ffi.new("int64_t[4]")
+    made = memory("costs", costs, UINT32, *weights.shape, out=True)
+    found = lib.search(grid, columns, start, goal, steps, made, box)
+    if found < 0:
+        costs.fill(UNREACHED)
+        raise MemoryError("no room for the queue of a search")
+    return bool(found), list(box)
+
+
+def trace(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) -> Cells:
+    """The cells (n) of the way that `search` has found, from the goal back to the start. Raises ValueError."""
+    grid, columns = _walled(weights, steps, start, goal)
+    found = memory("costs", costs, UINT32, *weights.shape)
+    # No step costs less than a straight one at the least weight.
+    out = np.empty(int(costs[divmod(goal, columns)]) // (steps.straight * max(1, steps.least)) + 1, np.int64)
+    made = memory("out", out, INT64, len(out), out=True)
+    count = lib.trace(grid, columns, start, goal, steps, found, made, len(out))
+    if not count:
+        raise ValueError("costs: they lead from the goal to no start")
+    return out[:count]
+
+
+def _points(name: str, cells: Cells, weights: Bytes) -> Any:
+    """The memory of cells (n, 2) as (column, row). Raises ValueError unless the grid has them."""
+    given = memory(name, cells, INT64, len(cells), 2)
+    for axis in (0, 1):
+        check_within(name, cells[:, axis], 0, weights.shape[1 - axis])
+    return given
+
+
+def measure_lines(weights: Bytes, begins: Cells, ends: Cells) -> Floats:
+    """Cost (n) of each line between the middles of cells (n, 2) as (column, row); inf where it is blocked.
+
+    It is the integral of `weights` (rows, columns) along the line: weight times cells. A line is followed through every
+    cell that it touches, so it goes through no cell that a step could not enter. Raises ValueError.
+    """
+    grid, _, columns = _grid("weights", weights, UINT8)
+    out = np.empty(len(begins))
+    if begins.shape != ends.shape:
+        raise ValueError(f"ends: {ends.shape} is not {begins.shape}")
+    lines = _points("begins", begins, weights), _points("ends", ends, weights), len(begins)
+    lib.measure_lines(grid, columns, *lines, memory("out", out, DOUBLE, len(out), out=True))
+    return out
+
+
+def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -> tuple[Floats, Cells]:
+    """The cheapest way along lines between cells of `way` (n, 2; column, row), each a neighbour of the one before.
+
+    Lines join every `stride`th cell, and the last, to such cells up to `reach` cells before. Return what the way to
+    each cell costs (n), and the index of the cell from which its last line comes (n), -1 for the first. `least` is the
+    least of `weights` (rows, columns) other than 0. Raises ValueError.
+    """
+    grid, _, columns = _grid("weights", weights, UINT8)
+    count = len(way)
+    if not count or stride < 1 or reach < 0:
+        raise ValueError(f"way, stride, reach: {count} cells, {stride}, {reach}")
+    best, before = np.empty(count), np.empty(count, np.int64)
+    out = memory("best", best, DOUBLE, count, out=True), memory("before", before, INT64, count, out=True)
+    lib.shorten(grid, columns, _points("way", way, weights), count, stride, reach, least, *out)
+    return best, before
+
+
+# particles.c: localisation
+
+BeamEnds = NDArray[np.float32]
+"""(2, m): where beams end in the base frame, in cells, along x and along y."""
+
+
+def move_poses(poses: Floats, motion: Sequence[float], draws: Floats) -> None:
+    """Turn, drive and turn: move poses (n, 3; metres, radians) in place.
+
+    `motion` is the first turn, the way, the last turn, and the deviation of each, by which `draws` (n, 3) count. Raises
+    ValueError.
+    """
+    count = len(poses)
+    if len(motion) != 6:
+        raise ValueError(f"motion: {len(motion)} numbers are not 6")
+    places = memory("poses", poses, DOUBLE, count, 3, out=True)
+    lib.move_poses(places, count, motion, memory("draws", draws, DOUBLE, count, 3))
+
+
+def _likelihoods(values: NDArray[np.uint16], place: tuple[float, float, float, float]) -> Any:
+    given, rows, columns = _grid("values", values, UINT16)
+    if not values.size or max(values.shape) > 1 << 24 or values.size >= 1 << 31 or not place[3] > 0.0:
+        raise ValueError(f"values, place: {values.shape} cells, or {place[3]} metres a cell")
+    x, y, yaw, cell = place
+    # The struct does not keep the memory: its caller does.
+    return ffi.new("likelihoods *", (given, rows, columns, x, y, yaw, math.cos(yaw), math.sin(yaw), cell))
+
+
+def sum_poses(
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: BeamEnds
+) -> NDArray[np.int64]:
+    """Sums (n) of a map's `values` (rows + 2, columns + 2: it has a border) where the beams of poses (n, 3) end.
+
+    `place` is the map's lower left corner x, y, yaw in `map` and the metres of a cell; poses are x, y (metres), yaw in
+    `map`. What is outside counts as the border. Places have seven digits. Raises ValueError.
+    """
+    count, many = len(poses), beams.shape[-1]
+    out = np.empty(count, np.int64)
+    places = memory("poses", poses, DOUBLE, count, 3), count, memory("beams", beams, FLOAT, 2, many), many
+    lib.sum_poses(_likelihoods(values, place), *places, memory("out", out, INT64, count, out=True))
+    return out
+
+
+def climb(
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: BeamEnds,
+    steps: tuple[float, float], halvings: int, most: int,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Move each of `poses` (n, 3) to a place near by where the beams are likeliest (`sum_poses`): a pattern search.
+
+    It looks at the 26 neighbours at a distance of `steps` (metres, radians), goes to the best one, and halves the steps
+    where none is better, so many times, in at most `most` rounds. Return the sums of values (n). Raises ValueError.
+    """
+    count, many = len(poses), beams.shape[-1]
+    sums = np.empty(count, np.int64)
+    places = (
+        memory("poses", poses, DOUBLE, count, 3, out=True),
+        count,
+        memory("beams", beams, FLOAT, 2, many),
+        many,
+    )
+    out = memory("sums", sums, INT64, count, out=True)
+    lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, out)
+    return sums
+
+
+def _table(count: int) -> tuple[Any, int]:
+    """The memory of an empty hash table for up to so many bins, and the mask of its rows."""
+    table = np.full(1 << (2 * count).bit_length(), np.iinfo(np.int64).min)
+    return memory("table", table, INT64, len(table), out=True), len(table) - 1
+
+
+Size = tuple[float, float, float]
+"""Of a bin of particles: metres, metres, radians."""
+
+
+def resample(
+    poses: Floats, sums: Floats, draws: Floats, strange: NDArray[np.bool_], enough: Cells, size: Size
+) -> Floats:
+    """Particles (up to m, 3) that are drawn from `poses` (n or more, 3) until there are `enough` (k) for their bins.
+
+    `sums` (n) are the running sums of the weights, up to 1, and `draws` (m) uniform numbers: each means the first
+    particle whose sum is above it. Where `strange` (m) is true the ith comes from row n + i of `poses` instead. Raises
+    ValueError.
+    """
+    count, most = len(sums), len(draws)
+    if not count or not len(enough) or len(poses) < count + (most if strange.any() else 0) or min(size) <= 0.0:
+        raise ValueError(f"poses, sums, enough, size: {len(poses)}, {count}, {len(enough)} elements, and {size}")
+    guide, out = np.empty(count, np.int64), np.empty((most, 3))
+    found = lib.resample(
+        memory("poses", poses, DOUBLE, len(poses), 3), memory("sums", sums, DOUBLE, count), count,
+        memory("draws", draws, DOUBLE, most), memory("strange", strange, BOOL, most), most,
+        memory("enough", enough, INT64, len(enough)), len(enough), size, *_table(most),
+        memory("guide", guide, INT64, count, out=True), memory("out", out, DOUBLE, most, 3, out=True),
+    )  # fmt: skip
+    return out[:found]
+
+
+def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tuple[Cells, Floats, Floats]:
+    """Clusters of particles (n, 3): those whose bins touch, if only at a corner. Return labels (n), the same in each.
+
+    Also the moments (4, 4) of the heaviest one: the sums of weight times products of 1, x, y, turn, counted from the
+    heaviest of its particles; and that particle (3). `turns` bins make a full turn. Raises ValueError.
+    """
+    count = len(poses)
+    if not (count and 0 < turns <= 64 and min(size) > 0.0):
+        raise ValueError(f"poses, turns, size: {count} poses, {turns}, {size}")
+    table, mask = _table(count)
+    cluster, stack, labels = np.empty(mask + 1, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    totals, moments = np.zeros(count), np.zeros(19)
+    lib.find_cluster(
+        memory("poses", poses, DOUBLE, count, 3), memory("weights", weights, DOUBLE, count), count, size, turns,
+        table, mask, memory("cluster", cluster, INT64, mask + 1, out=True),
+        memory("stack", stack, INT64, count, out=True), memory("totals", totals, DOUBLE, count, out=True),
+        memory("labels", labels, INT64, count, out=True), memory("moments", moments, DOUBLE, 19, out=True),
+    )  # fmt: skip
+    return labels, moments[:16].reshape(4, 4), moments[16:]

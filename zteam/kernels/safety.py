@@ -1,0 +1,73 @@
+"""The kernels of the safety layer (safety.c): what a base meets. As `binding.py` says."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from zteam.kernels.binding import DOUBLE, Floats, ffi, lib, memory
+
+
+def meet(
+    points: Floats, planes: Floats, motion: tuple[float, float, float], seconds: float, margin: float,
+    disc: tuple[float, float, float],
+) -> float:  # fmt: skip
+    """Seconds until a base first comes nearer to a point than `margin` (m), inf if it does not within `seconds`.
+
+    Where it is nearer than that now, what counts is when it comes nearer still: so it may always move away. `motion` is
+    its constant velocity (m/s forwards, rad/s, m/s to the left), its outline the half-planes `planes` (m, 3): outward
+    normal of length 1, offset (m). Of `points` (2, n) those in the `disc` (x, y, radius) count, all in the base frame.
+    """
+    count, sides, (x, turn, y) = points.shape[-1], len(planes), motion
+    given = memory("points", points, DOUBLE, 2, count), count, memory("planes", planes, DOUBLE, sides, 3), sides
+    met: float = lib.meet(*given, x, y, turn, seconds, margin, *disc)
+    return met
+
+
+def move_points(points: Floats, x: float, y: float, turn: float) -> None:
+    """Tell `points` (3, n: x and y in metres and something else) in a frame that is at this pose (m, rad) of theirs."""
+    count = points.shape[-1]
+    lib.move_points(memory("points", points, DOUBLE, 3, count, out=True), count, x, y, turn)
+
+
+def see(
+    known: Floats, axes: Floats, distances: Floats, laser: tuple[float, float], few: int,
+    pose: tuple[float, float, float], far: float, way: float, oldest: float,
+) -> Floats:  # fmt: skip
+    """What is known after a scan: `known` without what the scan tells of anew, and its hits.
+
+    `known` (3, n) and what is returned: x and y in the base frame (m), and how far the base had travelled when that was
+    seen (m): `way` now, and less than `oldest` is forgotten. So is what is more than `far` (m) from the laser, which
+    has a `pose` (m, m, rad) in the base frame. The scan: directions `axes` (2, m: cosines and sines) and `distances`
+    (m; NaN: it says nothing) of beams, whose first angle and increment are `laser` (rad). Of every `few` beams the
+    nearest hit counts. A beam tells of points up to its end, and a little beyond.
+    """
+    count, beams = known.shape[-1], distances.size
+    if few < 1:
+        raise ValueError(f"few: {few} is less than 1")
+    seen = np.empty(3 * (count - -beams // few))
+    given = memory("known", known, DOUBLE, 3, count), count, *_scan(axes, distances)
+    kept = lib.see(*given, *laser, few, *pose, far, way, oldest, ffi.from_buffer("double[]", seen, True))
+    return seen[: 3 * kept].reshape(3, kept)
+
+
+def look_along(axes: Floats, distances: Floats, half_width: float, heading: float) -> float:
+    """Metres to the nearest hit in a corridor of 2 * `half_width` (m) from the laser towards `heading` (rad), else inf.
+
+    `axes` and `distances` are as for `see`.
+    """
+    nearest: float = lib.look_along(*_scan(axes, distances), half_width, heading, -math.inf)
+    return nearest
+
+
+def first_clear(axes: Floats, distances: Floats, half_width: float, reach: float, headings: Floats) -> int:
+    """Which of `headings` (n, rad) is the first whose corridor, as of `look_along`, is clear for `reach` (m), or -1."""
+    count = len(headings)
+    given = *_scan(axes, distances), half_width, reach, memory("headings", headings, DOUBLE, count), count
+    found: int = lib.first_clear(*given)
+    return found
+
+
+def _scan(axes: Floats, distances: Floats) -> tuple[Any, Any, int]:
+    beams = distances.size
+    return memory("axes", axes, DOUBLE, 2, beams), memory("distances", distances, DOUBLE, beams), beams

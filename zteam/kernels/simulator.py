@@ -1,0 +1,305 @@
+"""The kernels of the simulator (squares.c, edges.c, bodies.c, bases.c), as `binding.py` says."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, ffi, lib, memory
+
+
+class Bitmap(NamedTuple):
+    """A bitmap that rays and bodies meet."""
+
+    sides: NDArray[np.uint8]
+    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`simulator.core.casting`)."""
+    rows: int
+    columns: int
+    cell_x: float
+    """Metres."""
+    cell_y: float
+    x: float
+    """Of its lower left corner in `map`, metres."""
+    y: float
+    yaw: float
+    z_min: float
+    """Metres: what lies between these heights meets it."""
+    z_max: float
+
+
+class Bitmaps:
+    """Bitmaps for kernels."""
+
+    def __init__(self, maps: Sequence[Bitmap]) -> None:
+        self.count = len(maps)
+        self.data = ffi.new("bitmap[]", self.count)
+        self._kept = []
+        for made, one in zip(self.data, maps, strict=True):
+            sides, *numbers = one
+            if one.rows < 0 or one.columns < 0 or 4 * (one.rows * one.columns + 1) >= 1 << 31:
+                raise ValueError(f"sides: {one.rows} x {one.columns} cells are none, or too many for 32 bits")
+            self._kept.append(memory("sides", sides, UINT8, 4, one.rows * one.columns + 1))
+            if sides[:, -1].any():
+                raise ValueError("sides: the last entry of each quadrant, where rays are parked, is not 0")
+            made.sides = self._kept[-1]
+            _, *names = Bitmap._fields
+            for name, number in zip(names, numbers, strict=True):
+                setattr(made, name, number)
+
+
+class BeamTable(NamedTuple):
+    """Directions of the beams of fans in the sensor's frame."""
+
+    cos: Floats
+    """(tables, beams): one row for all fans, or one for each."""
+    sin: Floats
+    angle_min: float
+    increment: float
+    limit: float
+    """Nothing at this distance (metres) or beyond is seen."""
+    jitter: float = 0.0
+    """Increments that a beam may be off its place."""
+
+    @staticmethod
+    def ahead(limit: float) -> "BeamTable":
+        """A single beam straight ahead."""
+        return BeamTable(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, limit)
+
+
+class Rays(NamedTuple):
+    """Where fans of rays start: sensors in `map`, or in the base frames of their robots."""
+
+    at: Floats
+    """(3, fans): rows x, y (metres) and yaw (radians)."""
+    z: Floats
+    """(fans): metres above the ground."""
+    owner: NDArray[np.int64]
+    """(fans): the mover that carries the sensor and that the sensor does not see, or -1."""
+
+
+class Fans:
+    """Fans of rays, and what they met. The arrays are kept: their contents may change."""
+
+    def __init__(self, rays: Rays, beams: BeamTable) -> None:
+        count, width = len(rays.z), beams.cos.shape[1]
+        tables = 1 if len(beams.cos) == 1 else count
+        self.beams = beams
+        self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
+        """(fans, beams): metres, and what was met."""
+        self._kept = {
+            "at": memory("at", rays.at, DOUBLE, 3, count),
+            "z": memory("z", rays.z, DOUBLE, count),
+            "owner": memory("owner", rays.owner, INT64, count),
+            "cosine": memory("cos", beams.cos, DOUBLE, tables, width),
+            "sine": memory("sin", beams.sin, DOUBLE, tables, width),
+            "ranges": memory("ranges", self.ranges, DOUBLE, count, width, out=True),
+            "hits": memory("hits", self.hits, INT32, count, width, out=True),
+            "tops": memory("tops", np.empty(width // 8 + 1), DOUBLE, width // 8 + 1, out=True),
+        }
+        numbers = {name: getattr(beams, name) for name in ("angle_min", "increment", "limit", "jitter")}
+        self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **numbers, **self._kept})
+
+
+class Polygons:
+    """Polygons in groups that move together: the shapes of a mover, or a shape that stands still. Kernels move them."""
+
+    def __init__(
+        self, x: Floats, y: Floats, first_vertex: NDArray[np.int32], z_min: Floats, z_max: Floats,
+        first_shape: NDArray[np.int32], owner: NDArray[np.int64], centre: Floats, radius: Floats,
+    ) -> None:  # fmt: skip
+        """Vertices x, y, counter-clockwise, in the mover's frame; in `map` for what stands still.
+
+        Shape i has the vertices first_vertex[i] to first_vertex[i + 1] and the heights z_min[i] to z_max[i]; group i
+        the shapes first_shape[i] to first_shape[i + 1], the mover owner[i] (or -1), and a circle about centre[i] (x, y)
+        of radius[i] that holds them all.
+        """
+        shapes, groups = len(z_min), len(owner)
+        self.owner = owner
+        self.movers = int(owner.max(initial=-1)) + 1
+        check_within("owner", owner, -1, self.movers)
+        for name, starts, count in (("first_vertex", first_vertex, len(x)), ("first_shape", first_shape, shapes)):
+            if not (starts.size and starts[0] == 0 and starts[-1] == count and (np.diff(starts) > 0).all()):
+                raise ValueError(f"{name}: it does not rise from 0 to {count}, at each step")
+        room = int(np.diff(first_vertex).max(initial=0))
+        self._kept = {
+            "local_x": memory("x", x, DOUBLE, len(x)),
+            "local_y": memory("y", y, DOUBLE, len(x)),
+            "x": memory("x", x.copy(), DOUBLE, len(x), out=True),
+            "y": memory("y", y.copy(), DOUBLE, len(x), out=True),
+            "first_vertex": memory("first_vertex", first_vertex, INT32, shapes + 1),
+            "z_min": memory("z_min", z_min, DOUBLE, shapes),
+            "z_max": memory("z_max", z_max, DOUBLE, shapes),
+            "first_shape": memory("first_shape", first_shape, INT32, groups + 1),
+            "owner": memory("owner", owner, INT64, groups),
+            "local_centre": memory("centre", centre, DOUBLE, groups, 2),
+            "centre_x": memory("centre", centre[:, 0].copy(), DOUBLE, groups, out=True),
+            "centre_y": memory("centre", centre[:, 1].copy(), DOUBLE, groups, out=True),
+            "radius": memory("radius", radius, DOUBLE, groups),
+            "in_bin": memory("in_bin", np.empty(groups, np.int32), INT32, groups, out=True),
+            "bin_start": memory("bin_start", np.empty(64 * 64 + 2, np.int32), INT32, 64 * 64 + 2, out=True),
+            "corner_x": memory("corner_x", np.empty(room), DOUBLE, room, out=True),
+            "corner_y": memory("corner_y", np.empty(room), DOUBLE, room, out=True),
+        }
+        counts = {"shapes": shapes, "groups": groups, "movers": self.movers}
+        self.data = ffi.new("polygons *", {**counts, **self._kept})
+        self.move(np.zeros((self.movers, 3)))
+
+    def move(self, poses: Floats) -> None:
+        """Bring the groups of movers to `poses` (movers or more; x, y, yaw in `map`)."""
+        lib.move_polygons(self.data, self.poses(poses))
+
+    def poses(self, poses: Floats, *, out: bool = False) -> Any:
+        """The memory of an array of poses (movers or more; x, y, yaw)."""
+        if len(poses) < self.movers:
+            raise ValueError(f"poses: {len(poses)} are too few for {self.movers} movers")
+        return memory("poses", poses, DOUBLE, len(poses), 3, out=out)
+
+
+_cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares
+
+
+def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
+    """The side of the largest square of `free` cells (rows, columns) that begins at each and extends towards larger
+    rows and columns, at most 254, into `out` (rows * columns)."""
+    rows, columns = free.shape
+    lib.fill_squares(
+        memory("free", free, BOOL, rows, columns),
+        rows,
+        columns,
+        memory("out", out, UINT8, rows * columns, out=True),
+    )
+
+
+def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
+    """Shorten ranges to the occupied cells of a bitmap, and set hits to `mark` where it is nearer.
+
+    A start inside an occupied cell gives 0. A sensor sees only a bitmap that has its height.
+    """
+    if not 0 <= index < maps.count:
+        raise ValueError(f"index: {index} is not within 0 to {maps.count - 1}")
+    _cast_squares(maps.data + index, fans.data, mark)
+
+
+def cast_edges(polygons: Polygons, fans: Fans) -> None:
+    """Shorten ranges to polygons, to 0 in their interior, and set hits to the index of the shape that is nearer."""
+    lib.cast_edges(polygons.data, fans.data)
+
+
+def find_overlaps(polygons: Polygons, maps: Bitmaps, apart: bool, found: NDArray[np.bool_]) -> None:
+    """Which movers (`found`) overlap a bitmap or what stands still where they are; with `apart` each other too."""
+    if len(found) < polygons.movers:
+        raise ValueError(f"found: {len(found)} are too few for {polygons.movers} movers")
+    lib.find_overlaps(polygons.data, maps.data, maps.count, apart, memory("found", found, BOOL, len(found), out=True))
+
+
+def move_all(polygons: Polygons, maps: Bitmaps, poses: Floats, ends: Floats, blocked: NDArray[np.bool_]) -> None:
+    """Move robots, in order, from `poses` (movers; x, y, yaw) to `ends` (robots; x, y, yaw): a move that meets
+    something is `blocked` (robots), and not made at all. The polygons are at `poses`."""
+    robots = len(ends)
+    if robots > len(poses):
+        raise ValueError(f"ends: {robots} are too many for {len(poses)} poses")
+    lib.move_all(
+        polygons.data, maps.data, maps.count, robots, polygons.poses(poses, out=True),
+        memory("ends", ends, DOUBLE, robots, 3), memory("blocked", blocked, BOOL, robots, out=True),
+    )  # fmt: skip
+
+
+def hold(
+    polygons: Polygons, maps: Bitmaps, half: Floats, poses: Floats, ends: Floats, suspects: NDArray[np.bool_],
+    tangled: NDArray[np.bool_], apart: bool,
+) -> Floats:  # fmt: skip
+    """Cut the ways of the `suspects` (movers) from `poses` to `ends` (movers; x, y, yaw) to what is free; the shares
+    (movers) that are left.
+
+    `half` (groups) is half the width of a body in metres: no two places that are tested are farther apart. With `apart`
+    bodies stay out of each other too, unless both are `tangled` (movers). The polygons are at `poses`.
+    """
+    movers, groups = len(poses), len(polygons.owner)
+    places, shares = np.zeros(movers), np.ones(movers)
+    lib.hold(
+        polygons.data, maps.data, maps.count, memory("half", half, DOUBLE, groups), polygons.poses(poses),
+        memory("ends", ends, DOUBLE, movers, 3, out=True), memory("suspects", suspects, BOOL, movers),
+        memory("tangled", tangled, BOOL, movers), apart, memory("places", places, DOUBLE, movers, out=True),
+        memory("shares", shares, DOUBLE, movers, out=True),
+    )  # fmt: skip
+    return shares
+
+
+def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = False) -> Floats:
+    """Where robots at `poses` (robots; x, y, yaw) get to at constant body velocity (robots; m/s, m/s, rad/s).
+
+    On the exact arc or, with `tangents`, as Stage steps (Euler): straight ahead by the old heading, then the turn.
+    """
+    ends, count = np.empty_like(poses), len(poses)
+    lib.follow(
+        count, memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3), seconds,
+        tangents, memory("ends", ends, DOUBLE, count, 3, out=True),
+    )  # fmt: skip
+    return ends
+
+
+def place_mounts(mounts: Rays, poses: Floats, rays: Rays) -> None:
+    """Bring the `rays` (in `map`) of sensors, which are mounted so, to where they are now: with the robots at `poses`
+    (robots; x, y, yaw)."""
+    count, robots = len(mounts.z), len(poses)
+    owner, at = memory("owner", mounts.owner, INT64, count), memory("mounts", mounts.at, DOUBLE, 3, count)
+    poses, out = memory("poses", poses, DOUBLE, robots, 3), memory("rays", rays.at, DOUBLE, 3, count, out=True)
+    if not lib.place_mounts(count, owner, at, robots, poses, out):
+        raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
+
+
+class Bases:
+    """The bases of all robots, their odometry without errors, and their wheels.
+
+    Rows are x, y (m/s) and yaw (rad/s) in the base frame.
+    """
+
+    def __init__(
+        self, limits: Floats, is_car: NDArray[np.bool_], wheelbase: Floats, start: Floats,
+        wheel_owner: NDArray[np.int64], wheel_rows: Floats,
+    ) -> None:  # fmt: skip
+        """`limits` (4, robots, 3): least and largest velocity, least (below 0) and largest acceleration.
+
+        Odometry is zero at `start` (robots; x, y, yaw in `map`). A wheel turns by its row of `wheel_rows` (wheels, 3;
+        rad/s for each unit of velocity) with its robot, `wheel_owner` (wheels).
+        """
+        robots, wheels = len(is_car), len(wheel_owner)
+        check_within("wheel_owner", wheel_owner, 0, robots)
+        self.setpoint, self.velocity, self.odom = np.zeros((3, robots, 3))
+        """(robots, 3): velocity as commanded, within the limits; velocity as it was; pose seen from the start."""
+        self.start, self.is_car = start, is_car
+        self.angles, self.rates = np.zeros((2, wheels))
+        """(wheels): rad since the start, and rad/s."""
+        of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True), start=start)
+        of_robots |= {"setpoint": self.setpoint, "velocity": self.velocity, "odom": self.odom}
+        self._kept = {
+            **{name: memory(name, array, DOUBLE, robots, 3) for name, array in of_robots.items()},
+            "is_car": memory("is_car", is_car, BOOL, robots),
+            "wheelbase": memory("wheelbase", wheelbase, DOUBLE, robots),
+            "wheel_owner": memory("wheel_owner", wheel_owner, INT64, wheels),
+            "wheel_rows": memory("wheel_rows", wheel_rows, DOUBLE, wheels, 3),
+            "angles": memory("angles", self.angles, DOUBLE, wheels, out=True),
+            "rates": memory("rates", self.rates, DOUBLE, wheels, out=True),
+        }
+        self._robots = robots
+        self._data = ffi.new("bases *", {"robots": robots, "wheels": wheels, **self._kept})
+
+    def obey(self, commands: Floats, fresh: NDArray[np.bool_], seconds: float) -> None:
+        """Change the setpoints towards `commands` (robots, 3) as far as the limits allow in `seconds`; one that is not
+        `fresh` (robots) is 0.
+
+        A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate.
+        """
+        count = self._robots
+        given = memory("commands", commands, DOUBLE, count, 3), memory("fresh", fresh, BOOL, count)
+        lib.obey(self._data, *given, seconds)
+
+    def note_motion(self, before: Floats, after: Floats, seconds: float, *, tangents: bool) -> None:
+        """Note velocity, odometry and wheels after the ways from `before` to `after` (robots; x, y, yaw in `map`).
+
+        They were arcs or, with `tangents`, Stage's steps by the heading before.
+        """
+        count = self._robots
+        given = memory("before", before, DOUBLE, count, 3), memory("after", after, DOUBLE, count, 3)
+        lib.note_motion(self._data, *given, seconds, tangents)
