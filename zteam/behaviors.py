@@ -1,4 +1,8 @@
-"""The public names of behaviours: their base class, the view, and reading laser scans (`zteam.robot.behaviors`)."""
+"""The public names of behaviours: their base class, the view, reading laser scans, and the safety layer below them
+(`zteam.robot.behaviors`, `zteam.robot.safety`)."""
 
+from zteam.robot import behaviors
 from zteam.robot.behaviors import *  # noqa: F403
-from zteam.robot.behaviors import __all__ as __all__
+from zteam.robot.safety import SafetyLayer, decide, make_safe, missing
+
+__all__ = [*behaviors.__all__, "SafetyLayer", "decide", "make_safe", "missing"]

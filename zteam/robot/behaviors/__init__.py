@@ -4,22 +4,17 @@ from zteam.messages.base import Base
 from zteam.robot.behaviors.behavior import Behavior, FindPose, Teammate, View
 from zteam.robot.behaviors.registry import load_behavior
 from zteam.robot.behaviors.scans import Cone, first_clear, look_ahead, look_along, read_beams
-from zteam.robot.safety import SafetyLayer, decide, make_safe, missing
 
 __all__ = [
     "Base",
     "Behavior",
     "Cone",
     "FindPose",
-    "SafetyLayer",
     "Teammate",
     "View",
-    "decide",
     "first_clear",
     "load_behavior",
     "look_ahead",
     "look_along",
-    "make_safe",
-    "missing",
     "read_beams",
 ]

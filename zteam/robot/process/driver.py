@@ -17,11 +17,11 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.step_watch import StepWatch
-from zteam.robot.behaviors import SafetyLayer, View, missing
+from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.robot.safety import LimitsOnly, ask
+from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing
 from zteam.robot.safety.layer import UNSEEN_CAUSE
 from zteam.robot.safety.motion import DRIVE_MARGIN
 

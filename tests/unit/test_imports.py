@@ -1,0 +1,36 @@
+"""The modules of the package, each by itself."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import zteam
+from support.limits import LIMIT
+
+SCRIPT = """
+import os, sys
+import msgspec, numpy, zenoh
+
+for name in sys.argv[1:]:
+    child = os.fork()
+    if not child:
+        __import__(name)
+        os._exit(0)
+    if os.waitpid(child, 0)[1]:
+        sys.exit(name)
+"""
+"""Imports each module in a process of its own, in which nothing of zteam was imported before."""
+
+
+@pytest.mark.ci
+def test_each_module_may_be_imported_first() -> None:
+    """No module needs another one of the package to have been imported before: their imports have no circle."""
+    package = Path(str(zteam.__file__)).parent
+    paths = [path.relative_to(package.parent).with_suffix("") for path in sorted(package.glob("**/*.py"))]
+    modules = [".".join(path.parts).removesuffix(".__init__") for path in paths if path.name != "__main__"]
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *modules], capture_output=True, text=True, timeout=4 * LIMIT, check=False
+    )
+    assert done.returncode == 0, done.stderr
