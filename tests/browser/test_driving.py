@@ -42,18 +42,20 @@ def is_driving(team: TeamFixture) -> bool:
     return team.robot(0).speed > 0.1
 
 
-def wait_until_standing(team: TeamFixture) -> None:
-    """Wait until robot 0 has not moved for some ticks: a crowded page may send late what was held until now."""
-    pose, tick = team.robot(0).pose, team.tick
+def listen(team: TeamFixture) -> list[Twist]:
+    """The commands of teleop for robot 0, as they come."""
+    heard: list[Twist] = []
+    team.bus.subscribe("robot_0/cmd_vel_teleop", Twist, lambda _key, twist: heard.append(twist))
+    return heard
 
-    def stands() -> bool:
-        nonlocal pose, tick
-        now = team.robot(0).pose
-        if now != pytest.approx(pose, abs=1e-6):
-            pose, tick = now, team.tick
-        return team.tick >= tick + TICKS
 
-    team.wait_for(stands)
+def wait_for_release(team: TeamFixture, screen: Screen, heard: list[Twist]) -> None:
+    """Wait until the wheels have heard what the page was told last, and stand: a crowded page is behind its hand."""
+    # The answer comes after all that the page has sent before.
+    assert screen.ask("async () => await zteam.app.send({op: 'take', robot: 0})") == ""
+    count = len(heard)
+    team.wait_for(lambda: len(heard) > count + 5 and heard[-1] == Twist())
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
 
 
 def assert_stands(team: TeamFixture) -> None:
@@ -66,6 +68,7 @@ def assert_stands(team: TeamFixture) -> None:
 def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> None:
     """A held i drives it forwards under a lease of this page, and its release stops it; the other robot stands."""
     start_arena(team, screen)
+    heard = listen(team)
     before, other = team.robot(0).pose, team.robot(1).pose
     screen.page.keyboard.down("i")
     team.wait_for(lambda: is_driving(team) and team.robot(0).pose.x > before.x + 0.2)
@@ -73,7 +76,8 @@ def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> Non
     team.wait_for(lambda: getattr(team.robot(0).status, "driver", "") == "teleop")
     screen.wait("zteam.app.store.robots.get(0).lease === zteam.app.store.connection.viewer")
     screen.page.keyboard.up("i")
-    wait_until_standing(team)
+    wait_for_release(team, screen, heard)
+    assert_stands(team)
     assert team.robot(0).pose.y == pytest.approx(before.y, abs=0.02)
     assert team.robot(1).pose == pytest.approx(other, abs=1e-6)
     screen.page.keyboard.press("Escape")
@@ -82,9 +86,8 @@ def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> Non
 
 def test_keys_mean_what_they_mean_in_teleop_twist_keyboard(team: TeamFixture, screen: Screen) -> None:
     """o drives forwards with a turn to the right, at the speed that w has raised by a tenth."""
-    heard: list[Twist] = []
     start_arena(team, screen)
-    team.bus.subscribe("robot_0/cmd_vel_teleop", Twist, lambda _key, twist: heard.append(twist))
+    heard = listen(team)
     screen.page.keyboard.press("w")
     screen.page.keyboard.down("o")
     expected = pytest.approx((0.55, -1.0))
@@ -155,6 +158,7 @@ def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: 
 def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) -> None:
     """The knob pushed up drives forwards as long as it is held."""
     start_arena(team, screen)
+    heard = listen(team)
     box = screen.page.locator(".stick").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -163,12 +167,14 @@ def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) ->
     screen.page.mouse.move(x, y - 44)
     team.wait_for(lambda: team.robot(0).speed > 0.3)
     screen.page.mouse.up()
-    wait_until_standing(team)
+    wait_for_release(team, screen, heard)
+    assert_stands(team)
 
 
 def test_a_gamepad_drives_with_its_left_stick(team: TeamFixture, screen: Screen) -> None:
     """The stick of a gamepad that is plugged in while driving is on moves the robot; in its middle the robot stands."""
     start_arena(team, screen)
+    heard = listen(team)
     screen.ask("""() => {
       window.pad = {connected: true, axes: [0, -1], buttons: []};
       navigator.getGamepads = () => [null, pad];
@@ -176,7 +182,8 @@ def test_a_gamepad_drives_with_its_left_stick(team: TeamFixture, screen: Screen)
     }""")
     team.wait_for(lambda: team.robot(0).speed > 0.3)
     screen.ask("pad.axes = [0.02, 0.05]")
-    wait_until_standing(team)
+    wait_for_release(team, screen, heard)
+    assert_stands(team)
 
 
 def test_tab_stops_and_takes_the_next_robot(team: TeamFixture, screen: Screen) -> None:

@@ -155,6 +155,7 @@ class Declared:
             except RuntimeError:
                 # "Already borrowed": another thread is putting a message, and Zenoh's Python does not wait for it.
                 pause(_AGAIN)
+        log.debug("undeclare: another thread uses it still")
 
 
 class ZenohPublisher(Declared):
@@ -198,9 +199,12 @@ class ZenohPublisher(Declared):
             return
         try:
             entity.put(payload, timestamp=self._stamp())
-        except (zenoh.ZError, RuntimeError) as error:
-            # RuntimeError: another thread closes it just now.
+        except zenoh.ZError as error:
             log.debug("put: the message is dropped: %s", error)
+        except RuntimeError:
+            # "Already mutably borrowed": another thread closes it just now.
+            if self._entity is not None:
+                raise
 
     def put_message(self, message: Message) -> None:
         self.put(encode(message))

@@ -248,7 +248,9 @@ def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, mo
         wire.close()
 
 
-def test_a_whole_link_is_kept(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_whole_link_is_kept(
+    router: RouterProcess, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     """A link that came back whole is not ended."""
     ended: list[object] = []
     monkeypatch.setattr(connection, "cut", ended.append)
@@ -260,7 +262,9 @@ def test_a_whole_link_is_kept(router: RouterProcess, monkeypatch: pytest.MonkeyP
         # A router that still holds the last link ends the next one by itself, and then Zenoh opens a third.
         told.wait_for(True)
         wait_until_true(lambda: "link" not in [thread.name for thread in threading.enumerate()])
+        assert told.items[:2] == [False, True]
         assert ended == []
+        assert "no query" not in caplog.text
     finally:
         session.close()
         wire.close()
