@@ -12,8 +12,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def make_token() -> str:
-    """A token that cannot be guessed."""
-    return secrets.token_urlsafe(24)
+    """A token that cannot be guessed: 128 bits. Hexadecimal, as a word that begins with "-" would be an option."""
+    return secrets.token_hex(16)
 
 
 def is_token(given: str, token: str) -> bool:

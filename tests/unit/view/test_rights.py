@@ -1,5 +1,7 @@
 """Which connections are taken, and the token."""
 
+import re
+
 import pytest
 
 from zteam.view.rights import Gatekeeper, is_loopback, is_token, make_token
@@ -58,10 +60,10 @@ def test_the_origin_has_to_be_this_very_server(origin: str | None, taken: bool) 
 
 
 def test_tokens_are_long_and_compared_whole() -> None:
-    """Two tokens differ, and no prefix or other text is taken for one."""
+    """Two tokens differ, each is a word for a command line, and no prefix or other text is taken for one."""
     token = make_token()
     assert token != make_token()
-    assert len(token) >= 32
+    assert re.fullmatch("[0-9a-f]{32}", token)
     assert is_token(token, token)
     assert not any(is_token(other, token) for other in ("", token[:-1], token + "x", "ü"))
 
