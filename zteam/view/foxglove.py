@@ -40,7 +40,7 @@ TIME_STEP = 50_000_000
 def require_sdk() -> None:
     """Raise UsageError where the package is missing that speaks the protocol."""
     if importlib.util.find_spec("foxglove") is None:
-        raise UsageError("--foxglove needs the package foxglove-sdk: pip install zteam[foxglove]")
+        raise UsageError("--foxglove needs the package foxglove-sdk: pip install 'zteam[foxglove]'")
 
 
 def shown_keys(declarations: Iterable[Declaration]) -> dict[str, type[Message] | None]:

@@ -100,5 +100,5 @@ def test_foxglove_needs_its_package(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert zteam_view.main(["--foxglove", "--no-browser"]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "view: --foxglove needs the package foxglove-sdk: pip install zteam[foxglove]"
+        "view: --foxglove needs the package foxglove-sdk: pip install 'zteam[foxglove]'"
     ]
