@@ -142,7 +142,7 @@ _HOMES = {
     "shipped_team": "config.resources",
     "shipped_world": "config.resources",
 }
-"""The module within zteam that defines each name, and its name there where that is another."""
+"""The module within zteam that defines each name."""
 
 
 def __getattr__(name: str) -> object:
@@ -151,13 +151,11 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'zteam' has no attribute {name!r}")
     from importlib import import_module
 
-    home, _, original = _HOMES[name].partition(":")
-    found = getattr(import_module(f"zteam.{home}"), original or name)
+    home = _HOMES[name]
+    found = getattr(import_module(f"zteam.{home}"), name)
     if home != "errors":
         # Error texts and `help` name it as a user imports it.
         found.__module__ = "zteam"
-        if original:
-            found.__name__ = found.__qualname__ = name
     globals()[name] = found
     return found
 

@@ -1,5 +1,6 @@
 """The typed bus: messages, queries and presence tokens over any transport."""
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
+log = logging.getLogger("zteam.bus")
 
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
@@ -231,6 +233,16 @@ class Bus:
         if not answers and isinstance(request, Change) and self._sees is not None:
             raise BusError(f"no answer: no process serves {key_expr}, or this process's certificate may not ask for it")
         return answers
+
+    def find(
+        self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0
+    ) -> list[tuple[str, T]]:
+        """As `query`, but empty also if the only answers are errors, such as that of a process that is frozen."""
+        try:
+            return self.query(key_expr, reply_type, request, timeout=timeout)
+        except BusError as error:
+            log.debug("%s", error)
+            return []
 
     def ask(self, key: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0) -> T:
         """The first answer to a query on one key. Raises BusError when there is none."""

@@ -5,7 +5,6 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
-import logging
 import os
 import socket
 import threading
@@ -20,8 +19,6 @@ from zteam.bus.transport import Closeable
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
-
-log = logging.getLogger("zteam.bus")
 
 CLAIM_WAIT = 0.1 * HOST_FACTOR
 """Host seconds for the tokens of others to come."""
@@ -158,16 +155,12 @@ class Claim:
         return f"{what}: stop that one first, or use another id or --namespace"
 
     def _holders(self, rivals: list[str]) -> list[ProcessInfo]:
-        return [info for _, info in self._others() if not rivals or info.instance in rivals]
+        return [info for info in self._others() if not rivals or info.instance in rivals]
 
-    def _others(self) -> list[tuple[str, ProcessInfo]]:
+    def _others(self) -> list[ProcessInfo]:
         """The other processes that answer under this name."""
-        try:
-            found = self._bus.query(names.info_key(self.name), ProcessInfo, timeout=1.0)
-        except BusError as error:
-            log.debug("%s", error)
-            return []
-        return [(key, info) for key, info in found if info.instance != self._bus.instance]
+        found = self._bus.find(names.info_key(self.name), ProcessInfo, timeout=1.0)
+        return [info for _, info in found if info.instance != self._bus.instance]
 
     def _meet_aside(self, instance: str) -> None:
         threading.Thread(target=self._meet_rival, args=(instance,), name="rival", daemon=True).start()
@@ -178,7 +171,7 @@ class Claim:
         A rival that does not answer is asked again as long as both hold the name.
         """
         while True:
-            rival = next((info for _, info in self._others() if info.instance == instance), None)
+            rival = next((info for info in self._others() if info.instance == instance), None)
             if rival is not None:
                 if (rival.start, rival.instance) < (self.start, self._bus.instance) and self._on_rival:
                     self._on_rival(rival)

@@ -218,20 +218,14 @@ def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClo
 
 def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     begin, asked = wall_ns(), monotonic()
-    try:
-        answers = bus.query(names.info_key(name), ProcessInfo)
-    except BusError:
-        return None
+    answers = bus.find(names.info_key(name), ProcessInfo)
     error = 0.5 * (monotonic() - asked)
     times = [info.now for _, info in answers if info.host == host]
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
-    try:
-        answers = bus.query(names.stats_key("*"), dict[str, KeyCount])
-    except BusError:
-        return {}
+    answers = bus.find(names.stats_key("*"), dict[str, KeyCount])
     return {key.removesuffix("/stats"): counts for key, counts in answers}
 
 

@@ -15,7 +15,7 @@ from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import Message, type_of_encoding
 from zteam.messages.topics import type_of_key
 from zteam.names import strip_slash
@@ -62,10 +62,7 @@ class KeyUsers(NamedTuple):
 def find_key_users(bus: Bus) -> KeyUsers:
     """The users of all keys now."""
     declarations = bus.declarations()
-    try:
-        infos = bus.query(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
-    except BusError:
-        infos = []
+    infos = bus.find(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
     return KeyUsers(declarations, [info for _, info in infos])
 
 

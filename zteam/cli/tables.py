@@ -35,13 +35,12 @@ def format_table(
     lines = [header, *rows]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     if width is not None:
-        lines = [part for line in lines for part in _wrapped(line, width - len(indent) - _width(widths[:-1]))]
-    right = [numbers_from is not None and column >= numbers_from for column in range(len(header))]
-    return "\n".join((indent + _GAP.join(map(_aligned, line, widths, right))).rstrip() for line in lines)
-
-
-def _width(widths: Sequence[int]) -> int:
-    return sum(width + len(_GAP) for width in widths)
+        before = len(indent) + sum(each + len(_GAP) for each in widths[:-1])
+        lines = [part for line in lines for part in _wrapped(line, width - before)]
+    first_right = len(header) if numbers_from is None else numbers_from
+    align = [str.ljust if column < first_right else str.rjust for column in range(len(header))]
+    cells = [[put(cell, room) for put, cell, room in zip(align, line, widths, strict=True)] for line in lines]
+    return "\n".join((indent + _GAP.join(line)).rstrip() for line in cells)
 
 
 def _wrapped(line: Sequence[str], room: int) -> list[Sequence[str]]:
@@ -51,10 +50,6 @@ def _wrapped(line: Sequence[str], room: int) -> list[Sequence[str]]:
     first, *more = textwrap.wrap(line[-1], room) or [""]
     blank = [""] * (len(line) - 1)
     return [[*line[:-1], first], *([*blank, text] for text in more)]
-
-
-def _aligned(cell: str, width: int, right: bool) -> str:
-    return cell.rjust(width) if right else cell.ljust(width)
 
 
 def format_message(message: Message, full: bool) -> str:

@@ -189,7 +189,7 @@ def _up(args: argparse.Namespace) -> int:
         return _run_here(_launch(args), bus_options(args), args)
     from zteam.team.launch.warm_parent import WarmParent
 
-    with WarmParent() as parent:
+    with closing(WarmParent()) as parent:
         # It imports while the team is checked.
         parent.prepare()
         return _start_processes(_launch(args), bus_options(args), args, parent)

@@ -208,5 +208,3 @@ class TeamState:
 
     WAITING = 0
     GO = 1
-
-    TEXT: ClassVar[tuple[str, ...]] = ("waiting", "go")

@@ -12,7 +12,6 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
-from zteam.errors import BusError
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
 
@@ -87,11 +86,7 @@ class Ticks:
         """Ask the simulator of this session, and take the tick that came before the answer. Not for handlers."""
         with self._node.changed:
             self._asking += 1
-        answers: list[tuple[str, dict[str, Any]]] = []
-        try:
-            answers = self._node.bus.query(names.service_key(names.SIMULATOR, "status"), dict[str, Any])
-        except BusError as error:
-            log.debug("%s", error)
+        answers = self._node.bus.find(names.service_key(names.SIMULATOR, "status"), dict[str, Any])
         told = [status for _, status in answers if status.get("instance", "") in ("", instance)]
         with self._node.changed:
             self._asking -= 1

@@ -9,7 +9,6 @@ import msgspec
 
 from zteam import names
 from zteam.clock import monotonic
-from zteam.errors import BusError
 
 KEPT = 200
 """Lines that a process keeps for the query of its log."""
@@ -138,12 +137,7 @@ class LogReader:
         return {name for pattern in sorted(joined) for name in self._fetch(pattern)}
 
     def _fetch(self, pattern: str) -> set[str]:
-        try:
-            answers = self._bus.query(names.log_key(pattern), list[LogLine])
-        except BusError as error:
-            # Such as a process that is frozen.
-            log.debug("%s", error)
-            return set()
+        answers = self._bus.find(names.log_key(pattern), list[LogLine])
         for _, lines in answers:
             self._take(lines)
         return {name for key, _ in answers if (name := names.split_log_key(key))}

@@ -29,7 +29,6 @@ M = TypeVar("M", bound=Message)
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
 ClockMode = Literal["auto", "sim", "wall"]
-CLOCK_MODES: tuple[ClockMode, ...] = ("auto", "sim", "wall")
 """Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
 SWITCH_INTERVAL = 0.0005
 """Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""

@@ -3,7 +3,6 @@
 A request that is refused is answered with an error that says why.
 """
 
-import logging
 from collections.abc import Callable, Sequence
 from typing import Annotated, TypeVar
 
@@ -14,12 +13,10 @@ from zteam.bus import Bus, Change
 from zteam.clock import monotonic
 from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import BusError, UsageError
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
-
-log = logging.getLogger("zteam")
 
 T = TypeVar("T")
 
@@ -464,11 +461,8 @@ def read_status(bus: Bus, timeout: float = 2.0) -> SimStatus | None:
 
 def find_status(bus: Bus, timeout: float = 2.0) -> SimStatus | None:
     """As `read_status`, but None also if it does not answer."""
-    try:
-        return read_status(bus, timeout)
-    except ZteamError as error:
-        log.debug("%s", error)
-        return None
+    answers = bus.find(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=timeout)
+    return answers[0][1] if answers else None
 
 
 def absence_of(bus: Bus, robot_id: int) -> str:

@@ -243,8 +243,4 @@ class TeamQueries:
         return answers[0][1] if answers else None
 
     def _ask(self, key: str, kind: type[T], request: msgspec.Struct | None = None) -> list[tuple[str, T]]:
-        try:
-            return self._bus.query(key, kind, request, timeout=PATIENCE)
-        except BusError as error:
-            log.debug("%s: %s", key, error)
-            return []
+        return self._bus.find(key, kind, request, timeout=PATIENCE)

@@ -1,6 +1,7 @@
 """The floor of a lock-step tick: the time to exchange its messages through the router, and nothing else."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -84,7 +85,7 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
     count = ["--robots", str(robots)]
     # START_LIMIT three times: the simulator's own start, its wait for the team, and the warm-up.
     limit = 3 * START_LIMIT + seconds + TICK_LIMIT
-    with Supervisor(lambda _name, _line: None, lambda _process, _delay: None) as supervisor:
+    with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
         try:
             endpoint = _start_router(supervisor)
             supervisor.start(names.AGGREGATOR, _command("aggregator", endpoint, *count))

@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -104,7 +104,7 @@ def _router(folder: Path, *, secure: bool) -> Iterator[BusOptions]:
     """A router; how a client reaches it."""
     if secure:
         prepare(folder, "", {"router": Rights(links=True), "bench": Rights(links=True)}, "", ["router", "bench"])
-    with Supervisor(lambda _name, _line: None, lambda _process, _delay: None) as supervisor:
+    with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
         router = start_router(supervisor, certificates=folder if secure else None)
         endpoint = wait_for_endpoint(supervisor, router, _LIMIT)
         yield BusOptions(connect=endpoint, tls=files_of(folder, "bench") if secure else None)

@@ -54,11 +54,7 @@ class Poses:
             self._stop.wait(PERIOD)
 
     def _ask_launcher(self) -> dict[str, Restarted]:
-        try:
-            answers = self._bus.query(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
-        except BusError as error:
-            log.debug("%s", error)
-            return {}
+        answers = self._bus.find(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
         return dict(answers[0][1]) if answers else {}
 
     def _ask(self, robots: list[int]) -> dict[int, Pose2]:

@@ -11,7 +11,7 @@ from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import TeamDisplay, showing
 from zteam.monitor.process.members import WatchedTeam
@@ -108,12 +108,7 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
     end = monotonic() + LOOK_FOR
     while not node.stopping:
-        try:
-            answers = node.bus.query(names.info_key(names.MONITOR), ProcessInfo, timeout=LOOK_FOR)
-        except BusError as error:
-            log.debug("%s", error)
-            answers = []
-        if answers:
+        if answers := node.bus.find(names.info_key(names.MONITOR), ProcessInfo, timeout=LOOK_FOR):
             return answers[0][1]
         if monotonic() > end:
             return None

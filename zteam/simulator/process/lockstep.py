@@ -12,7 +12,6 @@ from collections.abc import Callable, Container
 
 from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
-from zteam.errors import BusError
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.lockstep import Lacking
@@ -250,9 +249,5 @@ class LockStep:
 
 def _ask_lacking(node: ProcessNode) -> dict[str, str]:
     """The inputs that participants wait for, in words, by the participant's name."""
-    try:
-        answers = node.bus.query(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
-    except BusError as error:
-        log.debug("%s", error)
-        return {}
+    answers = node.bus.find(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
     return {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}

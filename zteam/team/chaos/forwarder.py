@@ -11,7 +11,6 @@ import struct
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Self
 
 import msgspec
 
@@ -191,12 +190,6 @@ class Forwarder:
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="forwarder", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def open(self, host: str, port: int) -> Link:
         """A link to this address, at a free port of the loopback interface. Raises OSError."""

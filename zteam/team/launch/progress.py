@@ -1,6 +1,5 @@
 """The progress of a run and the team at a glance, heard and asked on the bus by the launcher."""
 
-import logging
 import threading
 from collections.abc import Callable, Collection
 from threading import Condition
@@ -13,8 +12,6 @@ from zteam.clock import HOST_FACTOR, pause, to_seconds
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
 from zteam.simulator.client import FinishReply, SimStatus, WaitRequest, find_status
-
-log = logging.getLogger("zteam")
 
 _ANSWER_LIMIT = 2.0
 """Host seconds that one look waits for the simulator."""
@@ -52,11 +49,7 @@ class Progress:
     def _watch_end(self) -> None:
         key, request = names.service_key(names.SIMULATOR, "finish"), WaitRequest(timeout=_FINISH_WAIT)
         while not self._closed:
-            try:
-                answers = self._bus.query(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
-            except ZteamError as error:
-                log.debug("%s", error)
-                answers = []
+            answers = self._bus.find(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
             if any(answer.finished for _, answer in answers):
                 with self._changed:
                     self.wall = self._since_start()

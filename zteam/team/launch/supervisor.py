@@ -199,12 +199,6 @@ class Supervisor:
         self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
         self._sampler.start()
 
-    def __enter__(self) -> "Supervisor":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     @property
     def processes(self) -> dict[str, Process]:
         """The members that are processes."""

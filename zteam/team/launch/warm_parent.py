@@ -189,12 +189,6 @@ class WarmParent:
         self._server: _Server | None = None
         self._lock = threading.Lock()
 
-    def __enter__(self) -> "WarmParent":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     @property
     def pids(self) -> dict[str, int]:
         """Process id of the warm parent by its name, if it runs."""

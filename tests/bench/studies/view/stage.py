@@ -108,7 +108,7 @@ def team(name: str) -> Iterator[Stage]:
 @contextmanager
 def processes() -> Iterator[tuple[Supervisor, str]]:
     """A set of processes with a router, and its endpoint; all end in the end."""
-    with Supervisor(lambda _name, _line: None, lambda _process, _again: None) as supervisor:
+    with closing(Supervisor(lambda _name, _line: None, lambda _process, _again: None)) as supervisor:
         router = start_router(supervisor)
         endpoint = wait_for_endpoint(supervisor, router, START_LIMIT)
         if not endpoint:

@@ -3,6 +3,7 @@
 import os
 import re
 import statistics
+from contextlib import closing
 from typing import Any
 
 import msgspec
@@ -62,7 +63,7 @@ def _start_with_browser(said: list[float]) -> float:
 
 def _start(said: list[float], open_page: Any) -> float:
     """Seconds until a robot is drawn; those until the address is printed are added to `said`."""
-    with Supervisor(lambda _name, _line: None, lambda _process, _again: None) as supervisor:
+    with closing(Supervisor(lambda _name, _line: None, lambda _process, _again: None)) as supervisor:
         begin = monotonic()
         command = zteam_command("zteam", "up", "line", "--view", "--no-browser")
         up = supervisor.start("up", command, {"ZTEAM_NAMESPACE": f"bench_start_{os.getpid()}"})

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -26,5 +27,5 @@ def warm(monkeypatch: pytest.MonkeyPatch) -> Iterator[WarmParent]:
     """A warm parent that also forks the obedient child of these tests."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(TESTS), os.environ.get("PYTHONPATH")])))
     monkeypatch.setattr(warm_parent, "_is_own", lambda _command: True)
-    with WarmParent() as parent:
+    with closing(WarmParent()) as parent:
         yield parent

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -167,7 +168,7 @@ def test_ps_shows_each_process_under_its_commands_name(lifeline: int) -> None:
         return Path(f"/proc/{pid}/comm").read_text().strip()
 
     command = zteam_command("zteam-router", "--listen", "tcp/127.0.0.1:0", "--announce")
-    with WarmParent() as warm:
+    with closing(WarmParent()) as warm:
         for start in (spawn, warm.start):
             router = Started(start, lifeline, command)
             assert router.up.wait(LIMIT)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -79,7 +80,7 @@ class Watched(Supervisor):
 
 def test_an_unexpected_end_is_reported() -> None:
     """A process that fails is reported at once with its name, and is in `failures`."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         process = supervisor.run("robot_3", "raise SystemExit(3)")
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
         assert supervisor.failed == ["robot_3"]
@@ -89,7 +90,7 @@ def test_an_unexpected_end_is_reported() -> None:
 
 def test_a_killed_process_is_reported() -> None:
     """A process that another program kills counts as failed."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         process = supervisor.run("sim", WAITING)
         os.kill(process.pid, signal.SIGKILL)
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
@@ -100,7 +101,9 @@ def test_a_killed_process_is_reported() -> None:
 def test_a_failure_is_told_before_the_end_is_seen() -> None:
     """What is done about a failure, such as a stop with its reason, comes before a process counts as ended."""
     seen: list[bool] = []
-    with Supervisor(lambda *_: None, lambda process, _: seen.append(process.name in supervisor.ended)) as supervisor:
+    with closing(
+        Supervisor(lambda *_: None, lambda process, _: seen.append(process.name in supervisor.ended))
+    ) as supervisor:
         supervisor.start("robot_3", [sys.executable, "-c", "raise SystemExit(3)"])
         assert supervisor.wait(lambda: "robot_3" in supervisor.ended, LIMIT)
     assert seen == [False]
@@ -108,7 +111,7 @@ def test_a_failure_is_told_before_the_end_is_seen() -> None:
 
 def test_a_stop_is_no_failure() -> None:
     """Processes that were asked to stop are not reported, whatever their exit code."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         polite, rude = supervisor.run("a", OWN), supervisor.run("b", WAITING)
         supervisor.stop(["a", "b"])
         assert polite.exit_code == 0
@@ -119,7 +122,7 @@ def test_a_stop_is_no_failure() -> None:
 
 def test_only_the_named_ones_stop() -> None:
     """The other processes run on; a name without a process is skipped."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         first, second = supervisor.run("a", WAITING), supervisor.run("b", WAITING)
         supervisor.stop(["a", "unknown"])
         assert not first.running
@@ -129,7 +132,7 @@ def test_only_the_named_ones_stop() -> None:
 def test_what_does_not_stop_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that ignores SIGTERM is killed after GRACE, and `stop` returns when all have ended."""
     monkeypatch.setattr("zteam.team.launch.supervisor.GRACE", 0.3)
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         stubborn = supervisor.run("a", STUBBORN)
         supervisor.stop(["a"])
         assert stubborn.exit_code == -signal.SIGKILL
@@ -138,7 +141,7 @@ def test_what_does_not_stop_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_hurry_kills_without_grace(monkeypatch: pytest.MonkeyPatch) -> None:
     """With `hurry` a process is killed at once (GRACE is set to a limit that no test reaches)."""
     monkeypatch.setattr("zteam.team.launch.supervisor.GRACE", 1000.0)
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         stubborn = supervisor.run("a", STUBBORN)
         supervisor.stop(["a"], lambda: True)
         assert stubborn.exit_code == -signal.SIGKILL
@@ -165,7 +168,7 @@ def test_closing_twice_is_harmless() -> None:
 
 def test_an_ended_process_can_be_started_again() -> None:
     """The name then stands for the new process."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         first = supervisor.run("a", "raise SystemExit(1)")
         assert first.join(LIMIT)
         second = supervisor.run("a", WAITING)
@@ -175,7 +178,7 @@ def test_an_ended_process_can_be_started_again() -> None:
 
 def test_children_get_the_environment_asked_for() -> None:
     """The given variables reach the child, besides those of this process."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         code = "import os; print(os.environ['ZTEAM_NAMESPACE'], 'PATH' in os.environ)"
         supervisor.start("a", [sys.executable, "-c", code], {"ZTEAM_NAMESPACE": "t1"})
         assert supervisor.wait(lambda: bool(supervisor.heard), LIMIT)
@@ -184,7 +187,7 @@ def test_children_get_the_environment_asked_for() -> None:
 
 def test_measuring_covers_every_process() -> None:
     """One call updates the figures of all processes."""
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         both = [supervisor.run("a", WAITING), supervisor.run("b", WAITING)]
         supervisor.measure()
         assert all(p.usage.rss_mb > 1 and p.usage.pss_mb > 1 for p in both)
@@ -272,7 +275,7 @@ def test_a_running_process_is_not_forgotten() -> None:
 def test_starting_again_leaves_no_descriptor_open() -> None:
     """A process that is restarted a hundred times does not use up the launcher's descriptors."""
     before = len(list(Path("/proc/self/fd").iterdir()))
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         kept = [supervisor.run("a", "raise SystemExit(1)") for _ in range(5)]
         assert supervisor.processes["a"] is kept[-1]
     assert len(list(Path("/proc/self/fd").iterdir())) == before
@@ -284,7 +287,7 @@ FAILING = "import sys; print('once more', flush=True); sys.exit('no camera')"
 def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is started again as often as there are delays, and counts as failed only then; the rest goes on."""
     monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         other = supervisor.run("robot_0", WAITING)
         supervisor.start_job("camera", Job([sys.executable, "-c", FAILING], restarts=True, may_end=True))
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
@@ -302,7 +305,7 @@ def test_a_start_takes_the_place_of_a_restart_that_waits(monkeypatch: pytest.Mon
     def restarts() -> list[threading.Thread]:
         return [thread for thread in threading.enumerate() if thread.name == "restart robot_0"]
 
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         supervisor.start_job("robot_0", Job([sys.executable, "-c", FAILING], restarts=True))
         assert supervisor.wait(lambda: bool(restarts()), LIMIT)
         (waits,) = restarts()
@@ -326,7 +329,7 @@ def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pyt
     def python(code: str) -> list[str]:
         return [sys.executable, "-c", f"{code}; import sys; sys.exit('no more')"]
 
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         supervisor.start_job("early", Job(python("pass"), learn=learn))
         supervisor.start_job("router", Job(python("print('port 3', flush=True)"), learn=learn))
         assert supervisor.wait(lambda: supervisor.ended == {"early", "router"}, LIMIT)
@@ -338,7 +341,7 @@ def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pyt
 def test_a_usage_error_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that cannot run as it was started says so once."""
     monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         supervisor.start_job(
             "view", Job([sys.executable, "-c", "print('no host'); raise SystemExit(2)"], restarts=True)
         )
@@ -353,7 +356,7 @@ def test_a_process_that_was_asked_to_end_is_not_started_again(monkeypatch: pytes
     job = Job(
         [sys.executable, "-c", f"import signal; signal.signal(signal.SIGINT, signal.SIG_DFL)\n{WAITING}"], restarts=True
     )
-    with Watched() as supervisor:
+    with closing(Watched()) as supervisor:
         first = supervisor.start_job("a", job)
         assert supervisor.wait(lambda: bool(first.lines), LIMIT)
         first.signal(signal.SIGKILL)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.Mon
     """Foreign commands, variables that modules read when they are imported, the wish of the user, and measuring tools
     that begin with the interpreter."""
     help_text = zteam_command("zteam-router", "--help")
-    with WarmParent() as warm:
+    with closing(WarmParent()) as warm:
         assert kind_of(warm, lifeline, help_text) is ForkedChild
         assert kind_of(warm, lifeline, help_text, ZTEAM_LEASE="3") is ForkedChild
         assert kind_of(warm, lifeline, [sys.executable, "-c", "pass"]) is not ForkedChild
