@@ -150,7 +150,7 @@ def test_a_hurry_kills_without_grace(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_closing_kills_what_is_left() -> None:
     """An exception in the launcher leaves no process behind, frozen and stubborn ones included."""
     kept: list[Process] = []
-    with pytest.raises(ZeroDivisionError), Watched() as supervisor:
+    with pytest.raises(ZeroDivisionError), closing(Watched()) as supervisor:
         kept += [supervisor.run("a", WAITING), supervisor.run("b", STUBBORN), supervisor.run("c", OWN)]
         kept[2].signal(signal.SIGSTOP)
         raise ZeroDivisionError
