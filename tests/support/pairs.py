@@ -1,4 +1,4 @@
-"""A team file with a pair of robots that keeps driving, and starts again what fails."""
+"""Team files with a pair and a line of robots that keep driving, and start again what fails."""
 
 PAIR = """
 [team]
@@ -19,3 +19,13 @@ id = 1
 follow = 0
 pose = [23.0, 25.0, 0.0]
 """
+
+LINE = PAIR + "".join(
+    f"""[[robots]]
+id = {i}
+follow = {i - 1}
+pose = [{24.0 - i}, 25.0, 0.0]
+"""
+    for i in (2, 3)
+)
+"""Four robots."""

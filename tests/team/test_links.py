@@ -10,16 +10,28 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
+from support.pairs import LINE
 from zteam import names
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.config.resources import find_world
+from zteam.messages import Odometry, ns_from_time
 from zteam.team.chaos.forwarder import Link, Wire
+from zteam.team.chaos.observer import Observer
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-CUT = 2.5
-"""Host seconds: longer than the lease of real time."""
+CUT, LONG_CUT = 3.0, 20.0
+"""Host seconds: the lease of real time is 2."""
+MOST_MOTION = 0.3
+"""Simulated seconds for which a robot moves after its last command."""
+BACK = 1.0 * HOST_FACTOR
+"""Seconds after which it moves again on a good link, of simulated time, which is no faster than the host's."""
+STANDS = 1e-6
+"""m/s or rad/s."""
 LATE = Wire(delay=1.6)
+RATE = Wire(rate=50_000.0)
 LAST_TICK = 60
 LOSS = "0.1"
 
@@ -31,19 +43,22 @@ def link_of(team: TeamFixture, name: str) -> Link:
 
 
 def test_a_cut_link_does_not_change_a_run_of_lock_step(team: TeamFixture) -> None:
-    """The world waits while simulator, aggregator or a robot is cut off, as it does for a frozen one."""
+    """The world waits while simulator, aggregator, monitor or a robot is cut off for 3 s, or all are for 20 s."""
     team.start("office", robots=2, follow={1: 0}, lockstep_timeout=60.0, chaos=True)
     team.wait_for_go()
+    assert team._links is not None
+    every = (names.SIMULATOR, names.AGGREGATOR, names.MONITOR, "robot_1")
     hashes = []
-    for name in ("", names.SIMULATOR, names.AGGREGATOR, "robot_1"):
+    for cut_off, seconds in (((), 0.0), *(((name,), CUT) for name in every), (every, LONG_CUT)):
         team.sim.reset()
         team.at(20)
-        if name:
-            assert team._links is not None
-            team._links.change(name, Wire(stalled=True), CUT)
+        begin = monotonic()
+        for name in cut_off:
+            team._links.change(name, Wire(stalled=True), seconds)
         team.at(LAST_TICK)
+        assert monotonic() - begin >= (0.0 if cut_off == (names.MONITOR,) else seconds)
         hashes.append(team.report.trajectory_sha256)
-    assert hashes == hashes[:1] * 4
+    assert hashes == hashes[:1] * len(hashes)
     assert team.report.hung == []
 
 
@@ -57,6 +72,86 @@ def test_a_link_that_is_reset_is_told_in_lock_step(team: TeamFixture) -> None:
     team.run(1.0)
     link_of(team, "robot_1").change()
     team.wait_for(lambda: team.report.hung == ["robot_1"])
+
+
+def drive_in_line(team: TeamFixture, folder: Path) -> Observer:
+    """Start four robots in real time, wait until all drive, and watch that none moves without commands."""
+    (folder / "team.toml").write_text(LINE)
+    team.launch(folder / "team.toml", lockstep=False, chaos=True)
+    team.wait_for_go()
+    team.until(lambda: all(team.robot(i).speed > 0.1 for i in range(4)), within=60.0)
+    return Observer(team.bus, lockstep=False)
+
+
+def all_drive(team: TeamFixture, *robot_ids: int) -> None:
+    """Wait until each of these robots has driven half a metre from now on."""
+    goals = {i: team.robot(i).distance_travelled + 0.5 for i in robot_ids}
+    team.until(lambda: all(team.robot(i).distance_travelled > goal for i, goal in goals.items()), within=60.0)
+
+
+def pause_with_no_command_under_way(team: TeamFixture, robot_id: int) -> None:
+    """Let the world stand still, and wait until the robot's command for the newest scan is with the simulator.
+
+    The loop that commands also sends the status, once a second: of two, the second came after the command.
+    """
+    team.sim.pause()
+    for _ in range(2):
+        spoke = team.robot(robot_id).spoke
+        team.wait_for(lambda spoke=spoke: team.robot(robot_id).spoke > spoke)  # type: ignore[misc]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("seconds", [CUT, LONG_CUT])
+def test_a_robot_that_is_cut_off_stops_while_the_others_drive_on(
+    team: TeamFixture, tmp_path: Path, seconds: float
+) -> None:
+    """By the ground truth it moves for 0.3 simulated s at most after its last command and then stands, each other robot
+    drives on, and it moves again within a second of the heal."""
+    observer = drive_in_line(team, tmp_path)
+    link, robot, moved = link_of(team, "robot_3"), team.robot(3), list[float]()
+
+    def take(_key: str, truth: Odometry) -> None:
+        if max(abs(truth.twist.twist.linear.x), abs(truth.twist.twist.angular.z)) > STANDS:
+            moved.append(ns_from_time(truth.header.stamp) / 1e9)
+
+    team.bus.subscribe(names.robot_key(3, names.GROUND_TRUTH), Odometry, take)
+    team.until(lambda: robot.speed > 0.1 and bool(moved), within=60.0)
+    pause_with_no_command_under_way(team, 3)
+    # It may look dead meanwhile.
+    team.expect_end("robot_3")
+    link.cut()
+    begin = team.sim_status.now / 1e9
+    team.sim.resume()
+    team.run(seconds)
+    all_drive(team, 0, 1, 2)
+    assert moved[-1] <= begin + MOST_MOTION + 1e-6, (begin, moved[-5:])
+    healed = team.now
+    link.change()
+    team.until(lambda: moved[-1] > healed, within=BACK)
+    assert observer.violations == []
+
+
+@pytest.mark.real_time
+def test_a_team_drives_where_all_links_are_100_ms_late(team: TeamFixture, tmp_path: Path) -> None:
+    """With 100 ms in both directions of each process's link all robots drive, and none without commands."""
+    observer = drive_in_line(team, tmp_path)
+    assert team._links is not None
+    for name in team._links._links:
+        team._links.change(name, Wire(delay=0.1))
+    all_drive(team, *range(4))
+    assert observer.violations == []
+
+
+@pytest.mark.real_time
+def test_a_robot_drives_with_50_kb_a_second(team: TeamFixture, tmp_path: Path) -> None:
+    """Its scans of 271 beams fit into that: all robots drive, and none without commands."""
+    office = find_world("office")
+    shutil.copy(office.with_suffix(".png"), tmp_path)
+    (tmp_path / "office.world").write_text(office.read_text().replace("samples 1081", "samples 271"))
+    observer = drive_in_line(team, tmp_path)
+    link_of(team, "robot_3").change(RATE, RATE)
+    all_drive(team, *range(4))
+    assert observer.violations == []
 
 
 def late_commands(team: TeamFixture) -> int:
