@@ -245,6 +245,11 @@ def claim_key(name: str, instance: str) -> str:
     return f"{name}/claim/{instance}"
 
 
+def right_key(key: str, instance: str) -> str:
+    """Token of an instance that finds out whether it may publish on `key`: below what is kept for late subscribers."""
+    return f"{key}/@adv/right/{instance}"
+
+
 def tokens_key(name: str = "*") -> str:
     """Wildcard over the presence tokens of `name`, by default of all processes."""
     return f"{name}/alive/*"

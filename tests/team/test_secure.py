@@ -9,12 +9,16 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
+from support.web_view import open_page, open_view
+from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.bus.options import TlsFiles
 from zteam.errors import BusError
+from zteam.messages import PoseStamped
 from zteam.node.kinds import ROUTER
 from zteam.node.starting import start_robot
 from zteam.team.launch.process import zteam_command
+from zteam.team.security.certificates import files_of
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -134,3 +138,56 @@ def test_a_revoked_robot_is_out(team: TeamFixture, team_file: Path, tmp_path: Pa
     certs("issue")
     team.restart("robot_1")
     team.until(lambda: team.robot(1).pose != place, within=LIMIT)
+
+
+GOALS = """
+[team]
+world = "arena"
+
+[[robots]]
+id = 0
+behavior = "go_to"
+
+[security.grants]
+"""
+GRANTS = 'view = ["goals", "teleop"]\noperator = ["goals", "teleop"]\n'
+
+
+@pytest.mark.parametrize("granted", [True, False], ids=["granted", "not granted"])
+def test_a_command_that_the_router_drops_is_refused(team: TeamFixture, tmp_path: Path, granted: bool) -> None:
+    """The page, `zteam goto` and `zteam teleop` say that the certificate may not, and the page notes no goal; with the
+    grants they are obeyed."""
+    (tmp_path / "team.toml").write_text(GOALS + GRANTS * granted)
+    # The fixture makes certificates of the processes that it starts; this view is the test's.
+    assert zteam("certs", "init", "team.toml", environment={}, cwd=tmp_path).returncode == 0
+    team.launch(tmp_path / "team.toml", lockstep=False, secure=tmp_path / "certs")
+    team.wait_for_go()
+    heard: list[PoseStamped] = []
+    team.bus.subscribe(names.robot_key(0, names.GOAL_POSE), PoseStamped, lambda _key, goal: heard.append(goal))
+    place = team.robot(0).pose
+    options = BusOptions(team.endpoint, team.namespace, tls=files_of(tmp_path / "certs", names.VIEW))
+    with (
+        closing(connect(options, patience=LIMIT)) as bus,
+        open_view(bus) as view,
+        open_page(view.port) as page,
+    ):
+        page.say(op="look", layers=["goals"])
+        page.wait(lambda: page.docs.get("goals") == [] and view.state.poses)
+        told = [page.command(op="goal", robots=[0], x=place.x + 0.8, y=place.y, yaw=0.0)]
+        if granted:
+            page.wait(lambda: [row["state"] for row in page.docs["goals"]] == ["succeeded"])
+        else:
+            assert view.state.received.get(names.robot_key(0, names.GOAL_POSE)) is None
+        told += [
+            page.command(op="take", robot=0),
+            page.command(op="initialpose", robot=0, x=place.x, y=place.y, yaw=0.0),
+        ]
+    for words in (["goto", "0", str(place.x), str(place.y)], ["teleop", "--id", "0", "--script", "i*2"]):
+        done = team.command(*words, timeout=LIMIT)
+        assert (done.returncode == 0) == granted, done.stderr
+        told.append(done.stderr)
+    assert bool(heard) == granted
+    topics = "goal_pose", "cmd_vel_teleop", "initialpose", "goal_pose", "cmd_vel_teleop"
+    for topic, text in zip(topics, told, strict=True):
+        line = f"the router drops robot_0/{topic}: this process's certificate may not publish it"
+        assert (line in text) != granted, told

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -24,7 +24,7 @@ from zteam.bus.transport import (
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
-from zteam.names import declarations_key, stats_key
+from zteam.names import declarations_key, right_key, stats_key
 
 if TYPE_CHECKING:
     from zteam.bus.options import BusOptions
@@ -275,6 +275,18 @@ class Bus:
     def is_hidden(self, token: str) -> bool:
         """Whether the router's access control keeps a token of this process from all others."""
         return self._sees is not None and not self._sees(token)
+
+    def check_right(self, key: str) -> None:
+        """Raise BusError if the router's access control drops what this process publishes on `key`.
+
+        For what people command: with certificates it opens a session, and a refusal takes seconds.
+        """
+        if self._sees is None:
+            return
+        token = right_key(key, self.instance)
+        with closing(self.declare_token(token)):
+            if self.is_hidden(token):
+                raise BusError(f"the router drops {key}: this process's certificate may not publish it")
 
     def watch_tokens(self, key_exprs: Sequence[str], callback: Callable[[str, bool], None]) -> list[Closeable]:
         """Call `callback(key, alive)` for tokens that are there, come or go."""

@@ -89,6 +89,7 @@ def _cancel(args: argparse.Namespace, bus: Bus) -> int:
 
 
 def _go(args: argparse.Namespace, bus: Bus) -> int:
+    bus.check_right(names.robot_key(args.robot, names.GOAL_POSE))
     clock, waiter = open_clock(bus, args.clock), Waiter()
     client = NavigationClient(bus, args.robot, clock.now, on_change=waiter.notify)
     begin, watch = clock.steady(), client.send(goal_message(args.pose))

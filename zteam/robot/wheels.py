@@ -40,6 +40,7 @@ class Wheels:
             self._claim.win(lambda holder: self._give_way(holder.pid, holder.host))
         except DuplicateNameError:
             self._key = names.robot_key(self._id, names.CMD_VEL_TELEOP)
+            self._bus.check_right(self._key)
             self._open = [
                 self._bus.subscribe(names.robot_key(self._id, names.STATUS), RobotStatus, self._on_status),
                 self._bus.subscribe(names.robot_key(self._id, names.CMD_VEL), Twist, self._on_driven),

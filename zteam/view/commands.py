@@ -228,13 +228,11 @@ class Commands:
         for robot_id, place in spread(goal, poses, is_free).items():
             message = PoseStamped(self._header(), _pose(place))
             key = names.robot_key(robot_id, names.GOAL_POSE)
-            try:
-                self._publish(key, message)
-            except ZteamError:
+            if self._publish(key, message):
+                # A session does not hear itself.
+                self._state.received.take(key, message)
+            else:
                 unheard.append(names.robot_name(robot_id))
-                continue
-            # A session does not hear itself.
-            self._state.received.take(key, message)
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
 
@@ -264,24 +262,27 @@ class Commands:
         pose.covariance = pose.covariance.copy()
         pose.covariance[[0, 7, 35]] = POSITION_VARIANCE, POSITION_VARIANCE, YAW_VARIANCE
         key = names.robot_key(request.robot, names.INITIAL_POSE)
-        self._publish(key, PoseWithCovarianceStamped(self._header(), pose))
+        if not self._publish(key, PoseWithCovarianceStamped(self._header(), pose)):
+            raise ZteamError(f"nothing hears {key}")
 
     def _header(self) -> Header:
         return Header(time_from_ns(self._state.places.stamp), names.MAP_FRAME)
 
-    def _publish(self, key: str, message: Message) -> None:
-        """Send a message. Raises ZteamError if nothing hears it."""
+    def _publish(self, key: str, message: Message) -> bool:
+        """Send a message; whether something hears it. Raises BusError if this process may not."""
         with self._lock:
             publisher = self._publishers.get(key)
             if publisher is None:
+                self._state.node.bus.check_right(key)
                 publisher = self._state.node.bus.publisher(key, type(message), to_others=True)
                 self._publishers[key] = publisher
         end = monotonic() + HEARD_WITHIN
         while not publisher.has_subscribers and monotonic() < end:
             pause(0.01)
-        if not publisher.has_subscribers:
-            raise ZteamError(f"nothing hears {key}")
-        publisher.put(message)
+        if publisher.has_subscribers:
+            publisher.put(message)
+            return True
+        return False
 
 
 def _pose(place: Pose2) -> Pose:
