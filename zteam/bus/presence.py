@@ -44,6 +44,10 @@ class ProcessInfo(msgspec.Struct):
         """Seconds since its start, by its own host's clock."""
         return to_seconds((self.now or wall_ns()) - self.start)
 
+    def is_older(self, start: int, instance: str) -> bool:
+        """Whether of this process and another one this one keeps the name."""
+        return (self.start, self.instance) < (start, instance)
+
 
 def holder_text(name: str | None, session: str) -> str:
     """What people read for a session: the process that holds it, or the session's id where no process is known."""
@@ -140,10 +144,12 @@ class Claim:
 
     def _find_rivals(self) -> tuple[list[str], list[str]]:
         """Holders of the name, and earlier claims on it."""
+        # A token may come after the wait, on a crowded machine; an answer does not. The wait is longer than the question.
+        older = {info.instance for info in self._others() if info.is_older(self.start, self._bus.instance)}
         with self._changed:
             remaining = CLAIM_WAIT - (monotonic() - self._since)
             wait_until(self._changed, lambda: bool(self._alive), max(0.0, remaining))
-            return sorted(self._alive), [c for c in self._claims if c < self._instance]
+            return sorted(self._alive | older), [c for c in self._claims if c < self._instance]
 
     def _refusal(self, rivals: list[str]) -> str:
         what = f"{self.name} is taken"
@@ -173,7 +179,7 @@ class Claim:
         while True:
             rival = next((info for info in self._others() if info.instance == instance), None)
             if rival is not None:
-                if (rival.start, rival.instance) < (self.start, self._bus.instance) and self._on_rival:
+                if rival.is_older(self.start, self._bus.instance) and self._on_rival:
                     self._on_rival(rival)
                 return
             with self._changed:

@@ -20,7 +20,7 @@ _SETTLE = 0.3
 
 
 def find_nodes(bus: Bus) -> list[ProcessInfo]:
-    """Every process with a presence token; one that does not answer has pid 0."""
+    """Every process that answers or has a presence token; one that does not answer has pid 0."""
     tokens = TokenSet()
 
     def take(key: str, alive: bool) -> None:
@@ -36,8 +36,9 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     # By name too: one process may hold several, as a navigation of several robots does.
     infos = {(info.name, info.instance): info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
     held = [(name, instance) for name in tokens for instance in tokens.instances(name)]
-    found = [infos.get((name, i)) or ProcessInfo(name, "does not answer", 0, 0, i) for name, i in held]
-    return sorted(found, key=lambda info: (info.name, info.instance))
+    silent = [ProcessInfo(name, "does not answer", 0, 0, i) for name, i in held if (name, i) not in infos]
+    # On a crowded machine an answer is there before its process's token.
+    return sorted([*infos.values(), *silent], key=lambda info: (info.name, info.instance))
 
 
 def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str], key: str = "") -> list[str]:

@@ -24,7 +24,6 @@ class Rival:
         self.bus: Bus = hub.bus()
         self._info = own_info(NAME, self.bus.instance, start)
         self._failures = failures
-        self.bus.serve(names.info_key(NAME), NoRequest, self._answer)
 
     def _answer(self, _: NoRequest) -> ProcessInfo:
         if self._failures:
@@ -33,7 +32,8 @@ class Rival:
         return self._info
 
     def show(self) -> None:
-        """Show the token."""
+        """Answer, and show the token."""
+        self.bus.serve(names.info_key(NAME), NoRequest, self._answer)
         self.bus.declare_token(names.token_key(NAME, self.bus.instance))
 
 
@@ -51,6 +51,16 @@ class Meeting:
     def wait(self) -> None:
         """Until it gave way."""
         assert self._met.wait(LIMIT)
+
+
+def test_a_holder_is_found_whose_token_comes_late(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A claim that has seen no token when its wait ends gives way to the process that answers under the name."""
+    holder, late = Claim(hub.bus(), NAME), hub.bus()
+    holder.win(Meeting())
+    monkeypatch.setattr(late, "watch_tokens", lambda *_: [])
+    with pytest.raises(DuplicateNameError, match="taken by process"):
+        Claim(late, NAME).win(Meeting())
+    holder.release()
 
 
 def test_a_rival_between_the_look_and_the_own_token_is_met(hub: MemoryHub) -> None:

@@ -27,6 +27,13 @@ def test_the_list_is_a_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert heading.index("host") == hung.index("does")
 
 
+def test_a_process_whose_token_comes_late_is_listed(hub: MemoryHub) -> None:
+    """On a crowded machine a session may have an answer before it has the token."""
+    bus = hub.bus()
+    bus.serve(names.info_key("robot_0"), NoRequest, lambda _: own_info("robot_0", bus.instance, 0))
+    assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]
+
+
 def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) -> None:
     """The token of `zteam tf static` is for the aggregator: it does not answer, and that is no problem."""
     open_named(hub, "robot_0")
