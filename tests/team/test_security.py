@@ -42,6 +42,7 @@ from zteam.messages.message import encoding_of
 from zteam.team.file.reading import read_team_tables
 from zteam.team.security.access import rights_of
 from zteam.team.security.certificates import ACCESS, files_of, open_authority
+from zteam.team.testing.processes import TEST
 from zteam.team.testing.team import TeamFixture
 
 TEAM = {
@@ -195,17 +196,20 @@ def test_nothing_is_written_by_a_wildcard(secured: Secured, attacker: str) -> No
     secured.hear(session, names.log_key(attacker))
 
 
+KEPT: dict[str, Any] = {
+    "cache": zenoh.ext.CacheConfig(1),
+    "publisher_detection": True,
+    "sample_miss_detection": zenoh.ext.MissDetectionConfig(),
+}
+"""Of a latched publisher."""
+
+
 def test_a_late_subscriber_gets_no_forged_frames(secured: Secured) -> None:
     """Those that the simulator has published stay the only ones that are kept for `tf_static`."""
     key = "robot_0/tf_static"
-    kept = {
-        "cache": zenoh.ext.CacheConfig(1),
-        "publisher_detection": True,
-        "sample_miss_detection": zenoh.ext.MissDetectionConfig(),
-    }
     publishers: list[Any] = []
     for name, payload in (("robot_1", FORGED), ("near", FORGED), ("sim", b"frames")):
-        publishers.append(zenoh.ext.declare_advanced_publisher(secured.session(name), key, **kept))
+        publishers.append(zenoh.ext.declare_advanced_publisher(secured.session(name), key, **KEPT))
         publishers[-1].put(payload)
     for name in ("robot_1", "near"):
         assert secured.forged(name, secured.session(name)) == []
@@ -255,6 +259,9 @@ def test_a_change_is_asked_for_by_a_grant_only(secured: Secured) -> None:
     robot.close()
 
 
+FORGED_ANSWERS = ("tf/lookup", "robot_0/info", "sim/status", "robot_1/navigation/cancel", "**")
+
+
 def test_no_other_process_answers_a_query(secured: Secured) -> None:
     """A forged answer to a look-up of transforms, or to a question for robot 0, does not come."""
     serving = []
@@ -272,7 +279,7 @@ def test_no_other_process_answers_a_query(secured: Secured) -> None:
         )
         return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
 
-    for key in ("tf/lookup", "robot_0/info", "sim/status", "robot_1/navigation/cancel", "**"):
+    for key in FORGED_ANSWERS:
         serve("near", key, FORGED)
     # Declared last on the same link: where it answers, the others would.
     serve("near", "near/info", b"near")
@@ -286,14 +293,21 @@ def test_no_other_process_answers_a_query(secured: Secured) -> None:
         entity.undeclare()
 
 
+FORGED_TOKENS = ("robot_0/alive/x", "robot_0/claim/00000000000000000000-x", "sim/alive/x", "robot_$*/alive/x", "**")
+
+
+def tokens_seen(watcher: zenoh.Session) -> list[str]:
+    """The tokens of all processes."""
+    return [str(reply.ok.key_expr) for reply in watcher.liveliness().get("*/*/*", timeout=LIMIT) if reply.ok]
+
+
 def test_no_other_process_holds_a_token(secured: Secured) -> None:
     """A forged presence or claim is not seen; so no process can keep robot 0 from its name."""
     holder, watcher = secured.session("robot_1"), secured.session(MONITOR)
-    forged = ["robot_0/alive/x", "robot_0/claim/00000000000000000000-x", "sim/alive/x", "robot_$*/alive/x", "**"]
-    tokens = [holder.liveliness().declare_token(key) for key in (*forged, "robot_1/alive/x")]
+    tokens = [holder.liveliness().declare_token(key) for key in (*FORGED_TOKENS, "robot_1/alive/x")]
 
     def seen() -> list[str]:
-        return [str(reply.ok.key_expr) for reply in watcher.liveliness().get("*/*/*", timeout=LIMIT) if reply.ok]
+        return tokens_seen(watcher)
 
     wait_until_true(lambda: "robot_1/alive/x" in seen())
     assert [key for key in seen() if key.endswith("x")] == ["robot_1/alive/x"]
@@ -325,6 +339,21 @@ def test_a_certificate_without_rights_is_told(secured: Secured) -> None:
     assert FORGED not in {payload for _, payload in secured.heard}
 
 
+@pytest.mark.parametrize("attacker", ["robot_1", "operator"])
+def test_of_the_router_a_member_reads_its_own_record_only(secured: Secured, attacker: str) -> None:
+    """Questions to its admin space that list sessions and subscribers, and may stop it, are dropped."""
+    beside = secured.open(attacker, inside=False)
+
+    def answers(key: str) -> list[str]:
+        keys = [str(reply.ok.key_expr) for reply in beside.get(key, timeout=LIMIT) if reply.ok]
+        # A session tells itself of itself.
+        return [key for key in keys if not key.startswith(f"@/{beside.zid()}/")]
+
+    wait_until_true(lambda: len(answers("@/*/router")) == 1)
+    for key in ("@/*/router/subscriber/**", "@/*/router/**", "@/*/*/**", "@/**"):
+        assert answers(key) == [], key
+
+
 LINE = """
 [team]
 world = "arena"
@@ -352,24 +381,79 @@ def forgeries(tick: Tick) -> Iterator[tuple[str, Message]]:
             yield names.robot_key(robot_id, topic), FAST
         yield names.robot_key(robot_id, names.TF), TFMessage([shifted])
         yield names.robot_key(robot_id, names.GOAL_POSE), PoseStamped(Header(tick.stamp, "map"))
+        yield names.robot_key(robot_id, names.TF_STATIC), forged_frames(tick)
     yield names.TF, TFMessage([shifted])
+    yield names.TF_STATIC, forged_frames(tick)
     yield names.CLOCK, Clock(tick.stamp)
-    yield "robot_$*/cmd_vel", FAST
+    for wildcard in WILDCARDS:
+        yield wildcard, FAST
+
+
+FORGED_FRAME = "robot_0/forged"
+CHANGES: dict[str, dict[str, Any]] = {
+    "sim/pause": {},
+    "sim/reset": {},
+    "sim/remove": {"id": 1},
+    "robot_0/set_parameters": {"parameters": {"speed": 0.0}},
+    # Any process may be asked by a wildcard, and refuses a change.
+    "sim/*": {},
+    "**": {},
+    "robot_$*/set_parameters": {"parameters": {"speed": 0.0}},
+}
+
+
+def forged_frames(tick: Tick) -> TFMessage:
+    """A static transform, which the lasers of robot 0 do not have."""
+    header = Header(tick.stamp, "robot_0/base_link")
+    return TFMessage([TransformStamped(header, FORGED_FRAME, Transform(Vector3(5.0), Quaternion(w=1.0)))])
+
+
+def pose_as_others(attacker: zenoh.Session, ends: ExitStack) -> None:
+    """Until the end, hold the tokens of others, answer their queries, and keep frames for late subscribers."""
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(query.key_expr, FORGED)
+
+    frames = encode(forged_frames(Tick()))
+    publishers = [
+        zenoh.ext.declare_advanced_publisher(attacker, key, encoding=encoding_of(TFMessage), **KEPT)
+        for key in (names.TF_STATIC, "robot_0/tf_static")
+    ]
+    for publisher in publishers:
+        publisher.put(frames)
+    tokens = [attacker.liveliness().declare_token(key) for key in FORGED_TOKENS]
+    for entity in (
+        *publishers,
+        *tokens,
+        *(attacker.declare_queryable(key, answer, complete=True) for key in FORGED_ANSWERS),
+    ):
+        ends.callback(entity.undeclare)
+
+
+def attack_once(attacker: zenoh.Session, tick: Tick) -> None:
+    """Put and delete what others write, and ask for changes."""
+    for key, message in forgeries(tick):
+        attacker.put(key, encode(message), encoding=encoding_of(type(message)))
+        attacker.delete(key)
+    for key, request in CHANGES.items():
+        attacker.get(key, lambda _reply: None, payload=msgspec.json.encode(request), timeout=LIMIT)
 
 
 def test_a_run_under_attack_repeats_to_the_bit(team: TeamFixture, tmp_path: Path) -> None:
-    """A member of the team that forges answers, ticks, commands, goals and frames for every tick changes nothing."""
+    """Forged and deleted answers, ticks, commands, goals and frames, also by wildcards, requests for changes, tokens,
+    answers to queries and latched frames of a member, for every tick, change nothing."""
     (tmp_path / "line.toml").write_text(LINE)
     alone = zteam.run_team(tmp_path / "line.toml", seconds=6.0)
     team.launch(tmp_path / "line.toml", secure=tmp_path / "certs")
     options = BusOptions(connect=team.endpoint, namespace=team.namespace, tls=files_of(tmp_path / "certs", "operator"))
     attacked: set[int] = set()
-    with zenoh.open(client_config(options)) as attacker:
+    with zenoh.open(client_config(options)) as attacker, ExitStack() as ends:
+        pose_as_others(attacker, ends)
 
         def attack(sample: zenoh.Sample) -> None:
             tick = decode(Tick, sample.payload.to_bytes())
-            for key, message in forgeries(tick):
-                attacker.put(key, encode(message), encoding=encoding_of(type(message)))
+            attack_once(attacker, tick)
             attacked.add(tick.tick)
 
         # A session hears itself: its own ticks would call this for ever.
@@ -377,6 +461,20 @@ def test_a_run_under_attack_repeats_to_the_bit(team: TeamFixture, tmp_path: Path
         team.wait_for_go()
         team.run(6.0)
         report = team.report
+        late: list[str] = []
+        team.bus.subscribe(
+            names.TF_STATIC,
+            TFMessage,
+            lambda _key, frames: late.extend(each.child_frame_id for each in frames.transforms),
+            latched=True,
+        )
+        team.wait_for(lambda: "robot_1/base_link" in late)
+        with zenoh.open(
+            client_config(msgspec.structs.replace(options, tls=files_of(tmp_path / "certs", TEST)))
+        ) as watcher:
+            assert not [key for key in tokens_seen(watcher) if key.endswith("x")]
+        assert FORGED_FRAME not in late
+        assert team.sim_status.robots == [0, 1]
     assert len(attacked) > 30
     assert report.trajectory_sha256 == alone.trajectory_sha256
     assert report.external_commands == 0
