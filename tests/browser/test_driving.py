@@ -1,17 +1,13 @@
 """Driving by keys and stick: who holds the lease, what the wheels get, and when they stand."""
 
-import math
 from typing import Any
 
 import pytest
 
 from support.browser import OpenScreen, Screen, start_view
-from zteam.clock import monotonic
 from zteam.messages import Twist
 from zteam.team.testing.team import TeamFixture
 
-DEAD_MAN = 0.5
-"""Host seconds after which a robot stands whose page says nothing."""
 TICKS = 10
 """A robot that has not moved in so many ticks stands."""
 
@@ -53,8 +49,12 @@ def wait_for_release(team: TeamFixture, screen: Screen, heard: list[Twist]) -> N
     """Wait until the wheels have heard what the page was told last, and stand: a crowded page is behind its hand."""
     # The answer comes after all that the page has sent before.
     assert screen.ask("async () => await zteam.app.send({op: 'take', robot: 0})") == ""
-    count = len(heard)
-    team.wait_for(lambda: len(heard) > count + 5 and heard[-1] == Twist())
+    wait_for_stand(team, heard, len(heard) + 5)
+
+
+def wait_for_stand(team: TeamFixture, heard: list[Twist], count: int) -> None:
+    """Wait until more than `count` commands came, the last one is zero, and the wheels stand."""
+    team.wait_for(lambda: len(heard) > count and heard[-1] == Twist())
     team.wait_for(lambda: team.robot(0).speed == 0.0)
 
 
@@ -97,9 +97,10 @@ def test_keys_mean_what_they_mean_in_teleop_twist_keyboard(team: TeamFixture, sc
 
 
 @pytest.mark.parametrize("end", ["blur", "hidden", "close", "hang"])
-def test_nothing_moves_half_a_second_after_the_hand_is_gone(team: TeamFixture, screen: Screen, end: str) -> None:
-    """The page loses the focus, is hidden, closed, or hangs, while a key is held: the robot stands 0.5 s later."""
+def test_nothing_moves_after_the_hand_is_gone(team: TeamFixture, screen: Screen, end: str) -> None:
+    """The page loses the focus, is hidden, closed, or hangs, while a key is held: the robot stands."""
     start_arena(team, screen)
+    heard = listen(team)
     screen.page.keyboard.down("i")
     team.wait_for(lambda: is_driving(team))
     scripts = {
@@ -108,28 +109,17 @@ def test_nothing_moves_half_a_second_after_the_hand_is_gone(team: TeamFixture, s
             Object.defineProperty(document, 'hidden', {get: () => true});
             document.dispatchEvent(new Event('visibilitychange'));
         }""",
-        "hang": "setTimeout(() => { const end = performance.now() + 4000; while (performance.now() < end); })",
+        "hang": "setTimeout(() => { const end = performance.now() + 8000; while (performance.now() < end); })",
     }
+    count = len(heard)
     if end == "close":
         screen.page.close()
     else:
         screen.ask(scripts[end])
-    wait_for_both_clocks(team, DEAD_MAN + stopping(team))
+    wait_for_stand(team, heard, count)
     assert_stands(team)
     if end in ("blur", "hidden"):
         screen.wait("zteam.app.store.robots.get(0).lease === null")
-
-
-def wait_for_both_clocks(team: TeamFixture, seconds: float) -> None:
-    """Wait for so long on the host and in the world, which falls behind on a crowded machine."""
-    begin, tick = monotonic(), team.tick
-    ticks = math.ceil(seconds * 1e9 / team.sim_status.interval)
-    team.wait_for(lambda: monotonic() > begin + seconds and team.tick >= tick + ticks)
-
-
-def stopping(team: TeamFixture) -> float:
-    """Seconds that the base itself needs to stop: a tick for the command, and one for the wheels."""
-    return 3 * team.sim_status.interval * 1e-9
 
 
 def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: OpenScreen) -> None:
@@ -146,7 +136,7 @@ def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: 
     second.ask("zteam.app.drive.wish('test', {linear: -1, left: 0, angular: 0})")
     second.wait("zteam.app.drive.lease === 'none'")
     assert lease_of(second) == viewer
-    assert is_driving(team)
+    team.wait_for(lambda: is_driving(team))
     screen.page.keyboard.up("i")
     screen.page.keyboard.press("Escape")
     second.wait("zteam.app.store.robots.get(0).lease === null")

@@ -114,8 +114,13 @@ def driven(team: TeamFixture) -> Iterator[tuple[Page, list[float]]]:
     team.bus.subscribe("robot_0/cmd_vel", Twist, lambda _, command: rates.append(command.angular.z))
     with open_page(start_view(team)) as page:
         assert page.command(op="take", robot=0) == ""
-        page.say(op="drive", robot=0, linear=0.0, angular=0.5)
-        team.wait_for(lambda: bool(rates) and rates[-1] == 0.5)
+
+        def turns() -> bool:
+            # What was said counts for half a second: a crowded machine may take longer.
+            page.say(op="drive", robot=0, linear=0.0, angular=0.5)
+            return bool(rates) and rates[-1] == 0.5
+
+        team.wait_for(turns)
         yield page, rates
 
 

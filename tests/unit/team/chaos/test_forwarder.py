@@ -67,7 +67,7 @@ def is_silent(end: socket.socket) -> bool:
     """Whether nothing has come."""
     end.setblocking(False)
     try:
-        end.recv(1)
+        end.recv(1, socket.MSG_PEEK)
     except BlockingIOError:
         return True
     finally:
