@@ -144,7 +144,7 @@ class Claim:
 
     def _find_rivals(self) -> tuple[list[str], list[str]]:
         """Holders of the name, and earlier claims on it."""
-        # On a crowded machine a token may come after the wait; an answer does not. The question takes a part of the wait.
+        # On a crowded machine a token may come after the wait, an answer does not. Asking takes a part of the wait.
         older = {info.instance for info in self._others() if info.is_older(self.start, self._bus.instance)}
         with self._changed:
             remaining = CLAIM_WAIT - (monotonic() - self._since)
