@@ -13,8 +13,9 @@ from support.web_view import open_page, open_view
 from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.bus.options import TlsFiles
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError
-from zteam.messages import PoseStamped
+from zteam.messages import PoseStamped, Twist
 from zteam.node.kinds import ROUTER
 from zteam.node.starting import start_robot
 from zteam.team.launch.process import zteam_command
@@ -114,30 +115,47 @@ def test_tools_are_let_in_with_the_certificate_that_up_prints(team_file: Path, t
     assert launcher.returncode == 0
 
 
+OUT = 2.0 * HOST_FACTOR
+"""Host seconds from the start of `zteam certs revoke` until nothing of the process is heard."""
+
+
 @pytest.mark.real_time
 def test_a_revoked_robot_is_out(team: TeamFixture, team_file: Path, tmp_path: Path) -> None:
-    """Its wheels stand and it is not heard, while the other drives on; its next certificate lets it in again."""
+    """Within 2 s, the best of three, it is not heard, then its wheels stand, while the other drives on; its next
+    certificate lets it in again."""
+    heard: list[float] = []
+    """Host times of its commands."""
 
     def certs(verb: str) -> None:
         done = zteam("certs", verb, "robot_1", environment={}, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
 
+    def revoke() -> float:
+        """The seconds until its last command."""
+        team.until(lambda: team.robot(1).speed > 0.1, within=LIMIT)
+        begin = monotonic()
+        certs("revoke")
+        team.wait_for_line(ROUTER, "the router has taken it")
+        team.until(lambda: not team.alive("robot_1") and team.alive("robot_0"), within=LIMIT)
+        # Many times what the watchdog and the brakes take.
+        team.run(1.0)
+        last, place, other = heard[-1], team.robot(1).pose, team.robot(0).pose
+        team.until(lambda: team.robot(0).pose != other, within=LIMIT)
+        team.run(0.5)
+        assert (heard[-1], team.robot(1).pose) == (last, place)
+        certs("issue")
+        team.restart("robot_1")
+        team.until(lambda: team.robot(1).pose != place, within=LIMIT)
+        return last - begin
+
     team.launch(team_file, lockstep=False, secure=tmp_path / "certs")
+    team.bus.subscribe(names.robot_key(1, names.CMD_VEL), Twist, lambda _key, _command: heard.append(monotonic()))
     team.wait_for_go()
-    team.until(lambda: team.robot(1).speed > 0.1, within=LIMIT)
     team.expect_end("robot_1")
-    certs("revoke")
-    team.wait_for_line(ROUTER, "the router has taken it")
-    team.until(lambda: not team.alive("robot_1") and team.alive("robot_0"), within=LIMIT)
-    # Many times what the watchdog and the brakes take.
-    team.run(1.0)
-    heard, place, other = team.robot(1).commands, team.robot(1).pose, team.robot(0).pose
-    team.until(lambda: team.robot(0).pose != other, within=LIMIT)
-    team.run(0.5)
-    assert (team.robot(1).commands, team.robot(1).pose) == (heard, place)
-    certs("issue")
-    team.restart("robot_1")
-    team.until(lambda: team.robot(1).pose != place, within=LIMIT)
+    took = [revoke()]
+    while took[-1] >= OUT and len(took) < 3:
+        took.append(revoke())
+    assert min(took) < OUT, took
 
 
 GOALS = """
