@@ -1,5 +1,6 @@
 """Commands on a terminal: how they get it, and what a reader sees of the characters that they write."""
 
+import codecs
 import fcntl
 import os
 import pty
@@ -68,6 +69,8 @@ class TerminalCommand:
         )  # fmt: skip
         os.close(slave)
         self.text = ""
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        """What is read at once may end within a character."""
         self.screen = Screen(100)
 
     def read_mode(self) -> list[object]:
@@ -82,13 +85,14 @@ class TerminalCommand:
 
     def _read(self) -> bool:
         try:
-            part = os.read(self._master, 65536).decode(errors="replace")
+            data = os.read(self._master, 65536)
         except OSError:
             # Linux raises EIO at the end of a terminal's output.
             return False
+        part = self._decoder.decode(data)
         self.text += part
         self.screen.feed(part)
-        return bool(part)
+        return bool(data)
 
     def press(self, keys: bytes) -> None:
         """Type on the terminal."""
