@@ -12,7 +12,7 @@ import numpy as np
 
 from zteam import names
 from zteam.bus import Publisher
-from zteam.clock import monotonic, pause
+from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, quaternion_from_yaw
@@ -144,7 +144,7 @@ def room_in(grid: OccupancyGrid | None, radius: float) -> Callable[[float, float
 
 M = TypeVar("M", bound=Message)
 
-HEARD_WITHIN = 0.3
+HEARD_WITHIN = 0.3 * HOST_FACTOR
 """Host seconds for a new publisher to learn of its subscribers."""
 ROOM = 0.3
 """Metres around a goal that have to be free."""
@@ -277,12 +277,12 @@ class Commands:
                 publisher = self._state.node.bus.publisher(key, type(message), to_others=True)
                 self._publishers[key] = publisher
         end = monotonic() + HEARD_WITHIN
-        while not publisher.has_subscribers and monotonic() < end:
+        while not publisher.find_subscribers():
+            if monotonic() > end:
+                return False
             pause(0.01)
-        if publisher.has_subscribers:
-            publisher.put(message)
-            return True
-        return False
+        publisher.put(message)
+        return True
 
 
 def _pose(place: Pose2) -> Pose:
