@@ -5,16 +5,16 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, suppress
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.arguments import MAX_RATE, negative_numbers, number
-from zteam.cli.interrupts import leave
+from zteam.cli.arguments import MAX_RATE, number
 from zteam.cli.listening import SURVEY, Waiter, add_timeout, find_key_users, limit_of, near_keys, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
@@ -37,9 +37,10 @@ _MAX_STAMP = 4e9
 _Verb = Callable[[argparse.Namespace], int]
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam tf", description=__doc__)
+    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")
 
     def add(verb: str, show: _Verb, text: str, usage: str | None = None) -> argparse.ArgumentParser:
@@ -96,12 +97,6 @@ def build_parser() -> argparse.ArgumentParser:
     for sub in (echo, tree, monitor, positions, static):
         add_bus_options(sub)
     return parser
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    return run("zteam tf", args, lambda: args.show(args))
 
 
 class TreeListener:
@@ -428,5 +423,4 @@ def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
     return f"{publishers} publishes {edge} already, on {key}: {way_out}"
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, lambda args: args.show(args))

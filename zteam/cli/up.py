@@ -6,7 +6,6 @@ import logging
 import os
 import shlex
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
@@ -23,8 +22,8 @@ from zteam.cli.arguments import (
     parse_speed,
     whole,
 )
-from zteam.cli.interrupts import INTERRUPTED, leave
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.errors import UsageError, ZteamError
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("zteam")
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam up", description=__doc__, epilog="docs/team-files.md has every key of a team file.")
     _add_team_arguments(parser)
@@ -173,13 +172,6 @@ def _check_secure(args: argparse.Namespace) -> None:
     if args.secure.is_file() or (not args.secure.exists() and shipped_team(str(args.secure))):
         team = args.secure
         raise UsageError(f"--secure {team}: a folder of certificates follows here: say 'zteam up {team} --secure'")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    checked(args, lambda: _check_options(args))
-    return run("up", args, lambda: _up(args), needs_output=False)
 
 
 def _up(args: argparse.Namespace) -> int:
@@ -381,5 +373,4 @@ def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", fil
     return 0
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _up, name="up", read=_check_options, needs_output=False)

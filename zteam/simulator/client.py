@@ -10,7 +10,6 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.clock import monotonic
 from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError
@@ -376,32 +375,19 @@ class SimulatorClient:
         """Whether the world stands still, at the latest after `timeout` host seconds (60 at most)."""
         return self._ask("stand", StandReply, WaitRequest(timeout), timeout=timeout + ANSWER_LIMIT)
 
-    def step(
-        self,
-        ticks: int = 1,
-        *,
-        patience: float | None = None,
-        on_progress: Callable[[SimStatus], None] = lambda status: None,
-    ) -> SimStatus:
+    def step(self, ticks: int = 1, *, on_progress: Callable[[SimStatus], None] = lambda status: None) -> SimStatus:
         """Run so many ticks, however long they take; returns the status afterwards.
 
         It ends early, without an error, when the run is over, or when another client pauses or resumes the world.
-        `on_progress(status)` is called about once a second. Raises BusError when one tick takes more than
-        `patience` host seconds, with what holds it.
+        `on_progress(status)` is called about once a second.
         """
-        look = LOOK if patience is None else min(LOOK, patience)
-        status, tick, since = self.begin_steps(ticks), -1, monotonic()
+        status = self.begin_steps(ticks)
         while True:
             on_progress(status)
-            reply = self.stand(look)
+            reply = self.stand(LOOK)
             status = reply.status
             if reply.stands or not status.paused:
                 return status
-            if status.tick != tick:
-                tick, since = status.tick, monotonic()
-            elif patience is not None and monotonic() - since >= patience:
-                holder = f": waiting for {status.waiting_for}" if status.waiting_for else ""
-                raise BusError(f"tick {tick} takes more than {patience:g} s{holder} (see 'zteam sim status')")
 
     def begin_steps(self, ticks: int) -> SimStatus:
         """As `step`, but do not wait for the ticks."""

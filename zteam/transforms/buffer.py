@@ -249,11 +249,6 @@ class Buffer:
             except TransformException:
                 return None
 
-    def chain(self, frame: str) -> list[str]:
-        """The frame and its ancestors by the newest parents; an unknown frame is returned alone."""
-        with self.lock:
-            return self._tree.chain(frame)
-
     def frame(self, child: str) -> FrameInfo | None:
         """The figures of one child frame; None without data."""
         with self.lock:

@@ -163,11 +163,10 @@ def test_a_look_up_comes_before_a_change_or_after_it(change: Call, order: str, r
         lambda buffer: buffer.lookup_twist("tip", "map", 0),
         lambda buffer: buffer.can_transform("map", "tip", 0),
         lambda buffer: buffer.latest_common_time("map", "tip"),
-        lambda buffer: buffer.chain("tip"),
         lambda buffer: buffer.frames(),
         _say(4.0, 4.0),
     ],
-    ids=["transform", "pose", "full", "twist", "can", "common time", "chain", "frames", "set"],
+    ids=["transform", "pose", "full", "twist", "can", "common time", "frames", "set"],
 )
 def test_every_call_waits_for_the_lock(call: Call) -> None:
     """While a thread holds `lock`, every call of another thread waits."""
