@@ -10,7 +10,7 @@ import pytest
 
 import zteam
 from support.clock_offset import build_clock
-from support.hosts import ADDRESSES, Hosts, Started, why_no_hosts
+from support.hosts import Hosts, Started, why_no_hosts
 from support.pages import DOCS, find_file
 
 PAGE = DOCS / "deploy.md"
@@ -39,16 +39,21 @@ def run_block(hosts: Hosts, host: str, name: str) -> Started:
     return hosts.start(host, "sh", "-e", str(block), FAR=str(hosts.folders["b"]))
 
 
+def make_certificates(hosts: Hosts, folder: Path) -> None:
+    """As the page does; `folder` is that of the hosts."""
+    (folder / "bin").mkdir()
+    for command in ("ssh", "scp"):
+        (folder / "bin" / command).write_text(REMOTE)
+        (folder / "bin" / command).chmod(0o755)
+    certificates = run_block(hosts, "a", "certificates.sh")
+    assert certificates.finish() == 0, certificates.lines
+
+
 def test_a_robot_follows_a_leader_on_another_host(make_hosts: Callable[[float], Hosts], tmp_path: Path) -> None:
     """The page's commands: mutual TLS between the routers, clocks that differ by a second, and a link that is cut until
     both sides have lost each other. The robot drives, stands, and drives again."""
     hosts = make_hosts(1.0)
-    (tmp_path / "bin").mkdir()
-    for command in ("ssh", "scp"):
-        (tmp_path / "bin" / command).write_text(REMOTE)
-        (tmp_path / "bin" / command).chmod(0o755)
-    certificates = run_block(hosts, "a", "certificates.sh")
-    assert certificates.finish() == 0, certificates.lines
+    make_certificates(hosts, tmp_path)
     run_block(hosts, "b", "router_b.sh")
     run_block(hosts, "a", "router_a.sh")
     team = run_block(hosts, "a", "team_a.sh")
@@ -77,22 +82,19 @@ def _speed(line: str) -> float:
     return float(json.loads(line)["twist"]["twist"]["linear"]["x"]) if line.startswith("{") else 0.0
 
 
-def test_lockstep_across_hosts_has_the_hash_of_one_host(make_hosts: Callable[[float], Hosts]) -> None:
-    """A participant behind the link of two routers, whose host's clock is a second behind, changes no bit."""
+def test_lockstep_across_hosts_has_the_hash_of_one_host(make_hosts: Callable[[float], Hosts], tmp_path: Path) -> None:
+    """The page's commands: a participant behind the mutual TLS of two routers, whose host's clock is a second behind,
+    changes no bit."""
     hosts = make_hosts(-1.0)
-    leader = find_file("two_hosts.toml", PAGE).save(hosts.folders["a"]).read_text()
-    lease = ("--lease", "60")
-    hosts.start("a", "zteam-router", "--listen", f"tcp/{ADDRESSES['a']}:7448", "--listen", "tcp/127.0.0.1:7447", *lease)
-    hosts.start("b", "zteam-router", "--connect", f"tcp/{ADDRESSES['a']}:7448", *lease)
-    here = ("--connect", "tcp/127.0.0.1:7447")
-    hosts.start("b", "zteam-robot", "--id", "1", "--follow", "0", *here, *lease)
-    report, timeout = hosts.folders["a"] / "report.json", ("--lockstep-timeout", "50")
-    words = ("--lockstep", "--expect", "robot_1", *timeout, "--for", "5", "--report", str(report))
-    team = hosts.start("a", "zteam", "up", "two_hosts.toml", *here, *words)
+    make_certificates(hosts, tmp_path)
+    run_block(hosts, "a", "lockstep_router_a.sh")
+    run_block(hosts, "b", "lockstep_router_b.sh")
+    run_block(hosts, "b", "lockstep_robot_b.sh")
+    team = run_block(hosts, "a", "lockstep_team_a.sh")
     assert team.finish() == 0, team.lines
-    found = json.loads(report.read_text())
+    found = json.loads((hosts.folders["a"] / "run.json").read_text())
     both = hosts.folders["a"] / "both.toml"
-    both.write_text(leader + "\n[[robots]]\nid = 1\nfollow = 0\n")
-    alone = zteam.run_team(both, seconds=5.0)
+    both.write_text((hosts.folders["a"] / "two_hosts.toml").read_text() + "\n[[robots]]\nid = 1\nfollow = 0\n")
+    alone = zteam.run_team(both, seconds=20.0)
     assert found["trajectory_sha256"] == alone.trajectory_sha256
     assert (found["external_commands"], found["hung"]) == (0, [])
