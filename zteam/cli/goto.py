@@ -22,8 +22,9 @@ from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, monotonic, to_seconds, wait_until
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages import Duration, NavigationState
+from zteam.messages.planar import pose2_of
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
 from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of
@@ -211,10 +212,10 @@ def result_text(client: NavigationClient, watch: GoalWatch, seconds: float) -> s
 
 def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> dict[str, Any]:
     """How it ended, for scripts."""
-    place, turn, status = watch.goal.pose.position, watch.goal.pose.orientation, watch.status
+    status = watch.status
     return {
         "robot": client.robot_id,
-        "goal": {"x": place.x, "y": place.y, "yaw": yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)},
+        "goal": pose2_of(watch.goal.pose)._asdict(),
         "result": watch.result.name.lower() if watch.ended else "sent",
         "text": watch.text,
         "seconds": round(seconds, 3),

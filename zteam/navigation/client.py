@@ -16,9 +16,9 @@ from zteam.bus import Bus, Change
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import BusError
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
-from zteam.navigation.maps import pose_message
+from zteam.messages.planar import pose2_of, pose_message
 from zteam.robot.client import (
     CANCEL,
     CANCEL_LIMIT,
@@ -74,11 +74,9 @@ def goal_message(pose: Pose2) -> PoseStamped:
 
 def goal_text(goal: PoseStamped) -> str:
     """A goal for users: `x 3.2, y 4, yaw 1.57`, with its frame if that is not the map's."""
-    place, turn = goal.pose.position, goal.pose.orientation
-    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
     frame = goal.header.frame_id
     where = "" if frame in ("", names.MAP_FRAME) else f" in {frame}"
-    x, y, yaw = (round(number, 3) + 0.0 for number in (place.x, place.y, yaw))
+    x, y, yaw = (round(number, 3) + 0.0 for number in pose2_of(goal.pose))
     return f"x {x:g}, y {y:g}, yaw {yaw:g}{where}"
 
 

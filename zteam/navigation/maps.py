@@ -6,8 +6,9 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
-from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, Quaternion, Time
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Pose, Time
+from zteam.messages.planar import pose_message
 from zteam.navigation.planning.grid import GridMap, make_map
 
 
@@ -41,11 +42,6 @@ def planar(pose: Pose) -> Pose2 | None:
     if not all(map(math.isfinite, (p.x, p.y, norm))) or not 0.9 < norm < 1.1:
         return None
     return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))
-
-
-def pose_message(pose: Pose2) -> Pose:
-    """A pose in the plane as a message."""
-    return Pose(Point(pose.x, pose.y), Quaternion(*quaternion_from_yaw(pose.yaw)))
 
 
 def is_finite(pose: Pose) -> bool:

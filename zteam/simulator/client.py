@@ -13,8 +13,8 @@ from zteam.bus import Bus, Change
 from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError
-from zteam.geometry import yaw_from_quaternion
 from zteam.messages import MapMetaData
+from zteam.messages.planar import pose2_of
 from zteam.names import MAX_ROBOT_ID
 
 T = TypeVar("T")
@@ -142,9 +142,7 @@ class MapInfo(msgspec.Struct, frozen=True):
 
 def map_info(metadata: MapMetaData) -> MapInfo:
     """Where a grid lies, of the metadata in its message."""
-    position, turn = metadata.origin.position, metadata.origin.orientation
-    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
-    return MapInfo(position.x, position.y, yaw, metadata.resolution, metadata.width, metadata.height)
+    return MapInfo(*pose2_of(metadata.origin), metadata.resolution, metadata.width, metadata.height)
 
 
 class SimStatus(msgspec.Struct):

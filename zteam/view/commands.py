@@ -15,19 +15,17 @@ from zteam.bus import Publisher
 from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, ZteamError
-from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
     Message,
     OccupancyGrid,
-    Point,
-    Pose,
     PoseStamped,
     PoseWithCovariance,
     PoseWithCovarianceStamped,
-    Quaternion,
     time_from_ns,
 )
+from zteam.messages.planar import pose2_of, pose_message
 from zteam.node.starting import start_robot
 from zteam.robot.behaviors.assignment import assign
 from zteam.robot.client import (
@@ -40,7 +38,7 @@ from zteam.robot.client import (
 )
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
-from zteam.view.team_view import TeamView, pose2_of
+from zteam.view.team_view import TeamView
 
 SPACING = 0.9
 """Metres between two goals: the widest of the lectures' robots turns on the spot in this."""
@@ -226,7 +224,7 @@ class Commands:
         is_free = room_in(arrival and arrival.read(OccupancyGrid), ROOM)
         unheard = []
         for robot_id, place in spread(goal, poses, is_free).items():
-            message = PoseStamped(self._header(), _pose(place))
+            message = PoseStamped(self._header(), pose_message(place))
             key = names.robot_key(robot_id, names.GOAL_POSE)
             if self._publish(key, message):
                 # A session does not hear itself.
@@ -258,7 +256,7 @@ class Commands:
         return f"{name} has no goal to give up{why}"
 
     def _send_initial_pose(self, request: requests.InitialPose) -> None:
-        pose = PoseWithCovariance(_pose(Pose2(request.x, request.y, request.yaw)))
+        pose = PoseWithCovariance(pose_message(Pose2(request.x, request.y, request.yaw)))
         pose.covariance = pose.covariance.copy()
         pose.covariance[[0, 7, 35]] = POSITION_VARIANCE, POSITION_VARIANCE, YAW_VARIANCE
         key = names.robot_key(request.robot, names.INITIAL_POSE)
@@ -283,7 +281,3 @@ class Commands:
             pause(0.01)
         publisher.put(message)
         return True
-
-
-def _pose(place: Pose2) -> Pose:
-    return Pose(Point(place.x, place.y), Quaternion(*quaternion_from_yaw(place.yaw)))

@@ -10,12 +10,13 @@ import numpy as np
 from zteam import names
 from zteam.clock import monotonic, to_seconds
 from zteam.messages import Path, PoseArray
+from zteam.messages.planar import pose2_of
 from zteam.view import frames
 from zteam.view.documents import Documents
 from zteam.view.plots import samples_since
 from zteam.view.received import Viewer, robots_in_sight
 from zteam.view.scene import Scene
-from zteam.view.team_view import TeamView, pose2_of
+from zteam.view.team_view import TeamView
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
 """Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it

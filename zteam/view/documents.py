@@ -26,11 +26,12 @@ from zteam.messages import (
     ns_from_time,
     to_plain,
 )
+from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
 from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of, printable
 from zteam.view.goals import Goals
 from zteam.view.received import Arrival, sensor_topics
-from zteam.view.team_view import TeamView, pose2_of
+from zteam.view.team_view import TeamView
 
 KEPT = 1000
 

@@ -7,10 +7,10 @@ import msgspec
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Message, NavigationState, NavigationStatus, PoseStamped, ns_from_time
+from zteam.messages.planar import pose2_of
 from zteam.node.log_client import printable
 from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
 from zteam.view.received import Arrival, Received
-from zteam.view.team_view import pose2_of
 
 SENT = "sent"
 """Of a goal of which its robot has said nothing yet; all other states are those of `NavigationState`, in lower case."""

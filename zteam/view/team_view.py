@@ -5,17 +5,17 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 
 from zteam import names
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
     Odometry,
-    Pose,
     TFMessage,
     Transform,
     TransformStamped,
     Vector3,
     ns_from_time,
 )
+from zteam.messages.planar import pose2_of
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import SimStatus
@@ -181,12 +181,6 @@ class Places:
         if arrival.number > self.number:
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
         return self._truth[robot_id][1]
-
-
-def pose2_of(pose: Pose) -> Pose2:
-    """The planar part of a pose."""
-    turn = pose.orientation
-    return Pose2(pose.position.x, pose.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
 
 
 LOOK = 0.2

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
+from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
+from zteam.messages.planar import pose2_of
 from zteam.robot.behaviors.behavior import View, own_pose
 from zteam.robot.behaviors.scans import Beams, beams_of
 from zteam.robot.safety.motion import Motion, Outline, limits_of, outline_of, place_after
@@ -290,7 +291,7 @@ class Surroundings:
 
     def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
         """The base is where odometry says; the pose in `odom` by which points are told now."""
-        last, pose = self._pose, None if odom is None else _pose_of(odom)
+        last, pose = self._pose, None if odom is None else pose2_of(odom.pose.pose)
         if pose is not None and not math.isfinite(sum(pose)):
             return last
         if last is None or pose is None or math.hypot(pose.x - last.x, pose.y - last.y) > reach:
@@ -313,8 +314,3 @@ class Surroundings:
                 return Pose2(0.0, 0.0, 0.0)
             self._lasers[frame] = Pose2(*map(float, found[0]))
         return self._lasers[frame]
-
-
-def _pose_of(odom: Odometry) -> Pose2:
-    position, turn = odom.pose.pose.position, odom.pose.pose.orientation
-    return Pose2(float(position.x), float(position.y), yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))

@@ -13,8 +13,6 @@ from zteam.messages import (
     JointState,
     LaserScan,
     Odometry,
-    Point,
-    Pose,
     PoseWithCovariance,
     Quaternion,
     Range,
@@ -26,6 +24,7 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
+from zteam.messages.planar import pose_message
 from zteam.simulator.core.devices import FiducialFinders, Sensor, prepare_blobfinders, prepare_bumpers
 from zteam.simulator.core.observation import Observation, RobotObservation
 from zteam.simulator.world.devices import KINDS, DeviceKind
@@ -87,7 +86,7 @@ def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotOb
     return Odometry(
         Header(time_from_ns(stamp), frame),
         names.robot_frame(robot_id, names.BASE_FOOTPRINT),
-        PoseWithCovariance(Pose(Point(pose.x, pose.y, 0.0), Quaternion(*quaternion_from_yaw(pose.yaw)))),
+        PoseWithCovariance(pose_message(pose)),
         TwistWithCovariance(Twist(Vector3(vx, vy, 0.0), Vector3(0.0, 0.0, w))),
     )
 

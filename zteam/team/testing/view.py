@@ -8,8 +8,9 @@ from typing import TypeVar
 from zteam import names
 from zteam.bus import Bus
 from zteam.clock import monotonic, wait_until
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages import Bool, Clock, LaserScan, Message, Odometry, RobotStatus, TeamStatus, Twist, ns_from_time
+from zteam.messages.planar import pose2_of
 from zteam.node.tokens import TokenSet
 
 M = TypeVar("M", bound=Message)
@@ -72,8 +73,7 @@ class RobotView:
         """True pose in `map`; NaN until it is known."""
         if self.truth is None:
             return Pose2(math.nan, math.nan, math.nan)
-        p, q = self.truth.pose.pose.position, self.truth.pose.pose.orientation
-        return Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+        return pose2_of(self.truth.pose.pose)
 
     @property
     def speed(self) -> float:
