@@ -14,6 +14,8 @@ from zteam.team.testing.team import TeamFixture
 
 PIXELS = 2
 """How far from the clicked place a pose may be."""
+STAND = 10.0
+"""Host seconds for the world to stand."""
 
 
 def yaw_of(pose: Pose) -> float:
@@ -55,9 +57,26 @@ def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) 
     team.wait_for(lambda: team.robot(0).distance_travelled > 0.2)
 
 
+RING = """([x, y]) => {
+  const upper = document.querySelectorAll('#map canvas')[1].getContext('2d');
+  const [px, py] = zteam.app.camera.toScreen(x, y);
+  const color = document.querySelector('#robots .swatch').style.backgroundColor.match(/[0-9]+/g).map(Number);
+  return Array.from({length: 16}, (_, i) => {
+    const angle = (i + 0.5) * Math.PI / 8;
+    const [x, y] = [px + 7 * Math.cos(angle), py + 7 * Math.sin(angle)].map(Math.floor);
+    const {data} = upper.getImageData(x, y, 1, 1);
+    return data[3] > 200 && color.every((part, k) => Math.abs(part - data[k]) < 30);
+  }).filter(Boolean).length;
+}"""
+"""Of 16 places on the ring round a goal (m), how many have the colour of the first robot's row."""
 LIST = "document.querySelector('#goals').innerText"
 TOASTS = "document.querySelector('#toasts').innerText"
 STATES = "zteam.app.store.docs.goals?.map(({state}) => state).join()"
+
+
+def wait_for_ring(screen: Screen, x: float, y: float, *, shown: bool) -> None:
+    """Wait until the first robot's goal is marked on the map there, or is not."""
+    screen.wait(f"place => ({RING})(place) {'> 12' if shown else '=== 0'}", [x, y])
 
 
 def click_goal(screen: Screen, robot: int, x: float, y: float) -> None:
@@ -68,26 +87,39 @@ def click_goal(screen: Screen, robot: int, x: float, y: float) -> None:
 
 
 def test_a_goal_has_a_life_on_the_page(team: TeamFixture, screen: Screen) -> None:
-    """The list says how far the robot is; when it is there, a message says so, and the list and the mark are gone."""
+    """It is called sent until the robot knows it, then the list says how far the robot is, and a ring is on the map;
+    when it is there, a message says so, and the list and the ring are gone."""
     start_arena(team, screen)
-    start = screen.ask("zteam.app.store.poses.at(0)")
-    click_goal(screen, 0, start["x"] + 0.8, start["y"])
+    start = screen.pose(0)
+    goal = start["x"] + 0.8, start["y"]
+    screen.page.click("button[aria-label=Pause]")
+    team.wait_for(lambda: team.sim_status.paused)
+    team.sim.stand(STAND)
+    assert screen.ask(RING, goal) == 0
+    click_goal(screen, 0, *goal)
+    screen.wait(f"{STATES} === 'sent' && /robot_0\\nsent/.test({LIST})")
+    wait_for_ring(screen, *goal, shown=True)
+    screen.page.click("button[aria-label=Resume]")
     screen.wait(f"/robot_0\\n0\\.[0-9] m · [0-9]+ s/.test({LIST})")
     screen.wait(f"{TOASTS}.includes('robot_0 reached its goal')")
     screen.wait("document.querySelector('#goals').hidden")
     assert screen.ask(STATES) == "succeeded"
+    wait_for_ring(screen, *goal, shown=False)
 
 
 def test_a_goal_is_canceled_by_escape_and_by_its_button(team: TeamFixture, screen: Screen) -> None:
-    """The first Esc leaves the tool, the next one stops the selected robot; the button stops it too."""
+    """The first Esc leaves the tool, the next one stops the selected robot and its ring is gone; the button stops it
+    too."""
     start_arena(team, screen)
     click_goal(screen, 0, 0.0, -3.0)
     screen.wait(f"{STATES} === 'driving'")
+    wait_for_ring(screen, 0.0, -3.0, shown=True)
     screen.page.keyboard.press("Escape")
     assert screen.ask("zteam.app.tool") == "select"
     assert screen.ask(STATES) == "driving"
     screen.page.keyboard.press("Escape")
     screen.wait(f"{TOASTS}.includes('robot_0 stops: its goal is canceled')")
+    wait_for_ring(screen, 0.0, -3.0, shown=False)
     click_goal(screen, 0, 0.5, -3.0)
     screen.wait(f"{STATES} === 'driving'")
     screen.page.click("#goals [aria-label='Cancel the goal of robot_0']")
@@ -107,9 +139,21 @@ def test_an_aborted_goal_says_why(team: TeamFixture, screen: Screen) -> None:
     screen.wait("document.querySelector('#goals').hidden")
 
 
-def test_a_goal_in_an_obstacle_is_sent_at_the_second_press(team: TeamFixture, screen: Screen) -> None:
-    """The page says what is there and sends nothing, until the place is pressed again."""
-    start_arena(team, screen)
+def start_navigated(team: TeamFixture, screen: Screen, folder: Path) -> None:
+    """A navigated robot and one that stands, and a page that shows them."""
+    path = folder / "team.toml"
+    path.write_text(FAKE)
+    team.launch(path, lockstep=False)
+    screen.open(start_view(team), 2)
+    screen.wait("zteam.app.store.grids.has('map')")
+
+
+def test_a_goal_in_an_obstacle_is_sent_at_the_second_press(
+    team: TeamFixture, screen: Screen, empty_folder: Path
+) -> None:
+    """The page says what is there and sends nothing, until the place is pressed again; then navigation aborts the goal,
+    and its own reason is in a message and in the list."""
+    start_navigated(team, screen, empty_folder)
     heard = hear_goals(team, 0)
     click_goal(screen, 0, 1.5, 2.5)
     screen.wait(f"{TOASTS}.includes('Goal not sent: in an obstacle (map). Press again at the same place')")
@@ -117,6 +161,9 @@ def test_a_goal_in_an_obstacle_is_sent_at_the_second_press(team: TeamFixture, sc
     assert not heard
     screen.page.mouse.click(*screen.place(1.5, 2.5))
     team.wait_for(lambda: len(heard) == 1)
+    reason = r"the goal \(1\.\d+, 2\.\d+\) is in an obstacle or too close to one, and so is all within 0\.2 m of it"
+    screen.wait(f"/robot_0\\naborted: {reason}/.test({LIST})")
+    screen.wait(f"/robot_0 gave up its goal: {reason}/.test({TOASTS})")
 
 
 def test_a_navigated_robot_shows_its_goal_and_its_costmap_counts(
@@ -124,11 +171,8 @@ def test_a_navigated_robot_shows_its_goal_and_its_costmap_counts(
 ) -> None:
     """Neither its row nor its panel calls it idle; what its costmap alone has is an obstacle; `zteam goto --cancel`
     ends a goal."""
-    path = empty_folder / "team.toml"
-    path.write_text(FAKE)
-    team.launch(path, lockstep=False)
-    screen.open(start_view(team), 2)
-    other = screen.ask("zteam.app.store.poses.at(1)")
+    start_navigated(team, screen, empty_folder)
+    other = screen.pose(1)
     screen.select(0)
     screen.tool("goal")
     judged = "async ([x, y]) => (await import('/page/js/costs.js')).judge(zteam.app.store, [0], x, y)?.text"

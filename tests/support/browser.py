@@ -28,6 +28,7 @@ SETTLED = """([id, x, y]) => {
 
 SHOW = """([x, y]) => {
   const { camera, scene } = zteam.app, [px, py] = camera.toScreen(x, y);
+  camera.placed = true;
   if (px < 0 || py < 0 || px > camera.width || py > camera.height) scene.fit();
 }"""
 
@@ -75,18 +76,24 @@ class Screen:
         """The value of some JavaScript."""
         return self.page.evaluate(script, argument)
 
-    def wait(self, script: str, argument: Any = None) -> None:
-        """Wait until some JavaScript is true.
+    def wait(self, script: str, argument: Any = None) -> Any:
+        """Wait until some JavaScript is true; its value.
 
         Playwright's own `wait_for_function` needs `eval`, which the page's policy forbids.
         """
         deadline = monotonic() + LIMIT / 1000
-        while not self.ask(script, argument):
+        while not (value := self.ask(script, argument)):
             assert monotonic() < deadline, f"not true within {LIMIT / 1000:g} s: {script}"
             self.page.wait_for_timeout(POLL)
+        return value
+
+    def pose(self, robot: int) -> Any:
+        """Where the page has a robot by its transforms, which may be late when those of another robot have come."""
+        return self.wait("id => [zteam.app.store.poses.at(id)].find((pose) => pose && !pose.truth)", robot)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
-        """Where a place of the map is on the page, in pixels; for one that is not shown it shows the whole map."""
+        """Where a place of the map is on the page, in pixels; for one that is not shown it shows the whole map. From
+        now on the map does not move by itself, as when robots come."""
         self.ask(SHOW, [x, y])
         box = self.page.locator("#scene").bounding_box()
         assert box is not None
@@ -101,9 +108,7 @@ class Screen:
         """Click robots, the later ones with shift."""
         self.tool("select")
         for i, robot in enumerate(robots):
-            # Its first transforms may be late, when those of another robot have come.
-            self.wait("id => zteam.app.store.poses.at(id) !== null", robot)
-            pose = self.ask("id => zteam.app.store.poses.at(id)", robot)
+            pose = self.pose(robot)
             if i:
                 self.page.keyboard.down("Shift")
             self.page.mouse.click(*self.place(pose["x"], pose["y"]))
