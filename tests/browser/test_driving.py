@@ -5,6 +5,9 @@ from typing import Any
 import pytest
 
 from support.browser import OpenScreen, Screen, start_view
+from zteam import names
+from zteam.bus import NoRequest
+from zteam.bus.presence import own_info
 from zteam.messages import Twist
 from zteam.team.testing.team import TeamFixture
 
@@ -143,6 +146,24 @@ def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: 
     second.page.keyboard.down("j")
     second.wait("zteam.app.store.robots.get(0).lease === zteam.app.store.connection.viewer")
     second.page.keyboard.up("j")
+
+
+def test_a_lost_lease_is_said(team: TeamFixture, screen: Screen) -> None:
+    """An older process has the name of a robot that a page drives directly, as after a broken network: the page lets
+    go and says so, though the key is still held."""
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-tf", name=names.AGGREGATOR)
+    team.wait_for_processes(names.SIMULATOR)
+    screen.open(start_view(team), 2)
+    prepare(screen, 0)
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team))
+    name, instance = names.robot_name(0), team.bus.instance
+    team.bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, instance, 1))
+    team.bus.declare_token(names.token_key(name, instance))
+    screen.page.wait_for_selector("#toasts :text('Robot 0 is no longer driven from this page')")
+    screen.wait("zteam.app.drive.lease === 'none'")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
 
 
 def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) -> None:

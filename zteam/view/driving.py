@@ -110,12 +110,14 @@ class Driving:
         for robot_id in [robot_id for robot_id, lease in self._leases.items() if lease.viewer == viewer]:
             await self.release(robot_id, viewer)
 
-    def drive(self, robot_id: int, viewer: int, command: Twist) -> None:
-        """A page commands a robot; without its lease that changes nothing."""
+    def drive(self, robot_id: int, viewer: int, command: Twist) -> bool:
+        """A page commands a robot; whether it has the lease. Without it that changes nothing."""
         lease, now = self._leases.get(robot_id), monotonic()
-        if lease is not None and lease.viewer == viewer:
-            lease.command, lease.until = command, now + DEAD_MAN
-            lease.send(now)
+        if lease is None or lease.viewer != viewer:
+            return False
+        lease.command, lease.until = command, now + DEAD_MAN
+        lease.send(now)
+        return True
 
     def _repeat(self) -> None:
         """Send every leased robot its command, until there is no lease."""

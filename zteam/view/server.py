@@ -193,7 +193,8 @@ class Page:
                 self._say({"op": "rights", "may_command": viewer.may_command})
             case Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
-                self._pages.driving.drive(request.robot, viewer.number, command)
+                if not self._pages.driving.drive(request.robot, viewer.number, command):
+                    self._say({"op": "lost", "robot": request.robot})
             case Command():
                 self._queue(viewer, request)
 

@@ -62,14 +62,14 @@ def test_one_viewer_drives_a_robot() -> None:
 
 
 def test_only_the_holder_commands(wheels: Sent) -> None:
-    """What another viewer says changes nothing; when the lease ends the robot is told to stand."""
+    """What another viewer says changes nothing, and it is told so; when the lease ends the robot is told to stand."""
 
     async def story(driving: Driving) -> None:
         await driving.take(0, viewer=1)
-        driving.drive(0, 2, AHEAD)
-        driving.drive(5, 1, AHEAD)
+        assert not driving.drive(0, 2, AHEAD)
+        assert not driving.drive(5, 1, AHEAD)
         assert wheels.commands == [Twist()]
-        driving.drive(0, 1, AHEAD)
+        assert driving.drive(0, 1, AHEAD)
         await driving.release(0, viewer=1)
         assert wheels.commands[1:] == [AHEAD, Twist()]
 

@@ -124,6 +124,8 @@ export class Connection {
     } else if (message.op === "reply") {
       this.#replies.get(message.seq)?.(message.error);
       this.#replies.delete(message.seq);
+    } else if (message.op === "lost") {
+      this.store.emit("lost", message.robot);
     } else if (message.op === "refused") {
       this.store.setConnection({ state: "refused", reason: message.reason });
     }

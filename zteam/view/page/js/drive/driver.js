@@ -23,8 +23,6 @@ export class Driver {
   /** @type {Map<string, Shares>} what each device asks for, by its name */
   #wishes = new Map();
   #timer = 0;
-  /** Whether the team's document has shown the lease: until then it is older than the lease. */
-  #confirmed = false;
 
   /** @param {import("../app.js").App} app */
   constructor(app) {
@@ -33,7 +31,7 @@ export class Driver {
     app.store.on("connection", ({ state }) => {
       if (state !== "open") this.#forget();
     });
-    app.store.on("team", () => this.#checkLease());
+    app.store.on("lost", (robot) => this.#lose(robot));
     window.addEventListener("blur", () => this.letGo());
     window.addEventListener("pagehide", () => this.letGo());
     document.addEventListener("visibilitychange", () => {
@@ -129,21 +127,16 @@ export class Driver {
       return this.app.say(`Robot ${robot} cannot be driven: ${error}`, "error");
     }
     this.lease = "held";
-    this.#confirmed = false;
     this.#timer = setInterval(() => this.#drive(), PERIOD);
     this.#drive();
     this.#changed();
   }
 
-  /** The lease may be lost without a word, as when another teleop takes the robot. */
-  #checkLease() {
-    const { robots, connection } = this.app.store;
-    if (this.lease !== "held") return;
-    if (robots.get(this.robot)?.lease === connection.viewer) this.#confirmed = true;
-    else if (this.#confirmed) {
-      this.#forget();
-      this.app.say(`Robot ${this.robot} is no longer driven from this page`, "error");
-    }
+  /** The server's answer to a command: the lease has ended, as when another teleop takes the robot. @param {number} robot */
+  #lose(robot) {
+    if (this.lease !== "held" || robot !== this.robot) return;
+    this.#forget();
+    this.app.say(`Robot ${robot} is no longer driven from this page`, "error");
   }
 
   #drive() {
