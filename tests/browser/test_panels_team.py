@@ -1,10 +1,15 @@
 """The table of robots, and what the page says when something is missing."""
 
+import io
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from support.browser import VIEW, Screen, start_view
+from zteam import names
+from zteam.messages import Header, PoseWithCovariance, PoseWithCovarianceStamped
 from zteam.team.testing.team import TeamFixture
 
 ROW = "#robots tbody:has(button:has-text('robot_{}'))"
@@ -48,7 +53,7 @@ def test_a_robot_that_is_gone_is_marked(team: TeamFixture, screen: Screen) -> No
 
 
 def test_the_start_gate_names_what_it_waits_for(team: TeamFixture, screen: Screen) -> None:
-    """Before GO the footer names the robot that is missing."""
+    """Before GO the footer names the robot that is missing, and the other one's row says what it waits for."""
     team.spawn("zteam-sim", "arena")
     team.spawn("zteam-tf")
     team.spawn("zteam-monitor", "--ids", "0,1")
@@ -56,6 +61,30 @@ def test_the_start_gate_names_what_it_waits_for(team: TeamFixture, screen: Scree
     team.wait_for_processes("sim", "tf", "monitor", "robot_0")
     screen.open(start_view(team), 1)
     screen.page.wait_for_selector("#status .warn:text('1 of 2 ready; waiting for robot_1')")
+    screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('waiting for the monitor\\'s GO')")
+
+
+@pytest.mark.parametrize(
+    ("behavior", "params", "has_goal", "reason"),
+    [
+        ("idle", {}, False, "idle: only teleop or navigation drives it"),
+        ("go_to", {}, False, "no goal yet"),
+        ("go_to", {}, True, "goal reached"),
+        ("forward", {"speed": 0.0}, False, "its parameter speed is 0"),
+        ("forward", {"speed": 1.0}, False, "obstacle ahead"),
+    ],
+)
+def test_a_robot_that_stands_says_why(
+    team: TeamFixture, screen: Screen, behavior: str, params: dict[str, float], has_goal: bool, reason: str
+) -> None:
+    """Its row has the reason: that of its behaviour, or of the safety layer, which has stopped it before a wall."""
+    team.start("arena", robots=1, behavior=behavior, params={0: params}, lockstep=False)
+    screen.open(start_view(team), 1)
+    if has_goal:
+        goal = screen.pose(0)
+        assert screen.ask("({x, y, yaw}) => zteam.app.send({op: 'goal', robots: [0], x, y, yaw})", goal) == ""
+    screen.page.wait_for_selector(f"{ROW.format(0)} .note span:text-is('{reason}')")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
 
 
 def test_without_a_team_the_page_says_so_and_sees_it_come_and_go(team: TeamFixture, screen: Screen) -> None:
@@ -129,6 +158,11 @@ def test_a_spawned_robot_says_what_it_lacks_and_leaves_when_removed(team: TeamFi
     screen.page.wait_for_selector(f"{ROW.format(0)} .note:has-text('not in the world; robot_0 still runs')")
 
 
+COLORS = """() => [
+  document.querySelector('#robots .swatch').style.backgroundColor.match(/[0-9]+/g).map(Number),
+  getComputedStyle(document.querySelector('#scene')).backgroundColor.match(/[0-9]+/g).map(Number),
+]"""
+"""Of the first robot, and of ground that is not drawn."""
 LOST = """
 [team]
 world = "arena"
@@ -140,7 +174,7 @@ navigation = {localizer = "amcl"}
 
 
 def test_a_robot_that_takes_itself_to_be_elsewhere_is_lost(team: TeamFixture, screen: Screen, tmp_path: Path) -> None:
-    """After a wrong initial pose the row says that it is lost, and a ghost stands at its true place."""
+    """After a wrong initial pose the row says that it is lost, and a pale ghost stands at its true place."""
     (tmp_path / "lost.toml").write_text(LOST)
     team.launch(tmp_path / "lost.toml", lockstep=False)
     team.wait_for_go()
@@ -153,6 +187,36 @@ def test_a_robot_that_takes_itself_to_be_elsewhere_is_lost(team: TeamFixture, sc
     screen.wait("zteam.app.store.robots.get(0).truth !== null")
     x, y, _ = screen.ask("zteam.app.store.robots.get(0).truth")
     assert (x, y) == pytest.approx((true.x, true.y), abs=0.05)
+    # It might find itself again.
+    team.sim.pause()
+    screen.wait("zteam.app.store.team.sim.state === 'paused'")
+    assert not screen.ask("zteam.app.store.robots.get(0).localised")
+    screen.ask("() => [...zteam.app.layers.shown].forEach((name) => zteam.app.layers.set(name, name === 'robots'))")
+
+    def color() -> tuple[int, ...]:
+        picture = Image.open(io.BytesIO(screen.page.screenshot())).convert("RGB")
+        px, py = screen.place(x, y)
+        return picture.getpixel((round(px), round(py)))  # type: ignore[return-value]
+
+    own, ground = screen.ask(COLORS)
+    ghost = pytest.approx([0.15 * part + 0.85 * below for part, below in zip(own, ground, strict=True)], abs=3)
+    team.wait_for(lambda: color() == ghost)
+
+
+def test_a_robot_whose_place_is_known_badly_is_lost(team: TeamFixture, screen: Screen) -> None:
+    """The row says how large the deviation of its localisation is."""
+    team.start("arena", robots=1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    wide = PoseWithCovariance(covariance=np.diag([4.0, 1.0, 0.0, 0.0, 0.0, 0.0]).ravel())
+    pose = PoseWithCovarianceStamped(Header(frame_id=names.MAP_FRAME), wide)
+    publisher = team.bus.publisher(names.robot_key(0, names.AMCL_POSE), PoseWithCovarianceStamped)
+
+    def is_lost() -> bool:
+        publisher.put(pose)
+        text = "localisation lost: its place is known to ± 2.0 m only"
+        return screen.page.locator(f"{ROW.format(0)} .bad:has-text('{text}')").count() == 1
+
+    team.wait_for(is_lost)
 
 
 def test_zteam_up_starts_a_behavior_for_a_spawned_robot(team: TeamFixture, screen: Screen) -> None:
