@@ -87,13 +87,15 @@ def test_the_doctor_names_the_way_out(team: TeamFixture, screen: Screen) -> None
 
 def test_a_robot_is_spawned_with_a_behaviour(team: TeamFixture, screen: Screen) -> None:
     """Model and behaviour are chosen, the map is clicked: the robot stands there and its process drives it."""
-    team.spawn("zteam", "up", "arena", name="launcher")
+    team.spawn("zteam", "up", "heights", name="launcher")
     screen.open(start_view(team), 2)
     screen.page.click("#tab-simulator")
     screen.wait("zteam.app.store.team.launcher && zteam.app.store.team.behaviors.includes('wander')")
+    screen.page.select_option("select[aria-label='Model of the new robot']", "tower")
     screen.page.select_option("select[aria-label='Behaviour of the new robot']", "wander")
     screen.page.click("text=Place in the map")
-    screen.page.mouse.click(*screen.place(0.0, -3.0))
+    screen.page.mouse.click(*screen.place(0.0, 0.0))
     team.wait_for(lambda: 2 in team.sim_status.robots)
+    screen.wait("zteam.app.store.robots.get(2)?.model === 'tower'")
     team.wait_for_processes("robot_2")
     assert ParametersClient(team.bus).describe("robot_2").behavior == "wander"
