@@ -10,9 +10,9 @@ from support.freezing import wait_until_frozen
 from support.limits import LIMIT
 from zteam import names
 from zteam.bus import BusOptions, connect
-from zteam.clock import monotonic, pause
+from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.config.resources import find_team
-from zteam.messages import RobotState, TeamState, Twist, Vector3
+from zteam.messages import Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
 from zteam.node.shutdown import Stop
@@ -31,6 +31,13 @@ pytestmark = pytest.mark.team
 ROBOTS = [0, 1, 2, 3]
 KILLED = (ROUTER, "robot_1", names.AGGREGATOR, names.MONITOR, names.VIEW, names.SIMULATOR)
 """The router first: then every process has seen it go and come."""
+AWAY = 1.5 * HOST_FACTOR
+"""Host seconds after which a process is back."""
+ROUTER_AWAY = 1.0 * HOST_FACTOR
+FREEZE = 5.0
+"""Host seconds of the simulator."""
+OLD = 1.0
+"""Host seconds after which no command in the queue is new."""
 LEASE = 30.0
 """Host seconds: on a crowded machine no process looks dead that lives."""
 MOVES = 0.01
@@ -46,6 +53,14 @@ class Line:
 
     def __init__(self, run: ProcessRun, lines: list[tuple[str, str]], seen: ObservedTeam) -> None:
         self.run, self.lines, self.seen = run, lines, seen
+        self.moved: dict[int, int] = {}
+        """By robot: the stamp of the newest truth in which it moved."""
+
+    def take_truth(self, key: str, truth: Odometry) -> None:
+        """Take each truth: a look at the newest one may come too late."""
+        target = names.split_robot_key(key)
+        if target is not None and abs(truth.twist.twist.linear.x) > MOVES:
+            self.moved[target[0]] = ns_from_time(truth.header.stamp)
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()`, which is looked at with every message and token."""
@@ -83,12 +98,22 @@ class Line:
         self.wait_for(look)
         return list(found.values())
 
-    def kill(self, name: str) -> None:
-        """Kill a process and wait until it is back."""
+    def kill(self, name: str) -> int:
+        """Kill a process and wait until it has ended; truths of a later stamp than this returns came after the kill."""
+        process = self.run.supervisor.processes[name]
+        # Those of the next tick may be on their way.
+        since = self.seen.now + 2 * TICK
+        process.signal(signal.SIGKILL)
+        self.wait_for(lambda: not process.running)
+        return since
+
+    def kill_and_wait(self, name: str) -> None:
+        """Kill a process and wait until it is back, soon."""
         recoveries = self.run._recoveries
         assert recoveries is not None
         self.run.supervisor.processes[name].signal(signal.SIGKILL)
         self.wait_for(lambda: name in recoveries.seconds)
+        assert recoveries.seconds[name] < (ROUTER_AWAY if name == ROUTER else AWAY)
 
     def said(self, name: str, text: str) -> list[str]:
         """The lines of a process that have this text."""
@@ -112,6 +137,7 @@ def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
         bus = connect(BusOptions(connect=run.endpoint, lease=LEASE))
         stack.callback(bus.close)
         line = Line(run, lines, ObservedTeam(bus, lambda _: None))
+        bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, line.take_truth)
         line.wait_until_all_drive()
         line.wait_for(lambda: bool(line.said(names.VIEW, "the view is at")))
         yield line
@@ -124,7 +150,7 @@ def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: py
     with started(monkeypatch, pace) as line:
         others = [name for name in line.run.supervisor.processes if name != ROUTER]
         for name in KILLED:
-            line.kill(name)
+            line.kill_and_wait(name)
             if name not in (names.MONITOR, names.VIEW):
                 line.wait_until_all_drive()
             if name == ROUTER:
@@ -144,10 +170,27 @@ def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: py
 
 
 @pytest.mark.real_time
+def test_the_others_drive_on_while_a_process_is_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While monitor, view or the last robot is away all other robots drive on by the ground truth; when the aggregator
+    ends too they drive on with the transforms that they have."""
+    # None comes back.
+    monkeypatch.setattr(supervising, "DELAYS", (10 * LIMIT,))
+    with started(monkeypatch, Pace()) as line:
+        for name, others in ((names.MONITOR, ROBOTS), (names.VIEW, ROBOTS), ("robot_3", ROBOTS[:3])):
+            since = line.kill(name)
+            line.wait_for(lambda since=since, others=others: all(line.moved[i] > since for i in others))  # type: ignore[misc]
+        line.wait_for(lambda: all(abs(speed) > MOVES for speed in line.speeds()[:3]))
+        since = line.kill(names.AGGREGATOR)
+        line.wait_for(lambda: any(line.moved[i] > since for i in ROBOTS[:3]))
+        assert line.run.supervisor.restarts.counts == {}
+
+
+@pytest.mark.real_time
 @pytest.mark.parametrize("fault", [ROUTER, names.SIMULATOR])
 def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
-    """While the router is away or the simulator is frozen, another process commands a robot. Afterwards nothing moves
-    as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they drive."""
+    """While the router is away or the simulator is frozen for 5 s, another process commands a robot. Afterwards nothing
+    moves as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they
+    drive."""
     with started(monkeypatch, Pace()) as line:
         processes, bus, seen = line.run.supervisor.processes, line.run.bus, line.seen
         assert bus is not None
@@ -162,13 +205,13 @@ def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPa
         faulty.signal(signal.SIGKILL if fault == ROUTER else signal.SIGSTOP)
         if fault == names.SIMULATOR:
             wait_until_frozen(faulty.pid)
-        for _ in range(12):
+        for _ in range(12 if fault == ROUTER else round(10 * (FREEZE - OLD))):
             commands.put(Twist(Vector3(-0.4)))
             pause(0.1)
         if fault == ROUTER:
             line.wait_for(lambda: bool(line.said(names.SIMULATOR, "router is back")))
         else:
-            pause(1.0)
+            pause(OLD)
         stamp, begin = seen.now, monotonic()
         faulty.signal(signal.SIGCONT)
         line.wait_for(lambda: seen.now > stamp)
