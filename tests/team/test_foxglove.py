@@ -44,12 +44,16 @@ class Client:
         self.heard: dict[str, list[Heard]] = defaultdict(list)
         self.times: list[int] = []
         self._topics: dict[int, str] = {}
+        self._wanted: set[str] = set()
 
     def _take(self, message: str | bytes) -> None:
         if isinstance(message, str):
             said = json.loads(message)
             if said["op"] == "advertise":
-                self.channels.update({channel["topic"]: channel for channel in said["channels"]})
+                found = {channel["topic"]: channel for channel in said["channels"]}
+                self.channels.update(found)
+                for topic in self._wanted & found.keys():
+                    self._look_at(topic)
             elif said["op"] == "unadvertise":
                 gone = set(said["channelIds"])
                 self.channels = {t: channel for t, channel in self.channels.items() if channel["id"] not in gone}
@@ -71,13 +75,16 @@ class Client:
                 continue
 
     def subscribe(self, *topics: str) -> None:
-        """Look at topics, as soon as they are there."""
-        for topic in topics:
-            self.wait(lambda topic=topic: topic in self.channels)  # type: ignore[misc]
-            number = len(self._topics) + 1
-            self._topics[number] = topic
-            wanted = {"id": number, "channelId": self.channels[topic]["id"]}
-            self._socket.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
+        """Look at topics whenever they are there: on a crowded machine one may be gone for a moment."""
+        self._wanted |= set(topics)
+        for topic in self._wanted & self.channels.keys():
+            self._look_at(topic)
+
+    def _look_at(self, topic: str) -> None:
+        number = len(self._topics) + 1
+        self._topics[number] = topic
+        wanted = {"id": number, "channelId": self.channels[topic]["id"]}
+        self._socket.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
 
 
 @contextmanager
