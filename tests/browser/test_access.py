@@ -14,6 +14,16 @@ from zteam.team.testing.team import TeamFixture
 
 FOCUSED = "document.activeElement.id"
 PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+FONTS = """
+  window.fonts = {};
+  const draw = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+    const size = Number(/([0-9.]+)px/.exec(this.font)[1]);
+    fonts[text] = this.canvas.closest('.uplot') ? size : [size, this.canvas.height];
+    draw.call(this, text, ...rest);
+  };
+"""
+"""Has the page note how large each text on a canvas is, and the picture that the map shows of it, in pixels."""
 TARGET = 44
 """Pixels that a finger needs."""
 SMALL = """(least) => [...document.querySelectorAll('button, select, input, summary')].filter((one) => {
@@ -97,7 +107,7 @@ def test_goals_are_set_by_keys_alone(url: str, team: TeamFixture, screen: Screen
     screen.wait("zteam.app.store.grids.size === 1")
     heard = hear(team, 0)
     # Where a cursor begins at first: in the middle of the map.
-    pose = screen.ask("zteam.app.store.poses.at(0)")
+    pose = screen.pose(0)
     screen.ask("({x, y}) => zteam.app.camera.set({x, y, scale: 50, angle: 0})", pose)
     for _ in range(40):
         if screen.ask(FOCUSED) == "map":
@@ -197,3 +207,21 @@ def test_a_phone_has_targets_for_fingers_and_keeps_its_tools_with_large_text(url
             screen.ask("document.querySelector('#panel [aria-label=\"Hide panels\"]').click()")
     screen.page.tap("#tools [data-tool=goal]")
     assert screen.ask("zteam.app.tool") == "goal"
+
+
+def test_text_on_the_map_and_of_plots_grows_with_the_browsers(url: str, team: TeamFixture, screen: Screen) -> None:
+    """Names, what a goal says, and the axes of a plot are as large as the browser's size of text says, also when it
+    changes."""
+    screen.page.add_init_script(FONTS)
+    # Where the map is small, only a selected robot has its whole name.
+    screen.open(f"{url}&selected=0&dock=plots&plots=robot_0/odom:twist.twist.linear.x", 2)
+    pose = screen.pose(0)
+    goal = {"op": "goal", "robots": [0], "x": pose["x"], "y": pose["y"] - 3.0, "yaw": 0.0}
+    screen.page.click("button[aria-label=Pause]")
+    team.wait_for(lambda: team.sim_status.paused)
+    assert screen.ask("goal => zteam.app.send(goal)", goal) == ""
+    for share in (1, 2):
+        screen.ask("share => { document.documentElement.style.fontSize = `${100 * share}%`; }", share)
+        for text in ("robot_0", "sent"):
+            screen.wait("([text, sizes]) => String(fonts[text]) === sizes", [text, f"{12 * share},{18 * share}"])
+        screen.wait("size => fonts['m/s'] === size", 11 * share)

@@ -209,7 +209,7 @@ def test_jumps_are_not_drawn_as_ways(modules: Screen) -> None:
     assert [pose[0] for pose in more[0][1:]] == pytest.approx([5.0, 0.0, 0.1], abs=1e-5)
 
 
-NAMES = """async ([spacing]) => {
+NAMES = """async ([spacing, textSize]) => {
   const [{ placeNames }, { Camera }, { Store }] = await Promise.all(
     ['scene/labels.js', 'scene/camera.js', 'store.js'].map((name) => import(`/page/js/${name}`)));
   const store = new Store(), camera = new Camera(() => {}), ids = Uint16Array.from({ length: 36 }, (_, i) => i);
@@ -218,7 +218,8 @@ NAMES = """async ([spacing]) => {
   const x = Float32Array.from(ids, (i) => spacing * ((i % 6) - 2.5));
   const y = Float32Array.from(ids, (i) => spacing * (Math.floor(i / 6) - 2.5));
   store.poses.take({ type: 'poses', truth: false, ids, x, y, yaw: new Float32Array(36) }, 1, 0);
-  const app = { store, camera, layers: new Set(['labels']) }, theme = { css: { text: '#000', halo: '#fff' } };
+  const app = { store, camera, layers: new Set(['labels']) };
+  const theme = { textSize, css: { text: '#000', halo: '#fff' } };
   const pen = { app, theme, ratio: 1, radius: () => 0.2, reach: () => 12, names: [], taken: [] };
   return placeNames(pen).map(({ robot, leader }, i) => {
     return { box: pen.taken[i], leader, at: camera.toScreen(x[robot], y[robot]) };
@@ -227,16 +228,18 @@ NAMES = """async ([spacing]) => {
 
 
 def test_names_touch_their_robots_or_have_a_line_to_them(modules: Screen) -> None:
-    """In a crowd no two names overlap, and a name that finds no room at its robot is near, with a line to its edge."""
+    """In a crowd no two names overlap, also with large text, and a name that finds no room at its robot is near, with a
+    line to its edge."""
 
     def distance(box: list[float], at: list[float]) -> float:
         return math.hypot(max(box[0] - at[0], 0, at[0] - box[2]), max(box[1] - at[1], 0, at[1] - box[3]))
 
-    crowded, apart = (modules.ask(NAMES, [spacing]) for spacing in (0.7, 1.8))
+    crowded, apart, large = (modules.ask(NAMES, case) for case in ([0.7, 1], [1.8, 1], [1.8, 2]))
     assert len(apart) == len(crowded) == 36
     assert not any(name["leader"] for name in apart)
     assert 3 < sum(name["leader"] is not None for name in crowded) < 33
-    for name in [*apart, *crowded]:
+    assert {name["box"][3] - name["box"][1] for name in large} == {32}
+    for name in [*apart, *crowded, *large]:
         if (leader := name["leader"]) is None:
             assert distance(name["box"], name["at"]) == pytest.approx(12.0, abs=0.5)
         else:
@@ -244,9 +247,10 @@ def test_names_touch_their_robots_or_have_a_line_to_them(modules: Screen) -> Non
             assert distance(name["box"], leader[2:]) == pytest.approx(0.0, abs=0.5)
             assert distance(name["box"], name["at"]) < 100
     # Places are taken in steps of four pixels.
-    for a, b in itertools.combinations([name["box"] for name in crowded], 2):
-        across, down = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-        assert across <= 4 or down <= 4
+    for names in (crowded, large):
+        for a, b in itertools.combinations([name["box"] for name in names], 2):
+            across, down = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+            assert across <= 4 or down <= 4
 
 
 def test_fit_shows_the_whole_box(modules: Screen) -> None:

@@ -14,17 +14,20 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
 export function makeChart(place, unit, series, range) {
   const style = getComputedStyle(document.documentElement);
   const color = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
-  const font = "11px system-ui, sans-serif";
+  const size = parseFloat(style.fontSize) / 16, scaled = (/** @type {number} */ pixels) => Math.round(pixels * size);
+  const font = `${scaled(11)}px system-ui, sans-serif`;
   const axis = { stroke: color("--muted"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font, labelFont: font };
   const chart = new uPlot({
     width: 100,
     height: 100,
+    // To the right of the last time is half of its text.
+    padding: [null, scaled(18), null, null],
     legend: { show: false },
     cursor: { y: false, drag: { setScale: false } },
     scales: { x: { time: false, range }, y: { range: (_chart, low, high) => rangeOf(low, high) } },
     axes: [
-      { ...axis, size: 26, values: (_chart, times) => times.map((time) => `${time} s`) },
-      { ...axis, size: 52, labelSize: 16, label: unit || "value" },
+      { ...axis, size: scaled(26), values: (_chart, times) => times.map((time) => `${time} s`) },
+      { ...axis, size: scaled(52), labelSize: scaled(16), label: unit || "value" },
     ],
     series: [{}, ...series.map(({ topic, field, color: stroke }) => ({ label: `${topic} ${field}`, stroke, width: 1.5, spanGaps: true, points: { show: false } }))],
   }, [[], ...series.map(() => [])], place);

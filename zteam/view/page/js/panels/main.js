@@ -15,6 +15,7 @@ import { mountPageButtons, savePicture } from "./page_buttons.js";
 import { plotsTab } from "./plots.js";
 import { mountSimulatorBar, simulatorTab } from "./simulator.js";
 import { teamTab } from "./team.js";
+import { watchTextSize } from "./text_size.js";
 import { Theme } from "./theme.js";
 import { topicsTab } from "./topics.js";
 
@@ -25,6 +26,7 @@ const UNPLACED = "0,0,0,0";
 export function mountPanels(app) {
   const layout = new Layout();
   const theme = new Theme(app.store);
+  watchTextSize(app.store);
   layout.register("camera", cameraPart(app), UNPLACED);
   layout.register("selected", selectionPart(app), "");
   layout.register("theme", theme);

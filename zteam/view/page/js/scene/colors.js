@@ -15,9 +15,12 @@ export function packed([r, g, b], alpha = 1) {
   );
 }
 
-/** @typedef {{dark: boolean, background: Rgb, grid: Rgb, text: Rgb, halo: Rgb, accent: Rgb, danger: Rgb, free: Rgb,
+/**
+ * @typedef {{dark: boolean, textSize: number, background: Rgb, grid: Rgb, text: Rgb, halo: Rgb, accent: Rgb, danger: Rgb, free: Rgb,
  *   occupied: Rgb,
- *  unknown: Rgb, css: Record<string, string>, robot: (id: number) => Rgb, robotCss: (id: number) => string}} Theme */
+ *  unknown: Rgb, css: Record<string, string>, robot: (id: number) => Rgb, robotCss: (id: number) => string}} Theme
+ * textSize: the browser's size of text, 1 as most begin with
+ */
 
 const PROPERTIES = {
   background: "--scene-background",
@@ -40,6 +43,7 @@ export function readTheme(element) {
     theme.css[name] = style.getPropertyValue(property).trim();
     theme[name] = rgbOf(theme.css[name]);
   }
+  theme.textSize = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
   theme.dark = theme.background[0] + theme.background[1] + theme.background[2] < 1.5;
   /** @type {Map<number, Rgb>} */
   const colors = new Map();

@@ -62,6 +62,6 @@ function paintFiducials(pen) {
       true,
     );
     ctx.stroke();
-    label(pen, String(id), px, py - 14, {});
+    label(pen, String(id), px, py - 14 * pen.theme.textSize, {});
   }
 }

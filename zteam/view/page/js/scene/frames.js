@@ -82,7 +82,8 @@ export function paintFrames(pen) {
  * @param {import("./paint.js").Pen} pen @param {{px: number, py: number, names: string[]}} place */
 function paintNames(pen, { px, py, names }) {
   const width = Math.max(...names.map((name) => spriteOf(pen, name).width)),
-    height = LINE * names.length;
+    line = LINE * pen.theme.textSize,
+    height = line * names.length;
   for (const [left, top] of [
     [px + 6, py + 4],
     [px + 6, py - 4 - height],
@@ -93,6 +94,6 @@ function paintNames(pen, { px, py, names }) {
     const box = [left, top, left + width, top + height];
     if (!isFree(pen, box)) continue;
     pen.taken.push(box);
-    return names.forEach((name, i) => label(pen, name, left, top + LINE * (i + 0.5), { align: "left" }));
+    return names.forEach((name, i) => label(pen, name, left, top + line * (i + 0.5), { align: "left" }));
   }
 }

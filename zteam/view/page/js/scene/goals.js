@@ -5,7 +5,9 @@ import { ahead, arrow, isOnScreen, label } from "./paint.js";
 
 /** With more goals only those of selected robots say how far it is. */
 const MOST_TEXTS = 30;
-const BESIDE = 18;
+/** Pixels from a goal to the edge of its text, and half the height of that. */
+const BESIDE = 9,
+  HALF = 9;
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintGoals(pen) {
@@ -29,7 +31,8 @@ export function paintGoals(pen) {
     if (!isOnScreen(app, px, py)) continue;
     paintGoal(pen, px, py, yaw, color);
     // Above the mark, or below it if it points up. What a tool says stands below the pointer.
-    const side = Math.sin(yaw + app.camera.angle) > 0.3 ? BESIDE : -BESIDE;
+    const beside = BESIDE + HALF * theme.textSize,
+      side = Math.sin(yaw + app.camera.angle) > 0.3 ? beside : -beside;
     if (goals.length <= MOST_TEXTS || app.store.selection.has(robot)) label(pen, progressText(goal), px, py + side, { color });
   }
 }

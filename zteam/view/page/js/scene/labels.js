@@ -10,7 +10,6 @@ import { drawSprite, isOnScreen, spriteOf, strokeWithHalo } from "./paint.js";
 const MAX_LABELS = 150;
 /** A robot of this radius in pixels has its whole name, a smaller one its id. */
 const NAME_RADIUS = 9;
-const HEIGHT = 14;
 /** Where a name may be, as directions on the screen: first where it touches its robot. */
 const TOUCHING = [
   [0, 1],
@@ -66,9 +65,9 @@ function placeName(pen, id, names) {
   const robot = lookAt(pen, id);
   if (!isOnScreen(pen.app, robot.px, robot.py)) return;
   const sprite = spriteOf(pen, textOf(pen, robot), robot.selected ? BOLD : PLAIN);
-  const place = choosePlace(robot, sprite.width);
+  const place = choosePlace(robot, sprite);
   if (place < 0) return;
-  const box = boxAt(robot, sprite.width, place),
+  const box = boxAt(robot, sprite, place),
     [left, top, right, bottom] = box;
   places.set(id, place);
   pen.taken.push(box);
@@ -164,34 +163,35 @@ function textOf({ app: { store } }, { id, radius, selected, driver }) {
  * The place of a name, touching its robot, or where it is crowded with a line to it; -1 if there is none, but a selected
  * robot has its own.
  * @param {Seen} robot
- * @param {number} width
+ * @param {import("./paint.js").Sprite} sprite
  */
-function choosePlace(robot, width) {
+function choosePlace(robot, sprite) {
   const last = places.get(robot.id) ?? 0;
-  if (last < TOUCHING.length && occupied.isFree(boxAt(robot, width, last))) return last;
+  if (last < TOUCHING.length && occupied.isFree(boxAt(robot, sprite, last))) return last;
   for (let place = 0; place < PLACES; place++) {
-    if (place === TOUCHING.length && last > place && isPlace(robot, width, last)) return last;
-    if (isPlace(robot, width, place)) return place;
+    if (place === TOUCHING.length && last > place && isPlace(robot, sprite, last)) return last;
+    if (isPlace(robot, sprite, place)) return place;
   }
   return robot.selected ? 0 : -1;
 }
 
-/** @param {Seen} robot @param {number} width @param {number} place */
-function isPlace(robot, width, place) {
-  const box = boxAt(robot, width, place);
+/** @param {Seen} robot @param {import("./paint.js").Sprite} sprite @param {number} place */
+function isPlace(robot, sprite, place) {
+  const box = boxAt(robot, sprite, place);
   return occupied.isFree(box) && (place < TOUCHING.length || occupied.holds(box));
 }
 
-/** @param {Seen} robot @param {number} width of the picture of the name @param {number} place
+/** @param {Seen} robot @param {import("./paint.js").Sprite} sprite of the name, which has a margin @param {number} place
  * @returns {import("./paint.js").Box} */
-function boxAt({ px, py, reach }, width, place) {
+function boxAt({ px, py, reach }, { width, height }, place) {
   const away = place - TOUCHING.length,
     [ux, uy] = away < 0 ? TOUCHING[place] : AROUND[away % AROUND.length],
     distance = away < 0 ? reach : reach + AWAY[Math.floor(away / AROUND.length)];
   const half = width / 2 - 2,
+    tall = height / 2 - 2,
     x = px + ux * (distance + half),
-    y = py + uy * (distance + HEIGHT / 2);
-  return [x - half, y - HEIGHT / 2, x + half, y + HEIGHT / 2];
+    y = py + uy * (distance + tall);
+  return [x - half, y - tall, x + half, y + tall];
 }
 
 /** From the robot's edge to the nearest point of its name. @param {Seen} robot @param {import("./paint.js").Box} box */

@@ -46,14 +46,15 @@ export function makeNames(gl) {
     floats = new Float32Array(0);
   /** Where each picture lies in the texture. @type {Map<Sprite, [number, number]>} */
   const slots = new Map();
-  /** Where the next one goes. */
+  /** Where the next one goes, and the height of its row. */
   let x = 0,
-    y = 0;
+    y = 0,
+    tall = 0;
 
   /** @param {number} size texels */
   function begin(size) {
     slots.clear();
-    x = y = 0;
+    x = y = tall = 0;
     if (size === side) return;
     side = size;
     gl.deleteTexture(texture);
@@ -68,10 +69,11 @@ export function makeNames(gl) {
     let slot = slots.get(sprite) ?? null;
     if (slot) return slot;
     const { width, height } = sprite.canvas;
-    if (x + width > side) [x, y] = [0, y + height];
+    if (x + width > side) [x, y, tall] = [0, y + tall, 0];
     if (width > side || y + height > side) return null;
     slots.set(sprite, (slot = [x, y]));
     x += width;
+    tall = Math.max(tall, height);
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, true);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, ...slot, gl.RGBA, gl.UNSIGNED_BYTE, sprite.canvas);

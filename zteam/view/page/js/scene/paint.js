@@ -9,7 +9,9 @@
  */
 /** @typedef {[number, number, number, number]} Box left, top, right, bottom in pixels */
 
-const FONT = "12px system-ui, sans-serif";
+/** Of text, in CSS pixels as most browsers begin. */
+const TEXT = 12,
+  HEIGHT = 18;
 const MARGIN = 60;
 
 /** From now on, one unit is a CSS pixel. @param {Pen} pen */
@@ -100,9 +102,9 @@ export function strokeWithHalo({ ctx, theme }, color, width) {
 
 /** So many new pictures, then those that were not used meanwhile go. */
 const MAX_SPRITES = 2000;
-/** Those of one theme and density, by look, then by text: a key of both would be made anew for each label.
- * @type {{halo: string, ratio: number, count: number, byLook: Map<string, Map<string, Sprite>>, older: Map<string, Map<string, Sprite>>}} */
-const sprites = { halo: "", ratio: 0, count: 0, byLook: new Map(), older: new Map() };
+/** Those of one theme, size of text and density, by look, then by text: a key of both would be made anew for each label.
+ * @type {{halo: string, textSize: number, ratio: number, count: number, byLook: Map<string, Map<string, Sprite>>, older: Map<string, Map<string, Sprite>>}} */
+const sprites = { halo: "", textSize: 0, ratio: 0, count: 0, byLook: new Map(), older: new Map() };
 
 /** @typedef {{color?: string, bold?: boolean, align?: "center" | "left"}} Look */
 /** @typedef {{canvas: HTMLCanvasElement, width: number, height: number}} Sprite a picture of text, size in CSS pixels */
@@ -144,9 +146,10 @@ export function isFree({ taken }, box) {
 /** Text as a picture: drawing a picture takes a tenth of the time of drawing text.
  * @param {Pen} pen @param {string} text @param {Look} look */
 export function spriteOf(pen, text, { color = pen.theme.css.text, bold = false } = {}) {
-  const { halo } = pen.theme.css;
-  if (sprites.halo !== halo || sprites.ratio !== pen.ratio) {
-    Object.assign(sprites, { halo, ratio: pen.ratio, count: 0, byLook: new Map(), older: new Map() });
+  const { css, textSize } = pen.theme,
+    { halo } = css;
+  if (sprites.halo !== halo || sprites.textSize !== textSize || sprites.ratio !== pen.ratio) {
+    Object.assign(sprites, { halo, textSize, ratio: pen.ratio, count: 0, byLook: new Map(), older: new Map() });
   } else if (sprites.count >= MAX_SPRITES) Object.assign(sprites, { count: 0, byLook: new Map(), older: sprites.byLook });
   const look = bold ? `bold ${color}` : color;
   let byText = sprites.byLook.get(look);
@@ -162,8 +165,9 @@ export function spriteOf(pen, text, { color = pen.theme.css.text, bold = false }
 /** @param {Pen} pen @param {string} text @param {string} color @param {boolean} bold */
 function makeSprite(pen, text, color, bold) {
   const canvas = document.createElement("canvas"),
-    font = bold ? `600 ${FONT}` : FONT,
-    height = 18;
+    { textSize } = pen.theme,
+    font = `${bold ? "600 " : ""}${TEXT * textSize}px system-ui, sans-serif`,
+    height = Math.ceil(HEIGHT * textSize);
   const ctx = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   ctx.font = font;
   const width = Math.ceil(ctx.measureText(text).width) + 6;

@@ -28,5 +28,5 @@ export function paintRuler(pen) {
   ctx.lineTo(left + width, y);
   ctx.lineTo(left + width, y - 5);
   strokeWithHalo(pen, theme.css.text, 1.5);
-  label(pen, length >= 1 ? `${length} m` : `${Math.round(1000 * length) / 10} cm`, left + width / 2, y - 11);
+  label(pen, length >= 1 ? `${length} m` : `${Math.round(1000 * length) / 10} cm`, left + width / 2, y - 3 - 8 * theme.textSize);
 }

@@ -130,7 +130,7 @@ export function makeCursor(app, map, said, tool) {
       }
       strokeWithHalo(pen, theme.css.accent, 2);
       // Below is the name of a robot.
-      label(pen, textOf(at), px, py - OUTER - 10);
+      label(pen, textOf(at), px, py - OUTER - 10 * theme.textSize);
     },
   };
 }

@@ -52,7 +52,7 @@ export function makeMeasureTool(app) {
         ctx.arc(x, y, 4, 0, 2 * Math.PI);
       }
       strokeWithHalo(pen, theme.css.accent, 2);
-      label(pen, measureText(bx - ax, by - ay), (px + qx) / 2, (py + qy) / 2 - 14, { bold: true });
+      label(pen, measureText(bx - ax, by - ay), (px + qx) / 2, (py + qy) / 2 - 14 * theme.textSize, { bold: true });
     },
   };
 }

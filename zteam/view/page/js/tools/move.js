@@ -88,7 +88,7 @@ export function makeMoveTool(app) {
       inPixels(pen);
       const [px, py] = app.camera.toScreen(ghost.x, ghost.y);
       const text = ghost.state === "refused" ? "refused" : `${ghost.x.toFixed(2)}, ${ghost.y.toFixed(2)}`;
-      label(pen, text, px, py - pen.radius(ghost.robot) * app.camera.scale - 14, {
+      label(pen, text, px, py - pen.radius(ghost.robot) * app.camera.scale - 14 * theme.textSize, {
         color: ghost.state === "refused" ? color : theme.css.text,
       });
     },

@@ -129,8 +129,8 @@ export function makeGoalTool(app) {
       // The camera may have moved under the pointer.
       const found = at && judge(app.store, chosenRobots(app), ...app.camera.toMap(at.px, at.py));
       if (!at || !found) return;
-      const { css } = pen.theme;
-      label(pen, found.text, at.px + 14, at.py + 16, { align: "left", bold: found.bad, color: found.bad ? css.danger : css.text });
+      const { css, textSize } = pen.theme;
+      label(pen, found.text, at.px + 14, at.py + 16 * textSize, { align: "left", bold: found.bad, color: found.bad ? css.danger : css.text });
     },
   };
 }
