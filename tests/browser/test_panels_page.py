@@ -9,6 +9,13 @@ from support.browser import OpenScreen, Screen, start_view
 from zteam.team.testing.team import TeamFixture
 
 SHOWN = "name => !document.querySelector(`#page-${name}`).hidden"
+COVERED = """() => {
+  const button = document.querySelector("#panel [aria-label='Hide panels']");
+  const { left, right, top, bottom } = button.getBoundingClientRect(), places = [left + 1, right - 1, innerWidth - 2];
+  const found = places.flatMap((x) => document.elementsFromPoint(x, (top + bottom) / 2));
+  return found.filter((one) => one.matches('[role=tab]')).map((one) => one.textContent);
+}"""
+"""Tabs that are under the button which folds them, or beyond it."""
 THEME = "document.documentElement.dataset.theme"
 
 
@@ -183,7 +190,8 @@ def test_a_picture_of_the_map_is_saved(url: str, screen: Screen) -> None:
 
 
 def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen) -> None:
-    """At 390 pixels one drawer has all nine tabs, opens and closes by touch, and nothing is wider than the screen."""
+    """At 390 pixels one drawer has all nine tabs, opens and closes by touch by a button that covers none of them, and
+    nothing is wider than the screen."""
     screen = open_screen(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     screen.open(url, 2)
     assert screen.page.locator("#panel [role=tab]").count() == 9
@@ -192,6 +200,7 @@ def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen)
     for name in ("team", "plots"):
         screen.page.tap(f"#tab-{name}")
         screen.wait(SHOWN, name)
+        assert screen.ask(COVERED) == []
     assert screen.ask("document.documentElement.scrollWidth") <= 390
     screen.page.tap("#panel [aria-label='Hide panels']")
     screen.wait(f"name => !({SHOWN})(name)", "plots")

@@ -28,11 +28,15 @@ def test_the_table_says_what_the_robots_do(team: TeamFixture, screen: Screen) ->
 
 
 def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> None:
-    """Rows and map have one selection: a row's click is the map's, and the map's marks the row."""
+    """Rows and map have one selection: a row's click is the map's, and the map's marks the row; what can be done with a
+    robot stands in one line."""
     team.start("arena", robots=2, behavior="idle", lockstep=False)
     screen.open(start_view(team), 2)
     screen.page.click(ROW.format(1))
     assert screen.ask("[...zteam.app.store.selection]") == [1]
+    buttons = screen.page.locator("#page-team .over button").all()
+    assert [button.inner_text() for button in buttons] == ["Inspect", "Follow", "Select none", "Remove"]
+    assert len({(button.bounding_box() or {})["y"] for button in buttons}) == 1
     screen.page.click(ROW.format(0), modifiers=["Shift"])
     assert sorted(screen.ask("[...zteam.app.store.selection]")) == [0, 1]
     screen.select(0)

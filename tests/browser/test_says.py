@@ -10,6 +10,7 @@ from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-by-this-browser"
 KEPT = "localStorage.getItem('zteam-token:' + zteam.app.store.team.namespace)"
+SPEED = "Number(document.querySelector('#robots td.number').textContent)"
 BANNER = "form[aria-label='Right to command']"
 
 
@@ -24,22 +25,27 @@ def wait_for_text(screen: Screen, selector: str, text: str) -> None:
 
 
 def test_a_world_that_stands_says_so_on_the_map(team: TeamFixture, screen: Screen) -> None:
-    """PAUSED stands on the map and there is no real-time factor, until the world goes on; the namespace is named."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
+    """PAUSED stands on the map, and there are neither a real-time factor nor a robot's speed until the world goes on;
+    the namespace is named."""
+    team.start("arena", robots=1, behavior="wander", lockstep=False)
     screen.open(start_view(team), 1)
     factor = "#sim .value[title^=Real]"
     screen.wait("zteam.app.store.team.sim.state === 'running'")
     wait_for_text(screen, factor, "×")
+    screen.wait(f"{SPEED} > 0")
     assert text_of(screen, "#stands") == ""
     screen.page.click("button[aria-label=Pause]")
     wait_for_text(screen, "#stands", "PAUSED")
     assert text_of(screen, factor) == "–"
+    wait_for_text(screen, "#robots td.number", "–")
     screen.page.click("#tab-simulator")
     wait_for_text(screen, "#page-simulator .facts", f"Namespace{team.namespace}")
     assert "Real-time factor–" in text_of(screen, "#page-simulator .facts")
     screen.page.click("button[aria-label=Resume]")
     screen.wait("document.querySelector('#stands').textContent === ''")
     wait_for_text(screen, factor, "×")
+    screen.page.click("#tab-team")
+    screen.wait(f"{SPEED} > 0")
 
 
 def test_a_page_that_watches_takes_a_token_and_keeps_it(team: TeamFixture, open_screen: OpenScreen) -> None:

@@ -79,8 +79,9 @@ function select(app, id, more) {
 /** @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
 function updateRows(app, rows, robot) {
   const { store } = app;
-  const { cells } = rows;
-  setText(cells.speed, formatNumber(robot.speed, 2));
+  const { cells } = rows, sim = store.team?.sim;
+  // What a robot said last does not hold in a world that stands.
+  setText(cells.speed, sim?.present && sim.state !== "running" ? "–" : formatNumber(robot.speed, 2));
   setText(cells.age, formatAge(robot.age));
   const look = lookOf(store, robot);
   if (rows.look === look) return;
