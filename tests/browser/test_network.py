@@ -1,5 +1,6 @@
 """What a page loads before its first robot, and how it lives with a slow link."""
 
+from contextlib import closing
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -87,7 +88,7 @@ def test_over_a_slow_link_the_first_robot_comes_soon_and_frames_two_at_a_time(
     last but one, not of the last; topics are sent when their panel is opened."""
     team.start("office", 4, behavior="wander", lockstep=False)
     url = urlsplit(start_view(team))
-    with Forwarder() as forwarder:
+    with closing(Forwarder()) as forwarder:
         link = forwarder.open("127.0.0.1", url.port or 0)
         link.change(SLOW, SLOW)
         address = url._replace(netloc=link.endpoint.removeprefix("tcp/")).geturl()
