@@ -461,6 +461,25 @@ def test_a_place_whose_tile_has_not_come_is_unknown(modules: Screen) -> None:
     }""") == ["free", "unknown", "outside the map"]
 
 
+def test_poses_count_as_drawn_whatever_comes_after_them(modules: Screen) -> None:
+    """A frame with scans alone, which comes before the drawing, does not hide that its robots are new."""
+    assert modules.ask("""async () => {
+      const [{ App }, { makeScene }] = await Promise.all(
+        ['app.js', 'scene/scene.js'].map((name) => import(`/page/js/${name}`)));
+      const app = new App(), element = document.body.appendChild(document.createElement('div'));
+      element.innerHTML = '<div id="map"></div>';
+      const stats = { frames: 0, js_ms: [], arrival_ms: [], age_ms: [], bytes: 0 }, scene = makeScene(app, element, stats);
+      const [x, y, yaw] = [new Float32Array(1), new Float32Array(1), new Float32Array(1)];
+      const poses = { type: 'poses', truth: false, ids: new Uint16Array([0]), x, y, yaw };
+      app.store.takeFrame({ number: 1, tick: 1, stamp: 1, age: 0.02, blocks: [poses] }, performance.now());
+      app.store.takeFrame({ number: 2, tick: 1, stamp: 1, age: -1, blocks: [] }, performance.now());
+      await scene.png();
+      await scene.png();
+      element.remove();
+      return stats.arrival_ms;
+    }""") == [20]
+
+
 def test_a_press_meets_a_robot_where_it_is_drawn(modules: Screen) -> None:
     """On its way to its newest pose, not there."""
     assert modules.ask("""async () => {

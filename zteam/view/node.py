@@ -49,15 +49,16 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     node.on_stop(state.diagnosis.close)
     node.stop.on_request(state.changed)
     server.start()
-    node.become_present()
     url = page_url(options.host, port, token)
     show(f"the view is at {url}")
     if not rights.is_loopback(options.host) and sys.stdout.isatty():
         show(qr_code(url))
-    if options.foxglove_port is not None:
-        serve_foxglove(node, options.host, options.foxglove_port, urlsplit(url).netloc.rpartition(":")[0], show)
     if options.browser and has_browser():
         webbrowser.open(url)
+    # It takes a moment, in which the browser loads the page.
+    node.become_present()
+    if options.foxglove_port is not None:
+        serve_foxglove(node, options.host, options.foxglove_port, urlsplit(url).netloc.rpartition(":")[0], show)
     state.serve()
 
 

@@ -235,7 +235,7 @@ class InProcessRun(TeamRun):
         if self._outside is not None:
             assert self.bus is not None
             if self._outside.given is not None:
-                refuse_second_team(self.bus, (*self.parts, *self.plan.nodes))
+                refuse_second_team(self.bus, (*self.parts, *self.plan.jobs))
             self._hold_namespace()
             self._open_log(self.bus)
         simulator, result = self._make(names.SIMULATOR), Future[R]()
@@ -261,7 +261,8 @@ class InProcessRun(TeamRun):
                 self.start_node(name)
         if self._outside is not None:
             environment = self._outside.environment
-            self._start_nodes(lambda name: environment)
+            others = {name: job for name, job in self.plan.jobs.items() if name not in self.parts}
+            self._start_processes(others, lambda name: environment)
             self._starts = RobotStarts(
                 self.launch, self.plan, self.supervisor, self._outside.bus, lambda name: environment
             )

@@ -27,9 +27,9 @@ class LaunchPlan(msgspec.Struct):
     """Jobs by process name, in the order of starting, without the router."""
 
     own: dict[str, Job]
-    """The processes of zteam that make the team: they start at once and read the router's endpoint."""
+    """The processes of zteam: they start at once, import, and read the router's endpoint."""
     nodes: dict[str, Job] = {}
-    """The user's own processes, and the view, which start when the router listens."""
+    """The user's own processes, which start when the router listens."""
     optional: frozenset[str] = frozenset()
     """Names of the nodes without which the run begins."""
     beside: frozenset[str] = frozenset()
@@ -59,11 +59,11 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     own: dict[str, Job] = {}
-    beside: dict[str, Job] = {}
+    beside: set[str] = set()
     for kind in kinds.KINDS:
         for name, options in options_of(kind, launch).items():
             words = to_line(name, options)
-            job = Job(
+            own[name] = Job(
                 zteam_command(kind.command, FROM_STDIN),
                 words=words,
                 # A view takes no part in the run, so a new one changes nothing of it.
@@ -71,14 +71,15 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
                 may_end=kind.beside,
                 learn=partial(_keep_address, name, options) if isinstance(options, ViewOptions) else keep,
             )
-            (beside if kind.beside else own)[name] = job
+            if kind.beside:
+                beside.add(name)
     nodes = {
         node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes
     }
     awaited = launch.participants if launch.pace.lockstep else ()
-    optional = frozenset({**beside, **nodes}).difference(awaited)
-    return LaunchPlan(own, {**beside, **nodes}, optional, frozenset(beside))
+    optional = frozenset({*beside, *nodes}).difference(awaited)
+    return LaunchPlan(own, nodes, optional, frozenset(beside))
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:

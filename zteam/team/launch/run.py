@@ -233,9 +233,9 @@ class TeamRun:
         assert self.bus is not None
         self._progress = Progress(self.bus, self.launch.has_end, self.supervisor.changed, self._since_start)
 
-    def _start_nodes(self, environment: Callable[[str], Mapping[str, str]]) -> None:
-        """Start the nodes of the team file, which are processes; `environment(name)` lets one join the team."""
-        for name, job in self.plan.nodes.items():
+    def _start_processes(self, jobs: Mapping[str, Job], environment: Callable[[str], Mapping[str, str]]) -> None:
+        """Start processes; `environment(name)` lets one join the team."""
+        for name, job in jobs.items():
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=environment(name)))
 
     def _begin_faults(self, change_link: Callable[[str, Wire, float], object]) -> None:
@@ -404,14 +404,13 @@ class ProcessRun(TeamRun):
             assert self.bus is not None
             refuse_second_team(self.bus, self.plan.jobs)
             self._hold_namespace()
-        for name, job in self.plan.own.items():
-            supervisor.start_job(name, msgspec.structs.replace(job, environment=self._environment(name)))
+        self._start_processes(self.plan.own, self._environment)
         if has_own_router:
             self.endpoint = self._wait_for_router()
             for name in self.plan.own:
                 supervisor.tell(name, self._endpoint_for(name))
             self._connect()
-        self._start_nodes(self._environment)
+        self._start_processes(self.plan.nodes, self._environment)
         self._begin_progress()
         if has_own_router:
             # There the team has no rival yet, so subscribing to GO comes first.

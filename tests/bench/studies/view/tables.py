@@ -75,8 +75,8 @@ def _frames(name: str, page: "FrameFigures") -> tuple[str, ...]:
 def _start(start: "StartFigures") -> str:
     return (
         f"from 'zteam up line --view' to a drawn robot: {start.open_browser:.2f} s in an open browser, "
-        f"{start.new_page:.2f} s if it has never seen the page, {start.new_browser:.2f} s with the browser's "
-        f"own start; the address is printed after {start.said:.2f} s"
+        f"{start.new_window:.2f} s in a new window, {start.new_user:.2f} s there if it has never seen the page, "
+        f"{start.new_browser:.2f} s with the browser's own start; the address is printed after {start.said:.2f} s"
     )
 
 

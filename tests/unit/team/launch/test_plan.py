@@ -101,7 +101,7 @@ def test_a_view_is_started_again_where_nothing_else_is() -> None:
     """It takes no part in the run, so it comes back by itself, at the address of its first line."""
     plan = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(name="view")))
     assert [name for name, job in plan.jobs.items() if job.restarts] == ["view"]
-    job = plan.nodes["view"]
+    job = plan.jobs["view"]
     learned = job.learn(job, "the view is at http://127.0.0.1:8766/#token=a%20b")
     assert learned is not None
     options = from_line(learned.words, ViewOptions)[1]
@@ -148,7 +148,7 @@ def test_only_a_robot_that_says_so_is_started_again() -> None:
 
 def test_a_view_that_is_started_again_is_where_it_was() -> None:
     """With the port and the token of its first line, and without a further page in the user's browser."""
-    job = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(host="::1", name="view"))).nodes["view"]
+    job = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(host="::1", name="view"))).jobs["view"]
     assert job.learn(job, "12:00:00 warning: port 8765 is taken: the view is at port 8766") is None
     again = job.learn(job, f"the view is at {page_url('::1', 8766, 'a b/c')}")
     assert again is not None

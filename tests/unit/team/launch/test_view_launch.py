@@ -18,18 +18,23 @@ VIEW_OPTIONS = ViewOptions(browser=False, name="view")
 def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
     """Without it no process differs."""
     plain, viewed = plan_team(TeamLaunch(TEAM, WORLD)), plan_team(TeamLaunch(TEAM, WORLD, view=VIEW_OPTIONS))
-    assert plain.own == viewed.own
-    assert (plain.nodes, plain.beside) == ({}, frozenset())
-    assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "-"]
-    assert from_line(viewed.nodes["view"].words, ViewOptions) == ("view", VIEW_OPTIONS)
+    assert plain.jobs == {name: job for name, job in viewed.jobs.items() if name != "view"}
+    assert plain.beside == frozenset()
+    assert viewed.jobs["view"].command[3:] == ["zteam.cli.zteam_view", "-"]
+    assert from_line(viewed.jobs["view"].words, ViewOptions) == ("view", VIEW_OPTIONS)
+
+
+def test_the_view_imports_while_the_router_starts() -> None:
+    """It is started with the processes of the team, and reads the router's endpoint as they do."""
+    assert [*plan_team(TeamLaunch(TEAM, WORLD, view=VIEW_OPTIONS)).own][-2:] == ["robot_0", "view"]
 
 
 def test_the_run_does_not_wait_for_the_view() -> None:
     """It may end at any time, and starts again; the user's own nodes still count."""
     team = Team(robots=[RobotEntry(id=0, behavior="forward")], nodes=[NodeEntry(name="mine", command=["true"])])
     plan = plan_team(TeamLaunch(team, WORLD, view=VIEW_OPTIONS))
-    assert plan.nodes["view"].may_end
-    assert plan.nodes["view"].restarts
+    assert plan.jobs["view"].may_end
+    assert plan.jobs["view"].restarts
     assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)
     assert "view" in stop_order([*plan.jobs, "router"])[0]
 

@@ -27,6 +27,8 @@ export class Store extends Emitter {
   connection = { state: "connecting", reason: "", viewer: -1, mayCommand: false, token: "" };
   /** Of the newest frame; stamp and age in seconds (age < 0: no new poses), received in ms of performance.now(). */
   frame = { number: -1, tick: 0, stamp: 0, age: 0, received: 0 };
+  /** The newest frame that brought poses. */
+  posed = this.frame;
   /** Poses in map, one entry a robot. */
   poses = new PoseTable();
   /** @type {Team | null} */
@@ -62,6 +64,7 @@ export class Store extends Emitter {
     for (const block of frame.blocks) {
       if (block.type === "poses") {
         this.poses.take(block, frame.stamp, received);
+        this.posed = this.frame;
         events.set("robots", [undefined]);
       } else if (block.type === "scan") {
         this.scans.set(SENSORS * block.robot + block.sensor, block);

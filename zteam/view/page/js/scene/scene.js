@@ -116,15 +116,15 @@ export function makeScene(app, element, stats) {
   /** @param {number} start ms */
   function note(start) {
     const now = performance.now(),
-      { frame } = store;
+      { posed } = store;
     stats.frames++;
     stats.bytes = app.connection.bytes;
     keep(stats.js_ms, now - start + app.connection.decodingMs);
     app.connection.decodingMs = 0;
-    if (frame.number === drawnFrame || frame.age < 0) return;
-    drawnFrame = frame.number;
-    keep(stats.arrival_ms, 1000 * frame.age);
-    keep(stats.age_ms, 1000 * frame.age + now - frame.received);
+    if (posed.number === drawnFrame) return;
+    drawnFrame = posed.number;
+    keep(stats.arrival_ms, 1000 * posed.age);
+    keep(stats.age_ms, 1000 * posed.age + now - posed.received);
   }
 
   function resize() {
