@@ -106,9 +106,7 @@ def test_a_robot_is_placed_and_removed(team: TeamFixture, screen: Screen) -> Non
     screen.page.keyboard.press("Escape")
     screen.page.click("#tab-team")
     screen.page.click(f"#robots button:has-text('robot_{new}')")
-    screen.page.click("text=Remove")
-    assert new in team.sim_status.robots
-    screen.page.click("text=Click again to remove")
+    screen.confirm("Remove", "Click again to remove")
     team.wait_for(lambda: new not in team.sim_status.robots)
 
 
@@ -134,7 +132,7 @@ def test_a_reset_asks_first(team: TeamFixture, screen: Screen) -> None:
     screen.page.click("#tab-simulator")
     screen.page.click("text=Reset the world")
     assert team.tick == tick
-    screen.page.click("text=Click again to reset")
+    screen.confirm("Reset the world", "Click again to reset")
     team.wait_for(lambda: team.tick < tick)
 
 

@@ -122,6 +122,17 @@ class Screen:
         """Choose a tool by its button."""
         self.page.click(f"#tools [data-tool={name}]")
 
+    def confirm(self, label: str, question: str) -> None:
+        """Click a button and then its question; anew where the four seconds of the question were over in between."""
+        deadline = monotonic() + LIMIT / 1000
+        button = self.page.locator(f"button:text-is('{label}'), button:text-is('{question}')").first
+        while monotonic() < deadline:
+            asked = button.inner_text() == question
+            button.click()
+            if asked and self.page.locator(f"button:text-is('{question}')").count() == 0:
+                return
+        raise AssertionError(f"{question!r} had no answer")
+
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press at one place of the map, release at another one."""
         # Both are on the screen before the mouse is pressed.

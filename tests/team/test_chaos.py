@@ -51,6 +51,7 @@ def test_a_killed_router_changes_no_run_of_lock_step(tmp_path: Path) -> None:
     assert run_in(tmp_path, "--chaos", "plan.toml", "--lockstep-timeout", "60") == run_in(tmp_path, "--in-process")
 
 
+@pytest.mark.real_time
 def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> None:
     """A killed robot is started again, and a frozen, cut or slow one drives on; no robot moves on without commands."""
     (tmp_path / "team.toml").write_text(PAIR)
@@ -66,6 +67,7 @@ def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> N
         assert outcome.recovery is not None and not outcome.problem
 
 
+@pytest.mark.real_time
 def test_the_command_does_it_to_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
     """`zteam chaos` pauses a process of this host and reports; a link can be cut only where there is one."""
     team.start("office", robots=2, follow={1: 0}, lockstep=False)
