@@ -468,7 +468,8 @@ def test_poses_count_as_drawn_whatever_comes_after_them(modules: Screen) -> None
         ['app.js', 'scene/scene.js'].map((name) => import(`/page/js/${name}`)));
       const app = new App(), element = document.body.appendChild(document.createElement('div'));
       element.innerHTML = '<div id="map"></div>';
-      const stats = { frames: 0, js_ms: [], arrival_ms: [], age_ms: [], bytes: 0 }, scene = makeScene(app, element, stats);
+      const stats = { frames: 0, js_ms: [], arrival_ms: [], age_ms: [], bytes: 0 };
+      const scene = makeScene(app, element, stats);
       const [x, y, yaw] = [new Float32Array(1), new Float32Array(1), new Float32Array(1)];
       const poses = { type: 'poses', truth: false, ids: new Uint16Array([0]), x, y, yaw };
       app.store.takeFrame({ number: 1, tick: 1, stamp: 1, age: 0.02, blocks: [poses] }, performance.now());
