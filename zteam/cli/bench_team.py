@@ -33,6 +33,7 @@ from zteam.simulator.core import Engine
 from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world import Ranger, World, add_robot, load_world
+from zteam.simulator.world.placing import plan_corners
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.report import RunReport
 
@@ -317,7 +318,7 @@ def measure_simulation(
 
 def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
     """Poses within the world's bounds with free space around them; they depend only on the seed."""
-    corners = [corner for plan in world.floorplans for corner in _corners(plan.pose, plan.occupied.shape, plan.cell)]
+    corners = [corner for plan in world.floorplans for corner in plan_corners(plan)]
     corners += [(o.pose.x, o.pose.y) for o in world.obstacles] + [r.pose[:2] for r in world.robots]
     (left, bottom), (right, top) = np.min(corners, axis=0), np.max(corners, axis=0)
     found: list[Pose2] = []
@@ -329,12 +330,6 @@ def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
             if len(found) == count:
                 return found
     raise UsageError(f"world {world.name} has no room for {count} robots: found only {len(found)} free poses")
-
-
-def _corners(pose: Pose2, shape: tuple[int, ...], cell: tuple[float, float]) -> list[tuple[float, float]]:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    ends = [(u * shape[1] * cell[0], v * shape[0] * cell[1]) for u in (0, 1) for v in (0, 1)]
-    return [(pose.x + cos * u - sin * v, pose.y + sin * u + cos * v) for u, v in ends]
 
 
 def _is_free(world: World, x: float, y: float) -> bool:

@@ -12,6 +12,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.progress_text import duration_text
 from zteam.cli.tables import format_table
 from zteam.node.tokens import TokenSet
 
@@ -69,17 +70,8 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _cells(info: ProcessInfo) -> tuple[str, ...]:
-    known = (str(info.pid), _age(info.age), info.version) if info.pid else ("-", "-", "-")
+    known = (str(info.pid), duration_text(max(0.0, info.age)), info.version) if info.pid else ("-", "-", "-")
     return info.name, info.host, *known
-
-
-def _age(age: float) -> str:
-    """`45 s`, `12 min`, `3 h 5 min`."""
-    seconds = max(0, int(age))
-    if seconds < 120:
-        return f"{seconds} s"
-    hours, minutes = divmod(seconds // 60, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 main = partial(run_tool, build_parser, _list)

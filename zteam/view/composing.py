@@ -88,15 +88,15 @@ class Composer:
 
     def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
         """Paths and particles."""
-        layers, scene, pose_of = viewer.look.layers, self._scene, self._state.places.pose_of
+        layers, read, pose_of = viewer.look.layers, self._state.received.read, self._state.places.pose_of
         for key in self._state.drawables.keys("plans") if "plans" in layers else ():
-            found = scene.read(key, Path)
+            found = read(key, Path)
             frame = pose_of(found[1].header.frame_id) if found else None
             if found and frame is not None and viewer.lacks(key, found[0].number):
                 points = [frame.compose(pose2_of(each.pose))[:2] for each in found[1].poses]
                 yield frames.encode_path(key, np.array(points, np.float64).reshape(-1, 2))
         for key in self._state.drawables.keys("particles") if "particles" in layers else ():
-            cloud = scene.read(key, PoseArray)
+            cloud = read(key, PoseArray)
             frame = pose_of(cloud[1].header.frame_id) if cloud else None
             if cloud and frame is not None and viewer.lacks(key, cloud[0].number):
                 poses = [frame.compose(pose2_of(pose)) for pose in cloud[1].poses]

@@ -6,7 +6,7 @@ import msgspec
 
 from zteam import names
 from zteam.geometry import Pose2
-from zteam.messages import Message, NavigationState, NavigationStatus, PoseStamped, ns_from_time
+from zteam.messages import NavigationState, NavigationStatus, PoseStamped, ns_from_time
 from zteam.messages.planar import pose2_of
 from zteam.node.log_client import printable
 from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
@@ -74,15 +74,14 @@ class Goals:
         self._received, self._alive, self._pose_of = received, alive, pose_of
         self._told: dict[int, Arrival] = {}
         """The newest status of what takes the robot's goals."""
-        self._decoded: dict[str, Arrival] = {}
         self._gone: dict[int, float] = {}
         """Since when the process that drives to a goal is gone."""
 
     def rows(self, robots: Collection[int], now: float) -> Iterator[GoalRow]:
         """Those of these robots."""
         for robot_id in sorted(robots):
-            sent = self._get(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
-            found = newest_goal(sent, self._newest_told(robot_id))
+            sent = self._received.read(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
+            found = newest_goal(sent and sent[0], self._newest_told(robot_id))
             frame = found and self._pose_of(found[0].header.frame_id or names.MAP_FRAME)
             if found and frame:
                 row = goal_row(robot_id, *found, frame)
@@ -91,22 +90,13 @@ class Goals:
                 yield row
 
     def _newest_told(self, robot_id: int) -> Arrival | None:
-        arrival = self._get(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus)
-        status = arrival and arrival.read(NavigationStatus)
-        if arrival is None or status is None:
+        found = self._received.read(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus)
+        if found is None:
             self._told.pop(robot_id, None)
-        elif not (_is_behavior(robot_id, status) and self._alive(names.navigation_name(robot_id))):
+        elif not (_is_behavior(robot_id, found[1]) and self._alive(names.navigation_name(robot_id))):
             # The header's frame tells a behaviour from navigation, which wins over it.
-            self._told[robot_id] = arrival
+            self._told[robot_id] = found[0]
         return self._told.get(robot_id)
-
-    def _get(self, key: str, kind: type[Message]) -> Arrival | None:
-        """The newest of a key, decoded once: pages look ten times a second, and robots speak once."""
-        arrival, known = self._received.get(key), self._decoded.get(key)
-        if arrival is None or (known is not None and known.number == arrival.number):
-            return arrival and known
-        self._decoded[key] = arrival = arrival._replace(content=arrival.read(kind) or b"")
-        return arrival
 
     def _end_with_process(self, row: GoalRow, status: NavigationStatus, now: float) -> None:
         name = names.robot_name if _is_behavior(row.robot, status) else names.navigation_name

@@ -114,6 +114,20 @@ class Received:
         """The newest of a key; None before the first."""
         return self._newest.get(key)
 
+    def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
+        """The newest of a key, decoded once for all who look at it; None without one of this type."""
+        arrival = self._newest.get(key)
+        message = arrival and arrival.read(kind)
+        if arrival is None or message is None:
+            return None
+        if message is not arrival.content:
+            decoded = arrival._replace(content=message)
+            with self._lock:
+                if self._newest.get(key) is arrival:
+                    self._newest[key] = decoded
+            arrival = decoded
+        return arrival, message
+
     def newest(self) -> list[Arrival]:
         """The newest of all keys."""
         with self._lock:

@@ -5,7 +5,7 @@ import shlex
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -16,7 +16,6 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import (
     BaseInfo,
     LaserScan,
-    Message,
     OccupancyGrid,
     PoseWithCovarianceStamped,
     RobotDriver,
@@ -232,8 +231,6 @@ def startable() -> list[str]:
     ]
 
 
-M = TypeVar("M", bound=Message)
-
 _OF_NO_BASE = (
     names.BASE_INFO, names.STATUS, names.GOAL_POSE, names.NAVIGATION_STATUS, names.GLOBAL_COSTMAP, names.AMCL_POSE,
 )  # fmt: skip
@@ -258,9 +255,7 @@ class Scene:
     """The thread that makes frames makes all calls."""
 
     def __init__(self, state: TeamView) -> None:
-        self._state = state
-        self._decoded: dict[str, tuple[int, Any]] = {}
-        """By key: the number of the message, and the message."""
+        self._state, self._read = state, state.received.read
         self._blocks: dict[Any, tuple[int, bytes]] = {}
         self._placed: dict[str, tuple[int, LaserScan, Pose2]] = {}
         """By key: the newest scan of which the sensor's pose is known, with its number."""
@@ -272,17 +267,6 @@ class Scene:
         """What the robots' poses depend on, when they were looked at."""
         self._team = (float("-inf"), b"", 0)
         """Host time at which `team` was made, the document, and its version."""
-
-    def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
-        """The newest message of a key, decoded once; None without one of this type."""
-        arrival = self._state.received.get(key)
-        if arrival is None:
-            return None
-        number, message = self._decoded.get(key, (0, None))
-        if number != arrival.number:
-            message = arrival.read(kind)
-            self._decoded[key] = arrival.number, message
-        return None if message is None else (arrival, message)
 
     def look(self) -> None:
         """Take the robots' newest poses, once for all pages."""
@@ -304,7 +288,7 @@ class Scene:
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
         """Key, number and block of each laser's newest scan whose robot's place at that time is known."""
         index = 0
-        while found := self.read(key := names.scan_key(robot_id, index), LaserScan):
+        while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
             placed = self._place(key, robot_id, index, Taken(*found))
             if placed is not None:
                 number, scan, sensor = placed
@@ -371,8 +355,8 @@ class Scene:
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
-            status = self.read(names.robot_key(robot_id, names.STATUS), RobotStatus)
-            base = self.read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
+            status = self._read(names.robot_key(robot_id, names.STATUS), RobotStatus)
+            base = self._read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
             rows[robot_id] = robot_row(
                 robot_id,
                 outlines,
@@ -384,10 +368,10 @@ class Scene:
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
             )
-            amcl = self.read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
+            amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
             places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
             add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
-        team = self.read(names.TEAM_STATUS, TeamStatus)
+        team = self._read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
             outlines=[msgspec.Raw(outline) for outline in outlines],
@@ -414,7 +398,7 @@ class Scene:
 
     def grid(self, key: str) -> list[Tile]:
         """The tiles of a grid; those whose cells are as before keep their version."""
-        found = self.read(key, OccupancyGrid)
+        found = self._read(key, OccupancyGrid)
         if found is None:
             return []
         arrival, grid = found

@@ -42,6 +42,20 @@ def test_only_the_newest_of_a_key_is_kept() -> None:
     assert (received.get("x"), len(news)) == (None, 3)
 
 
+def test_a_message_is_decoded_once_for_all_who_read_it() -> None:
+    """As long as it is the newest; as another type it is none, and stays as it is."""
+    received = Received(lambda: None)
+    received.take("x", command(0.5), encoding_of(Twist))
+    assert received.read("x", LaserScan) is None and received.read("y", Twist) is None
+    (arrival, message), again = received.read("x", Twist) or (None, None), received.read("x", Twist)
+    assert arrival and message and again
+    assert again[1] is message and message.linear.x == 0.5
+    assert (arrival.number, again[0].content) == (1, message)
+    received.take("x", command(0.75), encoding_of(Twist))
+    newer = received.read("x", Twist)
+    assert newer is not None and (newer[0].number, newer[1].linear.x) == (2, 0.75)
+
+
 def frames_told(received: Received, places: Places, queries: Any, robots: set[int]) -> list[str]:
     """The names of the frames in the document `tf`."""
     state: Any = SimpleNamespace(received=received, queries=queries, places=places, robots=lambda: robots)
