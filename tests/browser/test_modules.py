@@ -468,14 +468,16 @@ def test_poses_count_as_drawn_whatever_comes_after_them(modules: Screen) -> None
         ['app.js', 'scene/scene.js'].map((name) => import(`/page/js/${name}`)));
       const app = new App(), element = document.body.appendChild(document.createElement('div'));
       element.innerHTML = '<div id="map"></div>';
+      element.style.height = '100px';
       const stats = { frames: 0, js_ms: [], arrival_ms: [], age_ms: [], bytes: 0 };
       const scene = makeScene(app, element, stats);
       const [x, y, yaw] = [new Float32Array(1), new Float32Array(1), new Float32Array(1)];
       const poses = { type: 'poses', truth: false, ids: new Uint16Array([0]), x, y, yaw };
       app.store.takeFrame({ number: 1, tick: 1, stamp: 1, age: 0.02, blocks: [poses] }, performance.now());
       app.store.takeFrame({ number: 2, tick: 1, stamp: 1, age: -1, blocks: [] }, performance.now());
-      await scene.png();
-      await scene.png();
+      for (const drawn of [stats.frames + 1, stats.frames + 2]) {
+        for (scene.requestDraw(); stats.frames < drawn;) await new Promise(requestAnimationFrame);
+      }
       element.remove();
       return stats.arrival_ms;
     }""") == [20]
