@@ -115,7 +115,7 @@ class Received:
         return self._newest.get(key)
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
-        """The newest of a key, decoded once for all who look at it; None without one of this type."""
+        """The newest of a key, decoded once for all readers; None without one of this type."""
         arrival = self._newest.get(key)
         message = arrival and arrival.read(kind)
         if arrival is None or message is None:

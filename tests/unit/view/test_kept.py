@@ -42,7 +42,7 @@ def test_only_the_newest_of_a_key_is_kept() -> None:
     assert (received.get("x"), len(news)) == (None, 3)
 
 
-def test_a_message_is_decoded_once_for_all_who_read_it() -> None:
+def test_a_message_is_decoded_once_for_all_readers() -> None:
     """As long as it is the newest; as another type it is none, and stays as it is."""
     received = Received(lambda: None)
     received.take("x", command(0.5), encoding_of(Twist))
