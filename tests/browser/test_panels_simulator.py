@@ -106,6 +106,8 @@ def test_a_robot_is_placed_and_removed(team: TeamFixture, screen: Screen) -> Non
     screen.page.keyboard.press("Escape")
     screen.page.click("#tab-team")
     screen.page.click(f"#robots button:has-text('robot_{new}')")
+    screen.page.click("text=Remove")
+    assert new in team.sim_status.robots
     screen.confirm("Remove", "Click again to remove")
     team.wait_for(lambda: new not in team.sim_status.robots)
 
