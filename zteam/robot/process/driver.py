@@ -136,8 +136,8 @@ class Driver:
         """How often time has jumped back."""
         self._made_at = 0
         """`jumps` when the behaviour was made."""
-        self.stepped = 0
-        """Time of the last step in ns."""
+        self._stepped = 0
+        """Time of the last step in ns; 0 before the first one."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
@@ -162,14 +162,14 @@ class Driver:
     def jump_back(self) -> None:
         """Time jumped back (under `node.changed`)."""
         self.jumps += 1
-        self.stepped = 0
+        self._stepped = 0
 
     def take_input(self, now: int, epoch: int, *, is_first: bool = False) -> StepInput:
         """The newest data, for a step at time `now` (ns) while the GO `epoch` holds (under `node.changed`).
 
         In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
         """
-        dt = (now - self.stepped) / 1e9 if 0 < self.stepped < now else 0.0
+        dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
         inputs = self._inputs
         if not is_first:
             inputs.messages.handle_due(now)
@@ -200,6 +200,7 @@ class Driver:
         with self._node.lock:
             if given.jumps != self.jumps:
                 return None
+            self._stepped = given.view.now
             self.readiness.drive(reason, given.epoch)
             self.status.take(driver, command)
             # What the safety layer stops has lines of its own.

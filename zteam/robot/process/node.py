@@ -153,6 +153,8 @@ class RobotNode:
         """Host time of the first scan; 0 before."""
         self._acted = 0
         """Stamp of the scan that was acted on last."""
+        self._looked = 0
+        """Real time: when it acted last (ns), also before GO, where no step is taken."""
         self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
@@ -264,7 +266,7 @@ class RobotNode:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
         self._inputs.forget()
         self._driver.jump_back()
-        self._acted = 0
+        self._acted = self._looked = 0
 
     # Real time: once for each scan, and again while no scan comes
 
@@ -297,7 +299,7 @@ class RobotNode:
         if self._part.active:
             return False
         now = self._node.clock.now()
-        return self._has_new_scan() or (now - self._acted > STALE and now - self._driver.stepped >= STALE // 5)
+        return self._has_new_scan() or (now - self._acted > STALE and now - self._looked >= STALE // 5)
 
     def _has_new_scan(self) -> bool:
         return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
@@ -320,8 +322,8 @@ class RobotNode:
             self._node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
             if self._driver.jumps != jumps or self._part.active or self._node.stopping:
                 return None
-        self._driver.stepped, epoch = now, go_epoch(inputs.team, now)
-        return self._driver.take_input(now, epoch)
+        self._looked = now
+        return self._driver.take_input(now, go_epoch(inputs.team, now))
 
     def _step(self, begin: Callable[[], StepInput | None], step: Callable[[StepInput], Twist | None]) -> None:
         """Real time: take the step that is due. The behaviour is asked without `node.changed`."""
@@ -359,7 +361,6 @@ class RobotNode:
         self._acted = self._part.stamp
         is_first = tick.tick == 1 or not self._known_to
         given = self._driver.take_input(self._acted, tick.epoch, is_first=is_first)
-        self._driver.stepped = self._acted
         command = self._driver.step(given)
         if is_first or self._part.team is not self._known_to:
             # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from support.limits import LIMIT
-from support.real_time_robot import NEVER, RealTimeRobot
+from support.real_time_robot import NEVER, TICK, RealTimeRobot
 from zteam.behaviors import Behavior, View
-from zteam.messages import Twist
+from zteam.messages import TeamState, TeamStatus, Twist, Vector3, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.robot.process import inputs
 from zteam.robot.process import node as robot_module
@@ -67,6 +67,29 @@ def test_a_robot_acts_once_a_scan(robot: RealTimeRobot) -> None:
         robot.say_transforms(tick)
         robot.wait_for_commands(tick)
     assert len(robot.commands) == 5
+
+
+class Stopwatch(Behavior):
+    """Publishes as its velocity how long ago its last step was."""
+
+    def step(self, view: View) -> Twist:
+        return Twist(Vector3(x=view.dt))
+
+
+def test_a_step_knows_how_long_ago_the_last_one_was() -> None:
+    """`view.dt` is 0 in the first step after GO and then the time between scans, in real time as in lock-step."""
+    robot = RealTimeRobot(Stopwatch, gate=True)
+    try:
+        for tick in (1, 2):
+            robot.ready(tick)
+        robot.wait_for_status(lambda status: status.is_ready)
+        robot.say_team(TeamStatus(state=TeamState.GO, epoch=1, go_stamp=time_from_ns(3 * TICK)))
+        for steps, tick in enumerate((3, 4, 6), 1):
+            robot.ready(tick)
+            robot.wait_for_commands(steps)
+        assert [command.linear.x for command in robot.commands] == [0.0, 0.1, 0.2]
+    finally:
+        robot.close()
 
 
 @pytest.mark.parametrize("told", [True, False])
