@@ -36,14 +36,14 @@ FOLDERS = {
 """What the default run runs."""
 PROVES = "proves"
 """Key of a report's property: the title of a file of tests/proof, and the sentence of the test."""
-ONLY_CI = """only .ci/run proves (README, "Tests"):
+ONLY_CI = """only .ci/full proves (README, "Tests"):
   tests/team, tests/bench: everything else that teams do, each failure of a process, speed as ratios
   tests/property: what holds for whatever is drawn; tests marked `ci`; the page in a browser and its JavaScript
   a wheel, containers, each Python from 3.11 to 3.13, style, types, layers"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what only `.ci/run` runs, and note what each proof proves."""
+    """Mark what only `.ci/full` runs, and note what each proof proves."""
     sweeps: dict[tuple[Path, str], list[pytest.Item]] = {}
     for item in items:
         if any(item.path.is_relative_to(folder) for folder in CI_FOLDERS):
@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """After the default run, say what it proved, and what only `.ci/run` proves."""
+    """After the default run, say what it proved, and what only `.ci/full` proves."""
     if config.args_source != pytest.Config.ArgsSource.TESTPATHS:
         return
     passed, failed, errors = (terminalreporter.stats.get(kind, []) for kind in ("passed", "failed", "error"))

@@ -2,12 +2,15 @@
 
 from urllib.parse import urlsplit
 
+import pytest
+
 from support.browser import VIEW, Screen, start_view
 from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-for-this-test"
 
 
+@pytest.mark.gate
 def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
     """Without the server the page says so and shows no robots; with a new one it goes on by itself, and may command."""
     team.start("arena", 2, behavior="idle", lockstep=False)
@@ -26,6 +29,7 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
     team.wait_for(lambda: team.sim_status.paused)
 
 
+@pytest.mark.gate
 def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
     """When the simulator is gone its robots are no longer drawn; a new simulator's are."""
     team.start("arena", 2, behavior="idle", lockstep=False)

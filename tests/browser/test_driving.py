@@ -68,6 +68,7 @@ def assert_stands(team: TeamFixture) -> None:
     assert team.robot(0).pose == pytest.approx(pose, abs=1e-6)
 
 
+@pytest.mark.gate
 def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> None:
     """A held i drives it forwards under a lease of this page, and its release stops it; the other robot stands."""
     start_arena(team, screen)
@@ -125,6 +126,7 @@ def test_nothing_moves_after_the_hand_is_gone(team: TeamFixture, screen: Screen,
         screen.wait("zteam.app.store.robots.get(0).lease === null")
 
 
+@pytest.mark.gate
 def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: OpenScreen) -> None:
     """A second page sees which viewer drives and is refused the lease; it gets it when the first one lets go."""
     url = start_arena(team, screen)
@@ -148,6 +150,7 @@ def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: 
     second.page.keyboard.up("j")
 
 
+@pytest.mark.gate
 def test_a_lost_lease_is_said(team: TeamFixture, screen: Screen) -> None:
     """An older process has the name of a robot that a page drives directly, as after a broken network: the page lets
     go and says so, though the key is still held."""
@@ -182,6 +185,7 @@ def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) ->
     assert_stands(team)
 
 
+@pytest.mark.gate
 def test_a_gamepad_drives_with_its_left_stick(team: TeamFixture, screen: Screen) -> None:
     """The stick of a gamepad that is plugged in while driving is on moves the robot; in its middle the robot stands."""
     start_arena(team, screen)

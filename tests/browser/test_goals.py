@@ -39,6 +39,7 @@ def start_arena(team: TeamFixture, screen: Screen) -> None:
     screen.wait("zteam.app.store.grids.size === 1")
 
 
+@pytest.mark.gate
 def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) -> None:
     """A press and a drag with the goal tool send the selected robot alone to that place, with that heading."""
     start_arena(team, screen)
@@ -86,6 +87,7 @@ def click_goal(screen: Screen, robot: int, x: float, y: float) -> None:
     screen.page.mouse.click(*screen.place(x, y))
 
 
+@pytest.mark.gate
 def test_a_goal_has_a_life_on_the_page(team: TeamFixture, screen: Screen) -> None:
     """It is called sent until the robot knows it, then the list says how far the robot is, and a ring is on the map;
     when it is there, a message says so, and the list and the ring are gone."""
@@ -237,6 +239,7 @@ def test_an_initial_pose_arrives_where_it_was_clicked(team: TeamFixture, screen:
     assert yaw_of(pose) == pytest.approx(-math.pi / 2, abs=0.05)
 
 
+@pytest.mark.gate
 def test_a_page_without_the_token_only_watches(team: TeamFixture, screen: Screen) -> None:
     """Its tools that command are disabled, and what its code sends all the same is refused."""
     team.start("arena", 2, behavior="go_to", lockstep=False)

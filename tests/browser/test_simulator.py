@@ -17,6 +17,7 @@ def start_arena(team: TeamFixture, screen: Screen) -> None:
     screen.ask("() => { window.said = []; zteam.app.store.on('say', (line) => said.push(line)); }")
 
 
+@pytest.mark.gate
 def test_a_drag_moves_a_robot(team: TeamFixture, screen: Screen) -> None:
     """The robot stays while its ghost is dragged, and is where the ghost was when the button is released."""
     start_arena(team, screen)

@@ -5,11 +5,11 @@ import os
 from hypothesis import HealthCheck, settings
 
 SHARE = float(os.environ.get("ZTEAM_EXAMPLES", "0.1"))
-"""Times the examples that each test names; `.ci/run` sets 1. More than 1 is a search: it draws new ones in each run."""
+"""Times the examples that each test names; `.ci/full` sets 1. More than 1 is a search: new ones in each run."""
 
 
 def examples(count: int) -> settings:
-    """For a property test: `count` examples in `.ci/run`, and their share elsewhere.
+    """For a property test: `count` examples in `.ci/full`, and their share elsewhere.
 
     Speed is the machine's business, not a test's: a slow example is no failure.
     """

@@ -10,7 +10,7 @@ import pytest
 from zteam.clock import HOST_FACTOR
 from zteam.testing import Team
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 pytest_plugins = "pytester"
 
 OWN = """

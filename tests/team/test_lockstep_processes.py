@@ -16,7 +16,7 @@ from zteam.clock import HOST_FACTOR
 from zteam.messages import Done, Tick, Twist, Vector3, decode, encode, time_from_ns
 from zteam.team.testing.team import TeamFixture
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 SILENCE = 2.0 * HOST_FACTOR
 """Host seconds until a participant that does not answer is left behind; a starved one answers earlier."""

@@ -14,7 +14,7 @@ from zteam.team.testing.processes import TeamFailure
 from zteam.team.testing.team import TeamFixture
 
 pytest_plugins = "pytester"
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 
 def test_a_process_that_dies_fails_the_test_at_once(team: TeamFixture) -> None:

@@ -26,7 +26,7 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.testing.processes import WARM_PARENT
 from zteam.team.testing.view import ObservedTeam
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 ROBOTS = [0, 1, 2, 3]
 KILLED = (ROUTER, "robot_1", names.AGGREGATOR, names.MONITOR, names.VIEW, names.SIMULATOR)

@@ -22,7 +22,7 @@ from zteam.team.launch.process import zteam_command
 from zteam.team.security.certificates import files_of
 from zteam.team.testing.team import TeamFixture
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 TEAM = """
 [team]

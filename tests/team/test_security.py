@@ -45,6 +45,8 @@ from zteam.team.security.certificates import ACCESS, files_of, open_authority
 from zteam.team.testing.processes import TEST
 from zteam.team.testing.team import TeamFixture
 
+pytestmark = pytest.mark.gate
+
 TEAM = {
     "team": {"world": "arena"},
     "robots": [{"id": 0}, {"id": 1, "navigation": True}],

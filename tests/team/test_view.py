@@ -12,7 +12,7 @@ from zteam.messages import PoseStamped, Twist
 from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 
 def start_view(team: TeamFixture, name: str = names.VIEW) -> int:
