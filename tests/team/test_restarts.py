@@ -10,7 +10,7 @@ from support.freezing import wait_until_frozen
 from support.limits import LIMIT
 from zteam import names
 from zteam.bus import BusOptions, connect
-from zteam.clock import HOST_FACTOR, monotonic, pause
+from zteam.clock import monotonic, pause
 from zteam.config.resources import find_team
 from zteam.messages import Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
 from zteam.node.kinds import ROUTER
@@ -31,9 +31,6 @@ pytestmark = [pytest.mark.team, pytest.mark.gate]
 ROBOTS = [0, 1, 2, 3]
 KILLED = (ROUTER, "robot_1", names.AGGREGATOR, names.MONITOR, names.VIEW, names.SIMULATOR)
 """The router first: then every process has seen it go and come."""
-AWAY = 1.5 * HOST_FACTOR
-"""Host seconds after which a process is back."""
-ROUTER_AWAY = 1.0 * HOST_FACTOR
 FREEZE = 5.0
 """Host seconds of the simulator."""
 OLD = 1.0
@@ -108,12 +105,11 @@ class Line:
         return since
 
     def kill_and_wait(self, name: str) -> None:
-        """Kill a process and wait until it is back, soon."""
+        """Kill a process and wait until it is back; how soon is a figure of the study `recovery`."""
         recoveries = self.run._recoveries
         assert recoveries is not None
         self.run.supervisor.processes[name].signal(signal.SIGKILL)
         self.wait_for(lambda: name in recoveries.seconds)
-        assert recoveries.seconds[name] < (ROUTER_AWAY if name == ROUTER else AWAY)
 
     def said(self, name: str, text: str) -> list[str]:
         """The lines of a process that have this text."""

@@ -5,6 +5,7 @@ the same link: when that has arrived, the attack would have arrived too.
 """
 
 import itertools
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -453,10 +454,20 @@ def test_a_run_under_attack_repeats_to_the_bit(team: TeamFixture, tmp_path: Path
     with zenoh.open(client_config(options)) as attacker, ExitStack() as ends:
         pose_as_others(attacker, ends)
 
+        attacking, over = threading.Lock(), threading.Event()
+
         def attack(sample: zenoh.Sample) -> None:
-            tick = decode(Tick, sample.payload.to_bytes())
-            attack_once(attacker, tick)
-            attacked.add(tick.tick)
+            with attacking:
+                if not over.is_set():
+                    tick = decode(Tick, sample.payload.to_bytes())
+                    attack_once(attacker, tick)
+                    attacked.add(tick.tick)
+
+        @ends.callback
+        def end() -> None:
+            # Zenoh's Python refuses to close a session that another thread uses.
+            with attacking:
+                over.set()
 
         # A session hears itself: its own ticks would call this for ever.
         attacker.declare_subscriber(names.TICK, attack, allowed_origin=zenoh.Locality.REMOTE)
