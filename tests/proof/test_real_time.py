@@ -42,6 +42,7 @@ def test_the_report_has_every_robot_and_process(tmp_path: Path) -> None:
     odd = [p for p in processes.values() if p["exit"] != 0 or not (p["pss_mb"] > 0 and p["cpu_seconds"] > 0)]
     assert not odd, done.stdout + done.stderr
     assert report["dropped"] == {}
+    assert report["safety_stops"] == {"robot_0": 0, "robot_1": 0}
 
 
 def test_a_page_sees_the_team_of_up(team: TeamFixture) -> None:

@@ -18,6 +18,7 @@ from zteam.robot.behaviors.registry import Parameter
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
 CANCEL = "cancel"
+SAFETY = "safety"
 CANCEL_LIMIT = 2.0
 """Host seconds for the answer to a request to cancel."""
 ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
@@ -50,6 +51,14 @@ class SetReply(msgspec.Struct):
     values: dict[str, Any]
     refused: str = ""
     """Why nothing was set; empty if it was."""
+
+
+class SafetyReply(msgspec.Struct):
+    """Answer to `robot_N/safety`."""
+
+    stops: int
+    """How often the safety layer has begun to stop or to slow the robot since its process started, or since time jumped
+    back."""
 
 
 T = TypeVar("T")

@@ -43,6 +43,8 @@ class SafetyLog:
     def __init__(self, behavior: str) -> None:
         """`behavior` is the name that the lines show of it."""
         self._behavior = behavior
+        self.stops = 0
+        """How often a stop has begun."""
         self._began: int | None = None
         """Time of the stop (ns); None while there is none."""
         self._stands = False
@@ -56,6 +58,7 @@ class SafetyLog:
             self._free = None
             stands = not trouble.startswith(UNSEEN_CAUSE)
             if self._began is None or (stands and not self._stands):
+                self.stops += self._began is None
                 self._began, self._stands = self._began or view.now, stands
                 wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
                 verb = "stopped" if stands else "slowed"
@@ -158,6 +161,11 @@ class Driver:
             return find_pose(target_frame, source_frame)
 
         inputs.lookup = lookup
+
+    @property
+    def safety_stops(self) -> int:
+        """How often the safety layer has begun to stop or to slow the robot (any thread)."""
+        return self._safety.stops
 
     def jump_back(self) -> None:
         """Time jumped back (under `node.changed`)."""

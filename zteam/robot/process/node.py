@@ -11,6 +11,7 @@ from itertools import count
 from typing import Any
 
 from zteam import names
+from zteam.bus import NoRequest
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic, to_ns
@@ -37,7 +38,7 @@ from zteam.node.tick_messages import HeldMessage, stamp_of
 from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.behavior import declared_inputs
-from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver, StepInput
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.robot.process.parameters import BehaviorParameters
@@ -160,6 +161,8 @@ class RobotNode:
         self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
         self._start = StartWatch(node, self._inputs, self._driver, self._part)
         node.on_time_reset(self._on_time_reset)
+        safety = names.service_key(node.name, SAFETY)
+        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self._driver.safety_stops))
         if self._driver.behavior.navigation is not None:
             node.bus.serve(navigation_query(self._id, CANCEL), CancelRequest, self._cancel_goal)
         self._subscribe()

@@ -17,6 +17,7 @@ from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
 from zteam.node.restarts import Restarted, restarts_text
+from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.chaos.run import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
@@ -48,6 +49,8 @@ class RunReport(RunFigures, kw_only=True):
     """Simulated seconds a second of the host, from GO to the last tick."""
     rounds: dict[str, RoundTiming] = msgspec.field(default_factory=dict)
     """Where the participants' time of a tick went, by name (lock-step)."""
+    safety_stops: dict[str, int] = msgspec.field(default_factory=dict)
+    """How often the safety layer stopped or slowed a robot, by the robot's name."""
     restarts: dict[str, int] = msgspec.field(default_factory=dict)
     """How often processes, or nodes in this process, were started again, by name."""
     recovery_seconds: dict[str, float] = msgspec.field(default_factory=dict)
@@ -80,7 +83,7 @@ def read_report(bus: Bus) -> RunReport:
     """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
     simulator = read_sim_report(bus)
     report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
-    report.dropped = read_dropped(bus)
+    report.dropped, report.safety_stops = read_dropped(bus), read_safety_stops(bus)
     if simulator.lockstep:
         report.rounds = read_rounds(bus)
     return report
@@ -110,6 +113,12 @@ def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
     """Every participant's own timing."""
     answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_ANSWER_LIMIT)
     return {key.partition("/")[0]: timing for key, timing in answers}
+
+
+def read_safety_stops(bus: Bus) -> dict[str, int]:
+    """How often the safety layer of each robot that answers stopped or slowed it."""
+    answers = bus.query(names.service_key("*", SAFETY), SafetyReply, timeout=_ANSWER_LIMIT)
+    return {key.partition("/")[0]: reply.stops for key, reply in answers}
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:
@@ -171,11 +180,14 @@ def format_report(report: RunReport) -> str:
     factor = report.real_time_factor
     pace = "" if factor is None else f", {format_factor(factor)} x real time"
     lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
-    lines.append(f"{'robot':8}{'follows':>8}{'driven, m':>11}{'last gap, m':>13}{'stalls':>8}{'late steps':>12}")
+    header = f"{'robot':8}{'follows':>8}{'driven, m':>11}{'last gap, m':>13}"
+    lines.append(f"{header}{'stalls':>8}{'safety stops':>14}{'late steps':>12}")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
         gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
-        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>11.2f}{gap:>13}{robot.stalls:>8}{robot.late_steps:>12}"
+        stops = report.safety_stops.get(names.robot_name(robot.id), "-")
+        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>11.2f}{gap:>13}{robot.stalls:>8}{stops:>14}"
+        row += f"{robot.late_steps:>12}"
         lines.append(row)
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")

@@ -57,7 +57,7 @@ _PLANNED = _of_robot(
     names.PUBLISHED_FOOTPRINT, names.PLAN, names.LOCAL_PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP,
 )  # fmt: skip
 _CANCEL, _LOCALIZE = _of_robot(f"{names.NAVIGATION}/cancel", f"{names.NAVIGATION}/global_localization")
-_DESCRIBE, _SET = _of_robot("describe_parameters", "set_parameters")
+_DESCRIBE, _SET, _SAFETY = _of_robot("describe_parameters", "set_parameters", "safety")
 _SIMULATE = tuple(
     names.service_key(names.SIMULATOR, service)
     for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
@@ -85,7 +85,9 @@ _PARTS = {
     names.MONITOR: Rights((names.TEAM_STATUS,)),
     names.LAUNCHER: Rights(answers=(f"{names.LAUNCHER}/*",)),
     names.VIEW: Rights(),
-    kinds.ROBOT: Rights(_of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL)),
+    kinds.ROBOT: Rights(
+        _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, _SAFETY)
+    ),
     kinds.NAVIGATION: Rights(_PLANNED, _of_robot(f"{names.NAVIGATION}/*")),
     _BASE: Rights(_MEASURED),
 }

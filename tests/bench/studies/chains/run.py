@@ -1,8 +1,5 @@
 """One run of a chain of robots on a tour: in processes, or in this one."""
 
-import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -10,13 +7,12 @@ from typing import Any
 import msgspec
 
 from studies.chains.lectures import LecturesFollow
-from studies.chains.recorder import NAME, Recorder, Tracks, make_tracks, read_tracks
+from studies.chains.recorder import NAME, Recorder, Tracks, make_tracks
 from studies.chains.tours import LEAD_IN, Tour
+from studies.processes import run_processes
 from zteam.config.toml_values import toml_text
-from zteam.errors import ZteamError
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.team.in_process.team_run import run_team
-from zteam.team.launch.process import zteam_command
 
 GAP = 0.8
 """Metres of arc length between neighbours at the start, and afterwards where a law keeps a gap."""
@@ -77,22 +73,4 @@ def drive(text: str, seconds: float, *, in_process: bool) -> Tracks:
             recorder = Recorder()
             run_team(team, seconds=seconds, nodes={NAME: recorder.body})
             return make_tracks(recorder.rows())
-        return _run_processes(team, Path(folder) / "tracks.json", seconds)
-
-
-def _run_processes(team: Path, tracks: Path, seconds: float) -> Tracks:
-    command = [sys.executable, "-m", "studies.chains.recorder", str(tracks)]
-    with team.open("a") as file:
-        file.write(f'[[nodes]]\nname = "{NAME}"\ncommand = {toml_text(command)}\nexpect = true\n')
-    done = subprocess.run(
-        zteam_command("zteam", "up", str(team), "--lockstep", "--for", str(seconds)),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=600 + 60 * seconds,
-        env=os.environ.copy(),
-        check=False,
-    )
-    if done.returncode != 0 or not tracks.is_file():
-        raise ZteamError(f"the run failed: {' | '.join((done.stdout + done.stderr).splitlines()[-3:])}")
-    return read_tracks(tracks)
+        return make_tracks(run_processes(team, seconds, ["--lockstep"])[1])

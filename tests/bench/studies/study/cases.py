@@ -1,4 +1,4 @@
-"""The named cases of the study `lines`: lines behind a head that wanders, or that is driven."""
+"""The named cases of the study `lines`: robots that wander, and lines behind a head that wanders or is driven."""
 
 from typing import Any
 
@@ -20,6 +20,8 @@ class Case(msgspec.Struct, frozen=True):
     robots: int = 4
     world: str | None = "office"
     """The robots stand in a row there; None: where the world has its own, and it must be given."""
+    start: tuple[float, float, float] = (23.0, 25.0, 0.0)
+    """Of the first robot of a row, in `map` (m, m, rad); each other one stands 1 m behind the one before it."""
     head: dict[str, Any] = msgspec.field(default_factory=lambda: {"behavior": "wander", "speed": SPEED})
     follower: str = ""
     """Class of the followers, if not `follow`."""
@@ -38,7 +40,7 @@ class Case(msgspec.Struct, frozen=True):
         for i in range(self.robots):
             lines += ["[[robots]]", f"id = {i}", *_entries(self.every)]
             if self.world is not None:
-                lines += ['model = "erratic"', f"pose = {toml_text([23.0 - i, 25.0, 0.0])}"]
+                lines += ['model = "erratic"', f"pose = {toml_text([self.start[0] - i, *self.start[1:]])}"]
             follower = {"behavior": self.follower, "leader": i - 1} if self.follower else {"follow": i - 1}
             lines += _entries(follower if i else self.head)
         return "\n".join(lines) + "\n"
@@ -51,6 +53,7 @@ def _entries(table: dict[str, Any]) -> list[str]:
 CASES = {
     "line": Case("the shipped team line", team="line"),
     "arena": Case("the shipped team arena", team="arena"),
+    "wanderer": Case("one robot that wanders in the arena", robots=1, world="arena", start=(-1.5, 0.0, 0.0)),
     "eight": Case("8 robots in the office", robots=8),
     "world": Case("the 4 robots of a world that --world names", world=None),
     "amcl": Case("each robot believes amcl", every={"navigation": {"localizer": "amcl"}}),

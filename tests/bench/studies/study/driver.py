@@ -1,14 +1,17 @@
 """Teleop without a person: commands for one robot, drawn from a seed."""
 
 import math
+import sys
 from collections.abc import Iterator
 
 from zteam import names
 from zteam.clock import to_ns
 from zteam.counter_random import uniform
 from zteam.messages import Twist, Vector3
-from zteam.node.node import Node
+from zteam.node.node import Node, run
 
+TELEOP = "teleop"
+"""Its name in a team."""
 SPEED, TURN = 0.4, 1.0
 """m/s, rad/s."""
 _ROUND = math.pi / TURN
@@ -55,3 +58,7 @@ class Driver:
             publisher.put(Twist(Vector3(command[0]), Vector3(0.0, 0.0, command[1])))
 
         node.run(step)
+
+
+if __name__ == "__main__":
+    run(TELEOP, Driver(0, int(sys.argv[1])).body)

@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 import msgspec
 
+from studies.study.agreement import disagreements
 from studies.study.one_run import Outcome, Row, Task
 from zteam.errors import UsageError
 from zteam.team.launch.process import exit_text
@@ -50,6 +51,8 @@ class CaseFigures(msgspec.Struct):
     """Mean of the runs that went to their end."""
     missed: list[str]
     """What was missed, and in which run; empty if all is well."""
+    lockstep: list[Row] = []
+    """Of runs in real time: the same in lock-step."""
 
 
 def read_results(path: Path) -> dict[Key, Row]:
@@ -136,8 +139,11 @@ def _run_all(tasks: Sequence[Task], jobs: int) -> Generator[Row, None, None]:
                     child.terminate()
 
 
-def summarize(rows: Sequence[Row], bounds: Bounds) -> CaseFigures:
-    """The figures of the runs of one case, at least one, and what of the bounds they miss."""
+def summarize(rows: Sequence[Row], bounds: Bounds, lockstep: Sequence[Row] = ()) -> CaseFigures:
+    """The figures of the runs of one case, at least one, and what of the bounds they miss.
+
+    `lockstep` are the same runs in lock-step, beside which runs in real time are judged.
+    """
     good = [row for row in rows if not row.outcome.error]
     held = [(share, f"robot {i}, seed {row.task.seed}") for row in good for i, share in row.outcome.held.items()]
     stands = [(row.outcome.still, f"seed {row.task.seed}") for row in good]
@@ -145,7 +151,7 @@ def summarize(rows: Sequence[Row], bounds: Bounds) -> CaseFigures:
     contacts = sum(row.outcome.contacts for row in good)
     worst, longest = min(held, default=None), max(stands, default=(0.0, ""))
     share = round(sum(shares) / len(shares), 3) if shares else None
-    missed = [f"seed {row.task.seed}: {row.outcome.error}" for row in rows if row.outcome.error]
+    missed = [f"seed {row.task.seed}: {row.outcome.error}" for row in (*lockstep, *rows) if row.outcome.error]
     if bounds.contacts is not None and contacts > bounds.contacts:
         seeds = ", ".join(str(row.task.seed) for row in good if row.outcome.contacts)
         missed.append(f"contacts {contacts}, at most {bounds.contacts}: seed {seeds}")
@@ -155,8 +161,10 @@ def summarize(rows: Sequence[Row], bounds: Bounds) -> CaseFigures:
         missed.append(f"still {longest[0]:g} s, at most {bounds.still:g}: {longest[1]}")
     if bounds.share is not None and share is not None and share < bounds.share:
         missed.append(f"share {share:g} in the mean, at least {bounds.share:g}")
-    first = rows[0].task
+    first, beside = rows[0].task, [row.outcome for row in lockstep if not row.outcome.error]
+    if good and beside:
+        missed += disagreements(first.what, [row.outcome for row in good], beside)
     return CaseFigures(
         first.what, first.seconds, list(rows), len(rows) - len(good), contacts, worst[0] if worst else None, longest[0],
-        share, missed,
+        share, missed, list(lockstep),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""One run of a study, in this process: `python -m studies.study.one_run`, with a Task as the line of its input."""
+"""One run of a study: `python -m studies.study.one_run`, with a Task as the line of its input."""
 
 import logging
 import math
@@ -8,18 +8,21 @@ import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.chains.recorder import NAME, Recorder, make_tracks
+from studies.chains.recorder import NAME, Moment, Recorder, make_tracks
+from studies.on_time import late_share, run_on_time
+from studies.processes import run_processes
 from studies.study.cases import CASES
-from studies.study.driver import Driver
-from zteam import names
-from zteam.messages import RobotStatus
-from zteam.node.node import Node
+from studies.study.driver import TELEOP, Driver
+from zteam.clock import to_ns
+from zteam.config.resources import find_team
 from zteam.team.in_process.team_run import run_team
+from zteam.team.launch.report import RunReport
 
 HELD = 3.0
 """Metres: a follower is held while the robot that it follows is so near."""
@@ -28,7 +31,7 @@ MOVED = 0.05
 
 
 class Task(msgspec.Struct, frozen=True):
-    """What is run: two runs of equal tasks are the same, to the bit."""
+    """What is run: two runs of equal tasks in lock-step are the same, to the bit."""
 
     what: str
     """A case by its name, or a team file."""
@@ -38,6 +41,10 @@ class Task(msgspec.Struct, frozen=True):
     """In the place of the team's own."""
     arguments: dict[str, str] = {}
     """Of a team file."""
+    processes: bool = False
+    """Whether it runs as the processes that `zteam up` starts; otherwise in this process and in lock-step."""
+    speed: float | None = None
+    """Of processes: simulated seconds a second of the host, in real time; None: in lock-step."""
 
 
 class Outcome(msgspec.Struct, omit_defaults=True):
@@ -52,8 +59,17 @@ class Outcome(msgspec.Struct, omit_defaults=True):
     names the other: the robot of the team file, or its other neighbour after a turn of the line."""
     last: dict[int, float] = {}
     """Metres between them in the last tick of that time."""
+    gaps: dict[int, float] = {}
+    """Mean distance of two robots of which one follows the other, in the last third of the time, metres; by the higher
+    id, so that a pair keeps its key when its line is led from the other end."""
     still: float = 0.0
     """Longest time in which no robot moved, seconds."""
+    stands: list[float] = []
+    """Longest time in which a robot did not move, seconds, by robot."""
+    safety_stops: int = 0
+    """How often the safety layers of all robots stopped or slowed them."""
+    late: float = 0.0
+    """Share of the steps that came late (real time)."""
     share: float | None = None
     """Way of the first robot by its speed times the time; None where the speed is not known."""
     trajectory: str = ""
@@ -67,28 +83,9 @@ class Row(msgspec.Struct, frozen=True):
     outcome: Outcome
 
 
-class Followed:
-    """Which robot each one follows, by follower, tick by tick. Give its `body` to `run_team` as a node."""
-
-    def __init__(self) -> None:
-        self._now: dict[int, int] = {}
-        self.rows: list[dict[int, int]] = []
-
-    def body(self, node: Node) -> None:
-        """Note it until asked to stop."""
-        node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._take)
-        node.run(lambda _now: self.rows.append(self._now.copy()))
-
-    def _take(self, _key: str, status: RobotStatus) -> None:
-        self._now[status.robot_id] = status.followed
-
-
 def measure(task: Task) -> Outcome:
     """Run it. An error of the team is part of the outcome."""
-    case, recorder, followed = CASES.get(task.what), Recorder(), Followed()
-    nodes = {NAME: recorder.body, "followed": followed.body}
-    if case is not None and case.is_driven:
-        nodes["teleop"] = Driver(0, task.seed).body
+    case = CASES.get(task.what)
     with tempfile.TemporaryDirectory() as folder:
         team = task.what if case is None else case.team
         if not team and case is not None:
@@ -96,25 +93,61 @@ def measure(task: Task) -> Outcome:
             path.write_text(case.team_text())
             team = str(path)
         try:
-            report = run_team(
-                team, seconds=task.seconds, seed=task.seed, world=task.world, nodes=nodes, arguments=task.arguments
-            )
+            report, moments = (_run_processes if task.processes else _run_here)(task, team)
         # Anything that ends a run is a result of the study.
         except (Exception, SystemExit) as error:
             return Outcome(error=f"{type(error).__name__}: {error}"[:200])
-    places = make_tracks(recorder.rows()).poses[..., :2]
-    apart = distances(places, [robot.id for robot in report.robots], followed.rows[-len(places) :])
+    # The world stands still when the time is over; before GO no time counts.
+    moments = [each for each in moments if each.now > moments[-1].now - to_ns(task.seconds)]
+    places = make_tracks(moments).poses[..., :2]
+    robots, followed = [robot.id for robot in report.robots], [each.followed for each in moments]
+    apart, end = distances(places, robots, followed), -(len(moments) // 3)
+    pairs = distances(places[end:], robots, pairs_of(followed[end:]))
     outcome = Outcome(
         driven=[round(robot.distance_m, 1) for robot in report.robots],
         contacts=sum(robot.stalls for robot in report.robots),
         held={i: round(sum(gap < HELD for gap in gaps) / len(gaps), 4) for i, gaps in apart.items()},
         last={i: round(gaps[-1], 1) for i, gaps in apart.items()},
-        still=round(longest_stand(places) * task.seconds / len(places), 1),
+        gaps={i: round(fmean(gaps), 3) for i, gaps in pairs.items()},
+        still=_seconds(task, places),
+        stands=[_seconds(task, places[:, [i]]) for i in range(len(robots))],
+        safety_stops=sum(report.safety_stops.values()),
+        late=round(late_share(report), 4),
         trajectory=report.trajectory_sha256,
     )
     if case is not None and case.speed is not None:
         outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
     return outcome
+
+
+def _run_here(task: Task, team: str) -> tuple[RunReport, list[Moment]]:
+    case, recorder = CASES.get(task.what), Recorder()
+    nodes = {NAME: recorder.body}
+    if case is not None and case.is_driven:
+        nodes[TELEOP] = Driver(0, task.seed).body
+    report = run_team(
+        team, seconds=task.seconds, seed=task.seed, world=task.world, nodes=nodes, arguments=task.arguments
+    )
+    return report, recorder.rows()
+
+
+def _run_processes(task: Task, team: str) -> tuple[RunReport, list[Moment]]:
+    case = CASES.get(task.what)
+    is_driven = case is not None and case.is_driven
+    driver = {TELEOP: [sys.executable, "-P", "-m", Driver.__module__, f"{task.seed}"]} if is_driven else {}
+    words = [*(f"{name}={value}" for name, value in task.arguments.items()), "--seed", f"{task.seed}"]
+    words += ["--world", task.world] if task.world else []
+
+    def run(*pace: str) -> tuple[RunReport, list[Moment]]:
+        return run_processes(find_team(team), task.seconds, [*words, *pace], driver)
+
+    if task.speed is None:
+        return run("--lockstep")
+    return run_on_time(lambda speed: run("--speed", f"{speed:g}"), lambda found: found[0], task.speed)
+
+
+def _seconds(task: Task, places: NDArray[np.float64]) -> float:
+    return round(longest_stand(places) * task.seconds / len(places), 1)
 
 
 def distances(
@@ -130,6 +163,11 @@ def distances(
             if robot in index and other in index:
                 apart.setdefault(robot, []).append(math.dist(at[index[robot]], at[index[other]]))
     return apart
+
+
+def pairs_of(followed: Sequence[Mapping[int, int]]) -> list[dict[int, int]]:
+    """The same pairs of robots tick by tick: the lower id by the higher one, whichever robot follows."""
+    return [{max(pair): min(pair) for pair in row.items() if min(pair) >= 0} for row in followed]
 
 
 def longest_stand(places: NDArray[np.float64]) -> int:

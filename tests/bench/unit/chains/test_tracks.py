@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from studies.chains.recorder import Tracks, make_tracks
+from studies.chains.recorder import Moment, Tracks, make_tracks
 from studies.chains.tracks import Walls, count_touches, follow_path, resample, take_samples
 from support.small_worlds import BODY, make_world
 
@@ -19,7 +19,9 @@ def along(ticks: int, start: float, aside: float = 0.0, begin: int = 10) -> list
 
 def tracks_of(*robots: list[tuple[float, float, float]], stalled: bool = False) -> Tracks:
     """The tracks of these robots."""
-    return make_tracks([([robot[i] for robot in robots], [stalled] * len(robots)) for i in range(len(robots[0]))])
+    return make_tracks(
+        [Moment(i, [*poses], [stalled] * len(robots)) for i, poses in enumerate(zip(*robots, strict=True))]
+    )
 
 
 def walls(at: float = 100.0) -> Walls:

@@ -23,6 +23,18 @@ def test_each_case_is_run_for_each_seed() -> None:
     assert tasks("line", "--seeds", "7") == [Task("line", 900.0, 7)]
 
 
+def test_runs_in_real_time_are_of_processes() -> None:
+    """Without further options one seed of 60 s at speed 1; a speed without real time is refused."""
+    assert tasks("line", "chain", "--real-time") == [
+        Task(what, 60.0, 1, processes=True, speed=1.0) for what in ("line", "chain")
+    ]
+    assert tasks("line", "--real-time", "--speed", "4", "--seeds", "3", "--seconds", "9") == [
+        Task("line", 9.0, 3, processes=True, speed=4.0)
+    ]
+    with pytest.raises(UsageError, match="--speed needs --real-time"):
+        tasks("line", "--speed", "4")
+
+
 def test_a_team_file_takes_its_arguments() -> None:
     """NAME=VALUE is an argument of the team files, not of the cases."""
     first, second = tasks("chain", "line", "speed=0.3", "--seeds", "1")
@@ -68,6 +80,25 @@ def test_the_table_has_a_row_a_case_and_what_was_missed() -> None:
     assert lines[1].split() == ["line", "2", "900", "0", "0", "0.975", "12.3", "0.92"]
     assert lines[-1] == "line: MISSED: held 0.9751, at least 0.98: robot 1, seed 1"
     assert (exit_code([good]), exit_code([good, bad])) == (0, 1)
+
+
+def test_real_time_is_shown_beside_lockstep() -> None:
+    """A row of medians for each; what differs too much is missed, and so is a run in lock-step that failed."""
+    far, near = (Outcome(driven=[way, 9.0], gaps={1: 0.8}, stands=[1.0, 2.0], late=0.012) for way in (5.7, 9.0))
+    real, lockstep = (
+        [Row(Task("arena", 60.0, 1, processes=True, speed=speed), found)] for speed, found in ((1.0, far), (None, near))
+    )
+    case = summarize(real, Bounds(), [*lockstep, Row(lockstep[0].task, Outcome(error="no router"))])
+    lines = format_study([case]).splitlines()
+    rows = [line.split() for line in lines if line.startswith("arena")]
+    assert rows[1:3] == [
+        ["arena", "real", "time", "5.7", "9.0", "0.80", "0", "2.0", "1.2"],
+        ["arena", "lock-step", "9.0", "9.0", "0.80", "0", "2.0", "1.2"],
+    ]
+    assert case.missed == [
+        "seed 1: no router", "robot 0: driven 5.70 m, in lock-step 9.00 m: more than 10 % apart"
+    ]  # fmt: skip
+    assert exit_code([case]) == 1
 
 
 def test_progress_says_how_long_the_rest_takes() -> None:

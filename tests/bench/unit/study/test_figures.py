@@ -133,6 +133,14 @@ def test_a_file_is_of_lines_of_json(runs: Runs, tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     run_study(tasks(7), path)
     assert json.loads(path.read_text()) == {
-        "task": {"what": "line", "seconds": 5.0, "seed": 7, "world": None, "arguments": {}},
+        "task": {
+            "what": "line",
+            "seconds": 5.0,
+            "seed": 7,
+            "world": None,
+            "arguments": {},
+            "processes": False,
+            "speed": None,
+        },
         "outcome": {"driven": [7.0]},
     }

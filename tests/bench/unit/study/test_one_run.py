@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.study.one_run import Outcome, Task, distances, longest_stand, measure
+from studies.study.one_run import Outcome, Task, distances, longest_stand, measure, pairs_of
 
 
 def test_a_stand_is_one_of_the_whole_team() -> None:
@@ -40,6 +40,26 @@ def test_a_status_that_comes_late_changes_nothing() -> None:
     """In a tick before a robot's first status it counts as a follower of the robot which that names."""
     places = np.array([[[0.0, 0.0], [4.0, 0.0]]] * 2)
     assert distances(places, (0, 1), [{}, {1: 0}]) == {1: [4.0, 4.0]}
+
+
+def test_a_pair_is_the_same_whichever_robot_follows() -> None:
+    """A line that is led from the other end has the same pairs of robots; one that follows nobody has none."""
+    assert pairs_of([{0: -1, 1: 0, 2: 1}, {0: 1, 1: 2, 2: -1}, {0: -1}]) == [{1: 0, 2: 1}, {1: 0, 2: 1}, {}]
+
+
+@pytest.mark.team
+def test_processes_are_measured_as_a_team_in_this_process() -> None:
+    """In lock-step the processes that `zteam up` starts give the same outcome as a team in this process."""
+    assert measure(Task("arena", 5.0, 1, processes=True)) == measure(Task("arena", 5.0, 1))
+
+
+@pytest.mark.team
+@pytest.mark.real_time
+def test_a_run_in_real_time_is_measured() -> None:
+    """All figures are there that are compared with lock-step."""
+    found = measure(Task("arena", 5.0, 1, processes=True, speed=0.5))
+    assert (found.error, found.contacts, found.gaps.keys(), len(found.stands)) == ("", 0, {1}, 2)
+    assert found.driven[0] > 0.5
 
 
 def test_an_error_is_an_outcome() -> None:

@@ -1,4 +1,4 @@
-"""The safety layer's lines in the robot's log."""
+"""The safety layer's lines in the robot's log, and the count of its stops."""
 
 import numpy as np
 
@@ -32,6 +32,8 @@ def test_one_line_when_it_stops_and_one_when_the_way_is_free() -> None:
         for tick in range(60, 90):
             safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "", view(tick * TICK, 9.0))
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
+        safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead", view(90 * TICK, 0.31))
+    assert safety.stops == 2
 
 
 def test_a_stop_that_comes_and_goes_is_one_stop() -> None:
@@ -43,11 +45,12 @@ def test_a_stop_that_comes_and_goes_is_one_stop() -> None:
                 RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead" if tick % 3 else "", view(tick * TICK, 0.34)
             )
         assert len(log.lines) == 1
+        assert safety.stops == 1
         assert FREE_AFTER > 3 * TICK
 
 
 def test_a_robot_that_is_slowed_and_then_stopped() -> None:
-    """Each has its line: the second says what stands where no laser looks."""
+    """Each has its line, and both are one stop: the second line says what stands where no laser looks."""
     safety = SafetyLog("path")
     with captured_log() as log:
         for tick in range(1, 9):
@@ -57,6 +60,7 @@ def test_a_robot_that_is_slowed_and_then_stopped() -> None:
         "safety: slowed teleop (-0.40 m/s): no laser looks behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
     ]
+    assert safety.stops == 1
 
 
 def test_other_causes_are_told_in_their_own_words() -> None:

@@ -19,6 +19,7 @@ from zteam.bus import NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.node.lockstep import RoundTiming
+from zteam.robot.client import SafetyReply
 from zteam.simulator.client import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 from zteam.team.launch.process import Usage
 from zteam.team.launch.report import (
@@ -56,6 +57,7 @@ REPORT = RunReport(
     robots=ROBOTS,
     processes=[ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0), ProcessReport("up", 6, 0, 0, 50.0, 20.0, 0.5)],
     dropped={"robot_0/cmd_vel": 3},
+    safety_stops={"robot_1": 3},
     latency_ms=Latency(2.0, 9.0, 600),
 )
 
@@ -138,6 +140,7 @@ def counted_report() -> RunReport:
     bus = hub.bus()
     bus.serve("sim/report", NoRequest, lambda _: COUNTED)
     bus.serve("robot_0/timing", NoRequest, lambda _: RoundTiming(301, 0.5, 0.25))
+    bus.serve("robot_1/safety", NoRequest, lambda _: SafetyReply(3))
     bus.serve_stats("monitor")
     for _ in range(2):
         bus.counters.drop("clock", "test")
@@ -165,6 +168,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "seed": 4,
         "external_commands": 5,
         "dropped": {"clock": 2},
+        "safety_stops": {"robot_1": 3},
         "restarts": {"robot_1": 2},
         "chaos": None,
         "recovery_seconds": {"robot_1": 0.212},
@@ -191,7 +195,7 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
     """A new figure is added to RunFigures alone: the launcher copies every field and repeats none."""
     own = {
         "wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "restarts", "real_time_factor", "chaos",
-        "recovery_seconds",
+        "recovery_seconds", "safety_stops",
     }  # fmt: skip
     assert set(RunReport.__struct_fields__) - set(RunFigures.__struct_fields__) == own - {"real_time_factor"}
     assert own == set(RunReport.__annotations__)
@@ -231,10 +235,11 @@ def test_the_table_has_a_row_per_robot() -> None:
     """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
     assert lines[0] == "30 simulated seconds after GO, seed 4"
-    assert re.split("  +", lines[1]) == ["robot", "follows", "driven, m", "last gap, m", "stalls", "late steps"]
+    header = ["robot", "follows", "driven, m", "last gap, m", "stalls", "safety stops", "late steps"]
+    assert re.split("  +", lines[1]) == header
     assert len({len(line) for line in lines[1:4]}) == 1
-    assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
-    assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "0"]
+    assert lines[2].split() == ["0", "-", "6.00", "-", "0", "-", "1"]
+    assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "3", "0"]
     assert lines[4] == "2 processes, 110 MB together (PSS)"
 
 
