@@ -56,8 +56,9 @@ def interrupted(watched: type[Watched]) -> Iterator[RealTimeRobot]:
     robot = RealTimeRobot(watched)
     try:
         robot.say_statics()
-        robot.say_time(50)
+        # The scan first: after half a second without one the robot acts, to stop.
         robot.say_scan(50)
+        robot.say_time(50)
         assert watched.entered.wait(LIMIT)
         robot.say_time(1)
         robot.say_scan(1)
@@ -86,9 +87,10 @@ def test_a_command_of_the_old_time_is_not_published(interrupted: RealTimeRobot, 
 def drive_at_tick_50(robot: RealTimeRobot) -> None:
     """Give it all that it needs in that tick, and wait for its command."""
     robot.say_statics()
-    robot.say_time(50)
     robot.say_transforms(50)
+    # Before the time: after half a second without a scan the robot acts, to stop.
     robot.say_scan(50)
+    robot.say_time(50)
     robot.wait_for_commands(1)
 
 
