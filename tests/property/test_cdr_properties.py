@@ -19,7 +19,7 @@ from zteam.messages import Message, all_types, decode, encode
 _ZTEAM_MSGS = {
     "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
     "uint32 epoch\nstring text\nstring behavior\nstring driver\nstring reason\nint32 leader\nfloat64 speed\n"
-    "int32 follows\nint32 turns\nfloat64 gap\n",
+    "int32 follows\nint32 turns\nfloat64 gap\nbool is_stopped\n",
     "zteam_msgs/msg/BaseInfo": "string model\nstring drive\ngeometry_msgs/Polygon footprint\nfloat64 max_vel_x\n"
     "float64 min_vel_x\nfloat64 max_vel_theta\nfloat64 acc_lim_x\nfloat64 decel_lim_x\nfloat64 acc_lim_theta\n"
     "float64 max_vel_y\nfloat64 acc_lim_y\nfloat64 decel_lim_reverse\nfloat64 wheelbase\n",

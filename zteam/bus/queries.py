@@ -6,7 +6,7 @@ Nothing on the wire may crash a process, and a slow answer is made on a thread o
 import logging
 import threading
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import msgspec
 
@@ -34,6 +34,9 @@ class Change(msgspec.Struct, kw_only=True):
 
     A query on a wildcard, such as `**`, reaches every query of every process: it changes nothing.
     """
+
+    wildcard: ClassVar[str] = ""
+    """The only wildcard that may ask for it; empty for none."""
 
 
 class Deferred(NamedTuple):
@@ -77,7 +80,7 @@ def query_handler(
     """The transport's handler that calls the typed `handler`."""
 
     def handle(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
-        if issubclass(request_type, Change) and asked != key:
+        if issubclass(request_type, Change) and asked not in (key, request_type.wildcard):
             raise BusError(f"{key} changes something: ask for it by this key, not by the wildcard {asked}")
         try:
             request = decode_json(payload or b"{}", request_type)

@@ -262,6 +262,18 @@ def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
     return values
 
 
+def _read_appended(source: _Source, name: str, field: _Field, default: Any, order: str) -> str:
+    """Lines that read a number which messages of older senders lack; the variable that holds it."""
+    _, place, (code, is_bool, _) = field
+    size, unpacker = _SIZES[code], source.name("S", struct.Struct(order + code))
+    source.add(f"{name}, q = {default!r}, p + ({len(_HEADER)} - p) % {size}")
+    source.add(f"if end - q >= {size}: {name}, = {unpacker}.unpack_from(buf, q); p = q + {size}")
+    if is_bool:
+        source.add(f"if {name} > 1: raise DecodeError('{place} is neither true nor false')")
+        source.add(f"{name} = {name} == 1")
+    return name
+
+
 def _read_text(source: _Source, value: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
@@ -313,9 +325,14 @@ def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
 
 @cache
 def _decoder(message_type: type[Message], little: bool) -> Callable[[bytes, int], Message]:
-    source = _Source()
+    source, order = _Source(), "<" if little else ">"
     source.add(f"p = {len(_HEADER)}")
-    values = _read(source, _fields_of(message_type, "m"), "<" if little else ">")
+    fields = _fields_of(message_type, "m")
+    first = len(fields) - len(message_type.appended)
+    values = _read(source, fields[:first], order)
+    defaults = message_type.__struct_defaults__[-len(message_type.appended) or len(fields) :]
+    for name, field, default in zip(message_type.appended, fields[first:], defaults, strict=True):
+        values[field[1]] = _read_appended(source, name, field, default, order)
     source.add(f"if end - p > {_MAX_PADDING}: raise DecodeError('%d bytes of garbage behind it' % (end - p))")
     source.add(f"return {_build_expression(message_type, 'm', values, source)}")
     return source.compile("def f(buf, end):", f"decode {message_type.__name__}")

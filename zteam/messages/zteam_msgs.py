@@ -68,8 +68,11 @@ class RobotStatus(Message):
     `behavior` and `leader` (-1 = none) are what it was started with. `follows` is the robot that it follows now (-1 =
     none), and `turns` how often its line was led from the other end (-1 = it cannot be); `gap` is what it keeps to
     the robot that it follows, metres. `driver` is one of RobotDriver. `reason` says why the robot stands; it is empty
-    while it does not. `speed` is that of its newest command in m/s, negative backwards.
+    while it does not. `speed` is that of its newest command in m/s, negative backwards. While it `is_stopped`
+    (`zteam stop`), it commands zero velocity, whatever drives it.
     """
+
+    appended: ClassVar[tuple[str, ...]] = ("is_stopped",)
 
     header: Header = msgspec.field(default_factory=Header)
     robot_id: int32 = 0
@@ -85,6 +88,7 @@ class RobotStatus(Message):
     follows: int32 = -1
     turns: int32 = -1
     gap: float64 = 0.0
+    is_stopped: bool_ = False
 
     @property
     def followed(self) -> int:

@@ -19,6 +19,7 @@ from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.node.step_watch import StepWatch
+from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import HeldMessage, TickInputs, TickMessages, stamp_of_tick
 
 log = logging.getLogger("zteam")
@@ -38,16 +39,25 @@ class NodeGate:
     `is_open`; the caller of the others holds `node.changed`.
     """
 
-    def __init__(self, node: ProcessNode, lacking: Callable[[], list[str]], in_lockstep: Callable[[], bool]) -> None:
-        """`lacking()` names the inputs that are missing, `in_lockstep()` says whether ticks call the steps."""
+    def __init__(
+        self,
+        node: ProcessNode,
+        lacking: Callable[[], list[str]],
+        in_lockstep: Callable[[], bool],
+        stop: StopSwitch | None,
+    ) -> None:
+        """`lacking()` names the inputs that are missing, `in_lockstep()` says whether ticks call the steps.
+
+        `stop` is that of a robot's own process.
+        """
         self._node = node
         self._in_lockstep = in_lockstep
         self._lacking = lacking
         self._readiness = Readiness(gated=True, way_out="zteam-monitor")
         robot_id = names.robot_id_of(node.name)
         self._report: StatusReport | None = None
-        if robot_id is not None:
-            self._report = StatusReport(node, robot_id, "zteam.Node", self._readiness, in_lockstep)
+        if robot_id is not None and stop is not None:
+            self._report = StatusReport(node, robot_id, "zteam.Node", self._readiness, in_lockstep, stop)
         self._heartbeat = Every(1.0)
         self._team = TeamStatus()
         """The monitor's newest word."""
@@ -63,8 +73,8 @@ class NodeGate:
         """Find out what is missing, and say once a second what the robot is."""
         with self._node.changed:
             self.passes(self._lacking(), 0)
-            if self._heartbeat.due() and self._report is not None:
-                self._report.say_again()
+            if self._heartbeat.due():
+                self.say_again()
 
     def is_open(self) -> bool:
         """In real time: whether the steps may begin, by the monitor's word. In lock-step the ticks carry GO."""
@@ -91,6 +101,11 @@ class NodeGate:
         if self._report is not None and self._node.speaks:
             self._report.tell()
 
+    def say_again(self) -> None:
+        """Say what the robot is."""
+        if self._report is not None:
+            self._report.say_again()
+
     def stop(self) -> None:
         """Say that the process ends."""
         if self._report is not None:
@@ -115,6 +130,8 @@ class Node(ProcessNode):
         self._part = Participant(self, self._has_inputs, self._act, lacks=self._inputs.lacking)
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
+        self._switch: StopSwitch | None = None
+        """Of a robot's own process."""
         self._returned = Every(60.0)
         self._gate: NodeGate | None = None
         self._watch = StepWatch(f"{name}: step", "one is due every", "do less in a step")
@@ -229,8 +246,10 @@ class Node(ProcessNode):
         robot_id = names.robot_id_of(self.name)
         if robot_id is not None:
             self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
+            self._switch = StopSwitch(self.bus, robot_id, self._on_switch)
+            self.on_present(self._learn_stop)
         if gate:
-            self._gate = NodeGate(self, self._lacking, lambda: self._part.active)
+            self._gate = NodeGate(self, self._lacking, lambda: self._part.active, self._switch)
         self.become_present()
         # Only the process that holds the name may publish under it, so not before this.
         self.on_stop(self._halt)
@@ -259,6 +278,26 @@ class Node(ProcessNode):
                     self._messages.handle_due(None)
                     self._drive(self._ask_step(self.clock.now()))
 
+    @property
+    def _may_step(self) -> bool:
+        """Whether it is known if the robot of this process is stopped."""
+        return self._switch is None or self._switch.is_known
+
+    def _learn_stop(self) -> None:
+        assert self._switch is not None
+        self._switch.learn()
+        with self.changed:
+            self._part.advance()
+
+    def _on_switch(self) -> None:
+        """A query has stopped or released its robot: out of lock-step at once, else from the next tick on."""
+        if self._part.active:
+            return
+        with self.changed:
+            self._drive(None)
+            if self._gate is not None:
+                self._gate.say_again()
+
     def _halt(self) -> None:
         with self.changed:
             self._drive(Twist())
@@ -282,17 +321,21 @@ class Node(ProcessNode):
                 log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", self.name, kind)
             return None
         command = checked_command(command, f"{self.name}: step")
+        if self._switch is not None and self._switch.is_stopped:
+            command = Twist()
         if self._gate is not None:
             self._gate.take(command)
         return command
 
     def _drive(self, command: Twist | None) -> None:
+        if self._switch is not None and self._switch.is_stopped:
+            command = Twist()
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
 
     def _has_inputs(self, tick: Tick) -> bool:
         self._messages.handle_due(self._part.stamp)
-        return self.speaks and not self._inputs.lacking(tick)
+        return self.speaks and self._may_step and not self._inputs.lacking(tick)
 
     def _act(self, tick: Tick) -> Twist | None:
         if self._gate is not None and not self._gate.passes([], tick.epoch):

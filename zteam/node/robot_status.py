@@ -27,6 +27,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.node.process_node import ProcessNode
+from zteam.node.stopping import STOPPED, StopSwitch
 
 log = logging.getLogger("zteam")
 
@@ -126,13 +127,15 @@ class StatusReport:
         behavior: str,
         readiness: Readiness,
         in_lockstep: Callable[[], bool],
+        stop: StopSwitch,
         *,
         safety: bool = True,
     ) -> None:
         """`behavior` is what the robot was started with, such as `follow` or `my_robot:Turner`.
 
-        Without `safety` each status says that there is no safety layer.
+        `stop`: whether the robot is stopped. Without `safety` each status says that there is no safety layer.
         """
+        self._stop = stop
         self._warning = "" if safety else NO_SAFETY
         self._node = node
         self._in_lockstep = in_lockstep
@@ -167,7 +170,8 @@ class StatusReport:
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
         behavior, told = self.tells_of, self.tells_of.navigation
         goal = told and (told.state, told.text, told.goal)
-        return self.readiness.state, self.readiness.reason, (self.driver, behavior.follows, behavior.turns, goal)
+        stands = self.driver, self._stop.is_stopped, behavior.follows, behavior.turns, goal
+        return self.readiness.state, self.readiness.reason, stands
 
     @property
     def driver(self) -> str:
@@ -227,7 +231,7 @@ class StatusReport:
 
     def publish(self) -> None:
         """Publish the state."""
-        self._spoke = True
+        self._spoke, is_stopped = True, self._stop.is_stopped
         readiness, command, behavior = self.readiness, self.command, self.tells_of
         self._last = RobotStatus(
             header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
@@ -240,10 +244,11 @@ class StatusReport:
             driver=self.driver,
             reason=self._why_it_stands(),
             leader=-1 if behavior.leader is None else behavior.leader,
-            speed=0.0 if command is None else command.linear.x,
+            speed=0.0 if command is None or is_stopped else command.linear.x,
             follows=-1 if behavior.follows is None else behavior.follows,
             turns=behavior.turns,
             gap=behavior.gap,
+            is_stopped=is_stopped,
         )
         self._publisher.put(self._last)
         if behavior.navigation is not None:
@@ -261,6 +266,8 @@ class StatusReport:
 
     def _why_it_stands(self) -> str:
         command, reason = self.command, self.readiness.reason
+        if self._stop.is_stopped:
+            return STOPPED
         if command is None:
             return reason
         if command.linear.x or command.linear.y:

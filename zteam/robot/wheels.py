@@ -9,6 +9,7 @@ from zteam.bus.transport import Closeable
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
 from zteam.node.shutdown import Stop
+from zteam.node.stopping import StopSwitch
 from zteam.simulator.client import absence_of
 
 log = logging.getLogger("zteam")
@@ -33,6 +34,8 @@ class Wheels:
         self._stop = stop
         self._open: list[Closeable] = []
         self._claim = Claim(bus, self.name)
+        self._switch: StopSwitch | None = None
+        """Of a robot without a process."""
 
     def take(self) -> None:
         """Find out whether the robot has a process; if not, be it. Raises ZteamError if its world lacks the robot."""
@@ -53,6 +56,10 @@ class Wheels:
             log.warning("%s has no process: driving its base directly, without a safety layer", self.name)
         self._publisher = self._bus.publisher(self._key, Twist)
         self._open.append(self._publisher)
+        if self.direct:
+            self._switch = StopSwitch(self._bus, self._id, lambda: self.drive(Twist()))
+            self._claim.under_name.append(self._switch.served)
+            self._switch.learn()
 
     def _give_way(self, pid: int, host: str) -> None:
         log.error("%s is also held by process %d on %s, which is older: stopping", self.name, pid, host)
@@ -69,10 +76,18 @@ class Wheels:
         """The key that nothing subscribes to; empty if the commands are heard."""
         return "" if self._publisher.has_subscribers else self._key
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the robot is stopped: nothing drives it then."""
+        if self._switch is not None:
+            return self._switch.is_stopped
+        return self.status is not None and self.status.is_stopped
+
     def drive(self, command: Twist) -> None:
-        """Send a command."""
+        """Send a command; zero where the robot has no process and is stopped."""
         self.command = command
-        self._publisher.put(command)
+        is_held = self._switch is not None and self._switch.is_stopped
+        self._publisher.put(Twist() if is_held else command)
 
     def close(self) -> None:
         """Give the name back, and send nothing more."""

@@ -178,6 +178,8 @@ class SimStatus(msgspec.Struct):
     """Robots that more than one process commands, and the session ids of these."""
     map: MapInfo | None = None
     """The grid of the world, as the simulator publishes it on `map`."""
+    stopped: list[int] = []
+    """The robots whose bodies it holds (`zteam stop`)."""
 
 
 class RobotShape(msgspec.Struct):

@@ -94,6 +94,20 @@ def test_a_bool_is_zero_or_one() -> None:
         decode(Bool, b"\0\1\0\0\2")
 
 
+@pytest.mark.parametrize("padding", [0, 1, 2, 3])
+@pytest.mark.parametrize("text", ["", "a", "ab", "abc"])
+def test_an_older_robots_status_is_read(text: str, padding: int) -> None:
+    """A robot of before `is_stopped` has a place in the team: it is not stopped."""
+    status = RobotStatus(robot_id=3, text=text, gap=0.8, is_stopped=True)
+    assert decode(RobotStatus, encode(status)) == status
+    shorter = encode(status)[:-1] + bytes(padding)
+    assert decode(RobotStatus, shorter) == RobotStatus(robot_id=3, text=text, gap=0.8)
+    with pytest.raises(DecodeError):
+        decode(RobotStatus, encode(status)[:-2])
+    with pytest.raises(DecodeError, match="is_stopped is neither true nor false"):
+        decode(RobotStatus, encode(status)[:-1] + b"\2")
+
+
 def test_values_that_do_not_fit_are_named() -> None:
     """Encoding says which message cannot be sent."""
     with pytest.raises(EncodeError, match="RobotStatus"):

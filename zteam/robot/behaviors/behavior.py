@@ -207,6 +207,12 @@ class Behavior:
     def on_params(self) -> None:
         """Do what a change of `params` needs; called before the next step. A `step` that reads them needs nothing."""
 
+    def on_release(self) -> None:
+        """Begin anew what counts time: the robot was stopped (`zteam stop`) and goes on. Called before the next step.
+
+        No step is asked for meanwhile.
+        """
+
     def cancel_goal(self) -> bool:
         """Give up the goal with the next step, if there is one; returns whether there was. Any thread may call it."""
         return False

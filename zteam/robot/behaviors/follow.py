@@ -83,6 +83,12 @@ class Follow(LineMember):
         self.turns = self._line.turns if self.params.hand_over and self.params.law == "trail" else NO_TURNS
         self.gap, self._successor = self.params.gap, None
 
+    def on_release(self) -> None:
+        """See Behavior."""
+        super().on_release()
+        if self._successor is not None:
+            self._successor.on_release()
+
     def step(self, view: View) -> Twist:
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params

@@ -180,6 +180,11 @@ class Formation(Behavior):
         # Assign anew at the next look.
         self._assignment.slots = {}
 
+    def on_release(self) -> None:
+        """See Behavior: neither it nor its leader is boxed in because it stood."""
+        self._stray.rest()
+        self._making_way.forget()
+
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""
         leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)

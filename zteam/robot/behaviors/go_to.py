@@ -241,6 +241,10 @@ class GoTo(Behavior):
         status.text = "" if status.state == NavigationState.SUCCEEDED else self.reason
         return command
 
+    def on_release(self) -> None:
+        """See Behavior: it was not boxed in."""
+        self._spun = 0.0
+
     def cancel_goal(self) -> bool:
         """See Behavior."""
         self._is_canceled = self.navigation.state == NavigationState.DRIVING

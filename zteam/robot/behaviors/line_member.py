@@ -26,6 +26,11 @@ class LineMember(Behavior):
         self._line, self._trail, self._head = Line(), Trail(), Head()
         self.on_params()
 
+    def on_release(self) -> None:
+        """See Behavior: that it did not get on meanwhile is no reason to hand over or to leave its way."""
+        self._trail.rest()
+        self._head.rest()
+
     def _find_place(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> Place:
         """As `Line.find_place`."""
         may_turn = self.turns != NO_TURNS

@@ -78,6 +78,10 @@ class Stray:
         self._anchor = (0.0, 0.0), 0, 0
         """Where it got on last, when (ns), and how often the line had turned then."""
 
+    def rest(self) -> None:
+        """It has not been stuck until now."""
+        self._anchor = (math.inf, math.inf), 0, self._anchor[2]
+
     def step(self, view: View, own: Pose2, limits: SpeedLimits, *, wants: bool, turns: int = 0) -> Twist | None:
         """The velocity of a robot at `own` in map; None to go its way.
 
@@ -110,6 +114,11 @@ class MakingRoom:
         self._boxed_in = BoxedIn()
         self._asking: int | None = None
         """The robot for which it drives back."""
+
+    def rest(self) -> None:
+        """What stands in its way does so from now on."""
+        self._stray.rest()
+        self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(
         self, view: View, own: Pose2, place: Place, way: Following, limits: SpeedLimits, stopped: Set[int],

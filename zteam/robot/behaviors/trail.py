@@ -187,6 +187,11 @@ class Trail:
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
 
+    def rest(self) -> None:
+        """It was stopped: that it did not get on does not count."""
+        self._making_room.rest()
+        self._got_on = self._got_on[0], -math.inf
+
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
         moved = math.dist(own[:2], self._own.last) if len(self._own) else SPACING

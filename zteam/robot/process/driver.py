@@ -17,6 +17,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.step_watch import StepWatch
+from zteam.node.stopping import STOPPED, StopSwitch
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
@@ -89,6 +90,8 @@ class StepInput(msgspec.Struct, frozen=True):
     """The behaviour's, as in `BehaviorParameters`."""
     missing: list[str]
     """What the robot lacks before it is released that its view does not show, as nouns."""
+    is_stopped: bool
+    """Whether `zteam stop` holds it."""
 
 
 class Driver:
@@ -108,10 +111,11 @@ class Driver:
         status: StatusReport,
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
+        stop: StopSwitch,
     ) -> None:
         """`team()`: ids of the robots that are alive, asked under `node.changed`."""
         self._node = node
-        self._team = team
+        self._team, self._stop = team, stop
         self._inputs = inputs
         self._parameters = parameters
         self.status = status
@@ -138,6 +142,8 @@ class Driver:
         """`jumps` when the behaviour was made."""
         self._stepped = 0
         """Time of the last step in ns; 0 before the first one."""
+        self._was_stopped = False
+        """Whether the robot was stopped in its last step."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
@@ -176,13 +182,20 @@ class Driver:
         view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
-        return StepInput(view, choice, epoch, self.jumps, self._parameters.given, lacking)
+        return StepInput(
+            view, choice, epoch, self.jumps, self._parameters.given, lacking, is_stopped=self._stop.is_stopped
+        )
 
     def step(self, given: StepInput) -> Twist | None:
         """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""
         self.pass_gate(given)
         if not self.readiness.released:
             return None
+        if given.is_stopped:
+            return self._stand(given)
+        if self._was_stopped:
+            self._was_stopped = False
+            self.behavior.on_release()
         # In lock-step, where the main loop does not step, the next scan waits.
         asking = partial(ask, self.behavior, given.view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
@@ -195,16 +208,25 @@ class Driver:
         if is_stopped or not trouble:
             self._safety.take(driver, wanted, trouble, given.view)
         reason = trouble or reason
-        if reason:
-            reason = self.absence or reason
+        # What the safety layer stops has lines of its own.
+        return self._note(given, driver, command, reason and (self.absence or reason), logged=not is_stopped)
+
+    def _stand(self, given: StepInput) -> Twist | None:
+        """The command of a robot that is stopped: zero, and its behaviour is not asked."""
+        self._was_stopped = True
+        self._layer.halt(given.view)
+        driver = RobotDriver.BEHAVIOR if given.choice is None else given.choice.driver
+        return self._note(given, driver, Twist(), STOPPED, logged=False)
+
+    def _note(self, given: StepInput, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist | None:
+        """Tell of a step; its command, or None if time jumped back meanwhile."""
         with self._node.lock:
             if given.jumps != self.jumps:
                 return None
             self._stepped = given.view.now
             self.readiness.drive(reason, given.epoch)
             self.status.take(driver, command)
-            # What the safety layer stops has lines of its own.
-            self.status.tell(logged=not is_stopped)
+            self.status.tell(logged=logged)
         return command
 
     def pass_gate(self, given: StepInput) -> None:

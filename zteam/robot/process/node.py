@@ -33,6 +33,7 @@ from zteam.node.lockstep import Participant
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
+from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import HeldMessage, stamp_of
 from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
@@ -132,16 +133,20 @@ class RobotNode:
         self._node = node
         self._id = options.robot_id
         self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
+        self._stop = StopSwitch(node.bus, self._id, self._on_stop)
+        # As soon as the robot answers to its name; what this process asks comes after that.
+        node.on_present(self._learn_stop)
         self._status = StatusReport(
             node,
             self._id,
             options.behavior,
             Readiness(gated=options.gate),
             lambda: self._part.active,
+            self._stop,
             safety=options.safety,
         )
         parameters = BehaviorParameters(node, kind, options.behavior, options.params)
-        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team)
+        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team, self._stop)
         self._heartbeat = Every(_HEARTBEAT)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
@@ -191,6 +196,23 @@ class RobotNode:
     def _lateness_of_scan(self, sample: RawSample) -> str:
         """As of velocities: simulated time, which comes over the same link, cannot tell. A base has the host's time."""
         return self._lateness_of(sample) if self._node.clock.simulated else ""
+
+    def _on_stop(self) -> None:
+        """A query has stopped or released the robot: in real time it does not wait for the next scan, nor for a
+        behaviour that works long. In lock-step it counts from the next tick on, and a tick at work is not waited for.
+        """
+        if self._part.active:
+            return
+        with self._node.changed:
+            if self._stop.is_stopped:
+                self._cmd_vel.put(Twist())
+            self._status.say_again()
+
+    def _learn_stop(self) -> None:
+        self._stop.learn()
+        with self._node.changed:
+            self._part.advance()
+            self._node.changed.look()
 
     def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
         with self._node.changed:
@@ -296,7 +318,7 @@ class RobotNode:
 
         Time goes on for STALE without a scan, and for a fifth of that since the last step.
         """
-        if self._part.active:
+        if self._part.active or not self._stop.is_known:
             return False
         now = self._node.clock.now()
         return self._has_new_scan() or (now - self._acted > STALE and now - self._looked >= STALE // 5)
@@ -339,13 +361,14 @@ class RobotNode:
                 # Lock-step began during the step; the tick has waited for its end.
                 self._part.advance()
             elif command is not None and given.jumps == self._driver.jumps:
-                self._cmd_vel.put(command)
+                # It may have been stopped during the step.
+                self._cmd_vel.put(Twist() if self._stop.is_stopped else command)
 
     # Lock-step: once a tick
 
     def _has_inputs(self, tick: Tick) -> bool:
         """Lock-step: whether the tick can be answered: all that it brings to this robot has come."""
-        if self._driver.busy:
+        if self._driver.busy or not self._stop.is_known:
             return False
         if self._id not in self._part.robots:
             return True

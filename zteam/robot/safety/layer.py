@@ -79,6 +79,11 @@ class SafetyLayer:
         self._last = motion
         return self._limits.command_of(motion), trouble
 
+    def halt(self, view: View) -> None:
+        """The robot is commanded zero velocity, whatever was wanted: its base brakes as hard as it can."""
+        self.limit(Twist(), view)
+        self._last, self._held = STANDING, None
+
     def _cut(self, asked: Motion, view: View) -> tuple[Motion, str]:
         """`asked` as far as nothing stands in its way, and why it is less ("" = it is not)."""
         if asked == STANDING:

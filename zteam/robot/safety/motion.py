@@ -276,6 +276,9 @@ class LimitsOnly:
         motion = limits.motion_of(wanted)
         return (Twist(), NO_NUMBER) if motion is None else (limits.command_of(motion), "")
 
+    def halt(self, view: View) -> None:
+        """As of `SafetyLayer`: nothing is remembered."""
+
 
 def at_least(motion: Motion, measured: Motion | None) -> Motion:
     """`motion`, with each part as large as it is `measured` where the base is faster than it was told to be."""

@@ -96,9 +96,10 @@ class RobotArrays:
         ]
         return replace(world, obstacles=tuple(things)), robots
 
-    def move(self, now: int, tick: int, seconds: float) -> None:
-        """One tick, from `now` (ns) on."""
+    def move(self, now: int, tick: int, seconds: float, held: Collection[int]) -> None:
+        """One tick, from `now` (ns) on; the wheels of the robots `held` (ids) aim for zero velocity."""
         fresh = now - self.commanded < WATCHDOG
+        fresh[[self.ids[robot_id] for robot_id in held]] = False
         bases, count = self.bases, len(self.ids)
         bases.obey(self.commands, fresh, seconds)
         before = self.bodies.poses[:count].copy()
@@ -158,8 +159,9 @@ class Engine:
         self.move(commands)
         return self.observe()
 
-    def move(self, commands: Mapping[int, Twist]) -> None:
-        """One tick with these new commands; a robot without one keeps its last for WATCHDOG.
+    def move(self, commands: Mapping[int, Twist], held: Collection[int] = ()) -> None:
+        """One tick with these new commands; a robot without one keeps its last for WATCHDOG. Those in `held` (ids) obey
+        none: they brake as hard as their bases can.
 
         Raises UsageError for a command to a robot that is not there, or one that is not finite.
         """
@@ -171,7 +173,7 @@ class Engine:
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
             arrays.commands[i] = command
             arrays.commanded[i] = self.now
-        arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
+        arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S, held)
         self.tick += 1
 
     def observe_bases(self) -> Observation:

@@ -33,6 +33,7 @@ from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_message, map_metadata
 from zteam.simulator.faults import FaultPlan, is_simulated
 from zteam.simulator.process.commands import RobotCommands
+from zteam.simulator.process.holds import Holds
 from zteam.simulator.process.lockstep import LockStep
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
@@ -67,6 +68,9 @@ class Simulation:
         if options.lockstep is not None:
             self.lockstep = LockStep(node, options.lockstep, self.commands.answered)
             self.commands.count_outsiders(lambda: self.lockstep.tick.members if self.lockstep else ())
+        self.holds = Holds(node.bus, self.statistics.add_external_command)
+        # As soon as this process answers to its name; what it asks comes after that, and before the first tick.
+        node.on_present(self.holds.learn)
         self._clock = node.bus.publisher(names.CLOCK, Clock)
         self._observation: Observation | None = None
         self._announced: list[int] = []
@@ -81,7 +85,7 @@ class Simulation:
     def tick(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these commands; what the robots' next commands depend on is sent."""
         self.pacer.start(monotonic(), counts=not self._is_first)
-        self.engine.move(commands)
+        self.engine.move(commands, self.holds.stopped)
         self.profile.end(PHYSICS)
         self._send_inputs()
         if self.lockstep is None:
@@ -215,7 +219,7 @@ class Simulation:
     def reset(self) -> None:
         """Put everything back to the start, where GO, if it was given, holds from the first tick on."""
         self.engine.reset()
-        self.outputs.match_robots()
+        self.match_robots()
         for robot_id in self.outputs:
             self.outputs.put_statics(robot_id)
         self.statistics.start_anew()
@@ -229,6 +233,11 @@ class Simulation:
             self.lockstep.start_anew()
         self.boundary.begin_anew()
 
+    def match_robots(self) -> None:
+        """Publish what the robots sense that are in the world now, and answer for them."""
+        self.outputs.match_robots()
+        self.holds.match_robots(self.outputs.keys())
+
     def spawn(self, request: SpawnRequest) -> int:
         """Add a robot and return its id. Raises UsageError."""
         robots = self.engine.robots
@@ -236,14 +245,14 @@ class Simulation:
         robot_id = free if request.id is None else request.id
         robot = add_robot(self.world, request.model, _pose(request), names.robot_name(robot_id))
         self.engine.spawn(robot_id, robot, checked=not request.force)
-        self.outputs.match_robots()
+        self.match_robots()
         self.statistics.add_external_command()
         return robot_id
 
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError."""
         self.engine.remove(robot_id)
-        self.outputs.match_robots()
+        self.match_robots()
         self.statistics.add_external_command()
 
     def move(self, request: MoveRequest) -> None:
@@ -284,6 +293,7 @@ class Simulation:
             finished=self.boundary.finished,
             instance=self._instance,
             writers=self.commands.writers(),
+            stopped=self.holds.stopped,
             map=self._map,
         )
 
@@ -331,7 +341,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
     simulation = Simulation(node, world, robots, options)
     serve_shapes(node.bus, world, simulation.engine)
     Queries(node.bus, simulation)
-    simulation.outputs.match_robots()
+    simulation.match_robots()
     if options.has_map:
         grid = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
         grid.put(map_message(world, options.map_resolution))

@@ -1,0 +1,105 @@
+"""A robot is stopped and released: the queries of what commands it, and of the simulator, which holds its body.
+
+While it is stopped, each of them commands zero velocity, whatever the robot was to do. A process that begins finds out
+from the others whether its robot is stopped, so that this outlasts the end of each of them.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, Change, NoRequest
+from zteam.bus.transport import Closeable, Handle
+from zteam.clock import HOST_FACTOR
+
+log = logging.getLogger("zteam")
+
+STOPPED = "stopped (zteam stop --release)"
+"""Why a robot stands that is stopped."""
+LEARN_LIMIT = 0.5 * HOST_FACTOR
+"""Host seconds for the others to answer a process that begins; it commands nothing before."""
+
+
+class EngageRequest(Change):
+    """Stop the robot. All robots may be asked for it by one query: nobody has to be found first."""
+
+    wildcard: ClassVar[str] = names.all_robots_key(names.ENGAGE)
+
+
+class ReleaseRequest(Change):
+    """Release the robot: it goes on with what it was about."""
+
+
+class StopReply(msgspec.Struct):
+    """Whether the robot is stopped now, by one of the processes that stop it."""
+
+    by: str
+    """The name of the process."""
+    is_stopped: bool
+
+
+def serve_stop(
+    bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool], change: Callable[[bool], None]
+) -> Closeable:
+    """Answer a robot's three queries as the process `by`; `change(stopped)` is called on a thread of the bus."""
+
+    def take(stopped: bool, _request: Change) -> StopReply:
+        change(stopped)
+        return StopReply(by, stopped)
+
+    key = partial(names.robot_key, robot_id)
+    served = (
+        bus.serve(key(names.STOP), NoRequest, lambda _: StopReply(by, is_stopped())),
+        bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
+        bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
+    )
+    return Handle(*(each.close for each in served))
+
+
+def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
+    """Robot and answer of each process that stops a robot of `robot_N`, or with ALL_ROBOTS of all."""
+    answers = bus.find(names.service_key(robot, names.STOP), StopReply, timeout=LEARN_LIMIT)
+    targets = ((names.split_robot_key(key), reply) for key, reply in answers)
+    return [(target[0], reply) for target, reply in targets if target is not None]
+
+
+class StopSwitch:
+    """Whether robot `robot_id` is stopped, for the process that commands it."""
+
+    def __init__(self, bus: Bus, robot_id: int, on_change: Callable[[], None] = lambda: None) -> None:
+        """`on_change()` is called on a thread of the bus when a query has changed it."""
+        self._bus, self._name, self._on_change = bus, names.robot_name(robot_id), on_change
+        self._lock = threading.Lock()
+        self._was_told = False
+        """Whether a query has set it: what others knew before does not count then."""
+        self.is_stopped = False
+        self.is_known = False
+        """Whether it is known what holds: nothing is to be commanded before."""
+        self.served = serve_stop(bus, robot_id, self._name, lambda: self.is_stopped, self._change)
+
+    def _change(self, stopped: bool) -> None:
+        with self._lock:
+            self._was_told, changed = True, stopped != self.is_stopped
+            self.is_stopped = stopped
+        if changed:
+            log.info("stopped: it stands until 'zteam stop --release'" if stopped else "released: it goes on")
+            self._on_change()
+
+    def learn(self) -> None:
+        """Find out at the begin, when this process answers already, whether the robot is stopped. It waits.
+
+        The simulator has its body and knows. Where there is none, what holds for a teammate holds for the robot too.
+        """
+        own = [reply for _, reply in ask_stopped(self._bus, self._name) if reply.by != self._name]
+        others = own or [reply for _, reply in ask_stopped(self._bus, names.ALL_ROBOTS) if reply.by != self._name]
+        with self._lock:
+            if not self._was_told:
+                self.is_stopped = any(reply.is_stopped for reply in others)
+            self.is_known = True
+            if self.is_stopped and not self._was_told:
+                log.info("begins stopped, as %s: 'zteam stop --release'", "it was" if own else "its teammates are")
