@@ -75,7 +75,7 @@ STOP = "stop"
 ENGAGE, RELEASE = f"{STOP}/engage", f"{STOP}/release"
 """Queries that stop the robot, and release it."""
 PAUSE_GOALS, RESUME_GOALS = f"{GOALS}/pause", f"{GOALS}/resume"
-"""Queries of what sends the robot the goals of a list."""
+"""Queries of what sends the robot the goals of a list; `robot_N/goals` says whether it is paused."""
 
 BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"

@@ -1,11 +1,14 @@
-"""`zteam goals FILE`: send goals to robots: each reaches its own in turn, all robots at the same time."""
+"""`zteam goals FILE`: send goals to robots: each reaches its own in turn, all robots at the same time.
+
+`--pause` and `--resume` pause the lists that are under way, and go on with them.
+"""
 
 import argparse
 import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -14,16 +17,18 @@ from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.listening import open_bus
 from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
-from zteam.errors import UsageError
+from zteam.errors import BusError, UsageError
 from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.process_node import run_node
+from zteam.robot.goal_lists import pause_lists
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 
@@ -44,7 +49,7 @@ def build_parser() -> Parser:
     parser = Parser(
         prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("file", metavar="FILE", help="the goals")
+    parser.add_argument("file", nargs="?", metavar="FILE", help="the goals")
     parser.add_argument(
         "--loop", action="store_true", help="begin again with the first goal when the last has ended, until Ctrl+C"
     )
@@ -60,6 +65,10 @@ def build_parser() -> Parser:
         metavar="IDS",
         help="these robots share the goals that name no robot: each free one takes the next, e.g. 0-3 or 0,2",
     )
+    for option, text in (("--pause", "send these robots no further goal of a list"), ("--resume", "go on with it")):
+        parser.add_argument(
+            option, nargs="?", const="", metavar="IDS", help=f"{text}, wherever it is sent from (default: all robots)"
+        )
     parser.add_argument("--name", default=names.GOALS, help="call this process so on the bus (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print each goal that has ended as a JSON line")
     add_clock_option(parser)
@@ -71,13 +80,34 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
     checked(args, lambda: _read(args))
-    return run(args.name, args, lambda: _send(args), needs_output=False)
+    act = _send if args.pause is None and args.resume is None else _pause
+    return run(args.name, args, lambda: act(args), needs_output=False)
 
 
 def _read(args: argparse.Namespace) -> None:
     args.spread = () if args.spread is None else parse_robot_ids([args.spread], "--spread")
+    if sum(given is not None for given in (args.file, args.pause, args.resume)) != 1:
+        raise UsageError("give a FILE of goals, or one of --pause and --resume")
+    for option in ("pause", "resume"):
+        if getattr(args, option):
+            setattr(args, option, parse_robot_ids([getattr(args, option)], f"--{option}"))
     if not args.name.isidentifier():
         raise UsageError(f"--name {args.name!r}: use letters, digits and '_'")
+
+
+def _pause(args: argparse.Namespace) -> int:
+    paused = args.resume is None
+    robots = args.pause if paused else args.resume
+    with closing(open_bus(bus_options(args))) as bus:
+        done = pause_lists(bus, robots or None, paused=paused)
+    absent = sorted(set(robots or ()) - set(done))
+    if absent or not done:
+        raise BusError(f"no list of goals for {', '.join(map(names.robot_name, absent)) or 'any robot'}")
+    if args.json:
+        print(msgspec.json.encode({"robots": done, "is_paused": paused}).decode())
+    else:
+        print(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
+    return 0
 
 
 def _send(args: argparse.Namespace) -> int:
@@ -153,7 +183,8 @@ def _row(errand: Errand) -> tuple[str, ...]:
     sums = (str(errand.reached), str(errand.failed))
     watch = errand.watch
     if watch is None:
-        return errand.client.name, "no goal", "", "", "", *sums, ""
+        state = "paused" if errand.is_paused else "no goal"
+        return errand.client.name, state, "", "", "", *sums, ""
     status = watch.status
     left, time, recoveries = "", "", ""
     if status is not None:

@@ -26,6 +26,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Duration, NavigationState
 from zteam.messages.planar import pose2_of
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
+from zteam.node.stopping import STOPPED
 from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of
 
@@ -120,7 +121,7 @@ def _follow(
     progress: ProgressLine,
 ) -> None:
     """Wait for the end of the goal; with --no-wait until it is sent."""
-    begin, told, waited_for = monotonic(), False, ""
+    begin, told, waited_for, stood = monotonic(), False, "", False
     moved_at, now, nag = begin, clock.steady(), Every(math.inf)
 
     def is_over() -> bool:
@@ -133,6 +134,9 @@ def _follow(
         if client.waits_for and client.waits_for != waited_for and monotonic() - begin > _TELL_AFTER:
             waited_for = client.waits_for
             progress.say(f"waiting for {waited_for} (Ctrl+C to give up)")
+        if client.is_stopped and not stood:
+            progress.say(f"{client.name} is {STOPPED}: it goes on when it is released")
+        stood = client.is_stopped
         if progress.is_live or (watch.status is not None and monotonic() - begin > PERIOD):
             progress.show(f"{client.name}: {progress_text(client, watch)}")
         if client.taker == GO_TO and not told:
@@ -194,8 +198,10 @@ def progress_text(client: NavigationClient, watch: GoalWatch) -> str:
             parts.append(f"about {duration_text(left)}")
         if status.recoveries:
             parts.append(counted(status.recoveries, "recovery", "recoveries"))
-        if status.text:
+        if status.text and not client.is_stopped:
             parts.append(status.text)
+    if client.is_stopped:
+        parts.append(STOPPED)
     return ", ".join(parts)
 
 

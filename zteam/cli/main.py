@@ -19,6 +19,7 @@ COMMANDS = {
     "goals": ("goals", "send goals from a file to robots, in turn"),
     "map": ("map", "save: write the map that is on the bus to a file"),
     "teleop": ("teleop", "drive robots with the keyboard"),
+    "stop": ("stop", "stop robots where they are, whatever drives them; --release: let them go on"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
     "check": ("check", "try a behaviour in awkward moments and say what it does wrong"),
@@ -49,10 +50,15 @@ _ELSEWHERE = {
     **dict.fromkeys(("navigate", "move_base", "send_goal", "navigate_to_pose"), "goto"),
     **dict.fromkeys(("rosout", "logs"), "log"),
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
+    **dict.fromkeys(("estop", "emergency_stop"), "stop"),
+    "release": "stop --release",
     **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
     **dict.fromkeys(("echo", "hz", "pub"), "topic {}"),
 }
 """What ROS and other programs call a command, and words that are a subcommand; {} is the word itself."""
+
+_ENDS = ("down", "end", "halt", "kill", "quit", "shutdown")
+"""Words for the end of a team, which is no command."""
 
 
 def _usage() -> str:
@@ -147,8 +153,10 @@ def _meant(name: str, rest: Sequence[str]) -> str:
         return "options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
     if name in _ELSEWHERE:
         return f"did you mean 'zteam {' '.join([_ELSEWHERE[name].format(name), *rest])}'?"
-    if name == "stop":
-        return "press Ctrl+C where 'zteam up' runs"
+    if name in _ENDS:
+        from zteam.cli.usage import ENDS_TEAM
+
+        return f"'zteam stop' stops the robots; {ENDS_TEAM}"
     if name.startswith("zteam-"):
         return f"the processes are separate commands: {' '.join([name, *rest])}"
     if name.endswith(".world"):

@@ -8,6 +8,7 @@ from itertools import product
 from zteam.errors import did_you_mean
 
 MEANT = ": did you mean {}?"
+ENDS_TEAM = "to end a team, press Ctrl+C where 'zteam up' runs"
 _SHARED = frozenset({"help", "connect", "namespace", "config", "lease", "log_level", "log_format"})
 """Options that a usage line leaves out: every command has them."""
 _MAX_LINE = 190

@@ -194,6 +194,8 @@ class NavigationClient:
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
         self._behavior = ""
         """What the robot's own process runs; empty while it has told nothing."""
+        self.is_stopped = False
+        """Whether the robot is stopped (`zteam stop`), as far as it has told: it drives on when it is released."""
         self._held: set[str] = set()
         """The presence tokens of the robot's navigation and of its own process."""
         self._gone_since: float | None = None
@@ -278,17 +280,23 @@ class NavigationClient:
             if self.watch is not None and not self.is_pending:
                 self.watch.end(TaskResult.FAILED, f"the process {gone} is gone")
 
+    def withdraw(self) -> bool:
+        """Give the goal up if it is not sent yet; returns whether that is so."""
+        with self._lock:
+            watch = self.watch
+            if watch is None or not self.is_pending:
+                return False
+            self.is_pending = False
+            watch.end(TaskResult.CANCELED, "before it was sent")
+            return True
+
     def cancel(self) -> bool:
         """Give the goal up; returns whether there was one. It waits, so no handler and no `step` may call it.
 
         Raises BusError if nothing can cancel it.
         """
-        with self._lock:
-            watch = self.watch
-            if watch is not None and self.is_pending:
-                self.is_pending = False
-                watch.end(TaskResult.CANCELED, "before it was sent")
-                return True
+        if self.withdraw():
+            return True
         key = navigation_query(self.robot_id, CANCEL)
         answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
         if not answers:
@@ -329,7 +337,8 @@ class NavigationClient:
         self._on_change()
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
-        self._behavior = status.behavior
+        self._behavior, self.is_stopped = status.behavior, status.is_stopped
+        self._on_change()
 
     def _on_token(self, key: str, alive: bool) -> None:
         with self._lock:

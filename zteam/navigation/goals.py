@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import chain, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +16,7 @@ from zteam.geometry import Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.node.node import Node
+from zteam.robot.goal_lists import serve_list
 
 if TYPE_CHECKING:
     import yaml
@@ -168,6 +170,10 @@ class Errand:
         """Goals that were aborted or canceled."""
         self.failures = 0
         """Of them, those since the last goal that was reached."""
+        self.is_paused = False
+        """Whether the robot is to get no further goal for now."""
+        self.is_over = False
+        """Whether there is no further goal for it."""
 
 
 class Dispatcher:
@@ -191,11 +197,20 @@ class Dispatcher:
         self._is_first = False
         """Whether the first tick of lock-step is open."""
         node.bus.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_told)
+        for robot_id, errand in self.errands.items():
+            serve_list(node.bus, robot_id, partial(getattr, errand, "is_paused"), partial(self._pause, errand))
         node.need(self._lacks)
         node.on_stop(self._cancel_all)
 
     def _client(self, robot_id: int) -> NavigationClient:
         return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
+
+    def _pause(self, errand: Errand, paused: bool) -> None:
+        with self._node.changed:
+            changed, errand.is_paused = paused != errand.is_paused, paused
+        if changed:
+            text = "no further goal until 'zteam goals --resume'" if paused else "the list goes on"
+            log.info("%s: %s", errand.client.name, text)
 
     def _on_told(self, key: str, _status: NavigationStatus) -> None:
         target = names.split_robot_key(key)
@@ -234,14 +249,17 @@ class Dispatcher:
             # What a robot has said of itself until now came by chance.
             return
         for errand in self.errands.values():
+            if errand.is_paused:
+                errand.client.withdraw()
             errand.client.look()
             if errand.watch is not None and errand.watch.is_replaced:
-                errand.watch = errand.client.send(errand.watch.goal)
+                if not errand.is_paused:
+                    errand.watch = errand.client.send(errand.watch.goal)
             elif errand.watch is not None and errand.watch.ended:
                 self._end(errand, now)
-            if errand.watch is None:
+            if errand.watch is None and not errand.is_paused:
                 self._send_next(errand, now)
-        if all(errand.watch is None for errand in self.errands.values()):
+        if all(errand.is_over for errand in self.errands.values()):
             self.is_done = True
             self._node.stop.request("all goals have ended")
 
@@ -259,9 +277,10 @@ class Dispatcher:
         if errand.failures >= self._rounds.counts[robot_id] > 0:
             if errand.goal is not None:
                 log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
-            errand.goal = None
+            errand.goal, errand.is_over = None, True
             return
         errand.goal = self._rounds.take(robot_id)
+        errand.is_over = errand.goal is None
         if errand.goal is not None:
             errand.sent = now
             errand.watch = errand.client.send(goal_message(errand.goal.pose))

@@ -1,19 +1,26 @@
-"""What other processes ask of a robot: its parameters, and to give its goal up; and how they tell goals apart. The
-queries have the names of ROS's.
+"""What other processes ask of a robot: its parameters, to give its goal up, to stop; and how they tell goals apart. The
+queries have the names of ROS's, but for the stop.
 
 The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
 """
 
+from collections.abc import Callable, Collection, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from functools import partial
 from typing import Any, TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.clock import to_ns
+from zteam.bus.transport import Handle
+from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, UsageError
 from zteam.messages import NavigationState, PoseStamped
+from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
 from zteam.robot.behaviors.registry import Parameter
+from zteam.simulator.client import find_status
 
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
@@ -134,3 +141,135 @@ class CancelReply(msgspec.Struct):
 
     canceled: bool
     """Whether there was a goal to give up."""
+
+
+CONFIRM_LIMIT = 1.0 * HOST_FACTOR
+"""Host seconds for all who stop a robot to confirm it."""
+SETTLE = 0.3
+"""Host seconds for the presence tokens of all processes to come: one that hangs shows by nothing else."""
+_ASKED_AT_ONCE = 32
+"""Robots."""
+
+
+class StopResult(msgspec.Struct):
+    """What became of a request to stop or to release one robot."""
+
+    robot: int
+    is_stopped: bool
+    """What was asked for."""
+    confirmed: list[str]
+    """The processes that have confirmed it: what commands the robot, and the simulator, which holds its body."""
+    missing: list[str]
+    """Those that are there and have not confirmed it within CONFIRM_LIMIT."""
+    problem: str = ""
+    """What else is wrong."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all who stop the robot have confirmed it."""
+        return bool(self.confirmed) and not (self.missing or self.problem)
+
+    def __str__(self) -> str:
+        name, done = names.robot_name(self.robot), "stopped" if self.is_stopped else "released"
+        if self.is_done:
+            return f"{name}: {done}, confirmed by {', '.join(self.confirmed)}"
+        parts = [f"confirmed by {', '.join(self.confirmed)}"] if self.confirmed else []
+        if self.missing:
+            parts.append(f"not confirmed by {', '.join(self.missing)} within {CONFIRM_LIMIT:g} s")
+        return f"{name}: {'; '.join(filter(None, (*parts, self.problem)))}"
+
+
+Answers = Sequence[tuple[str, StopReply]]
+"""The key that was asked, and the answer."""
+
+
+class StopClient:
+    """Stops and releases robots: those that are given, or all that are there."""
+
+    def __init__(self, bus: Bus, alive: Callable[[], Iterable[str]] | None = None) -> None:
+        """`alive()` are the names of the processes that are there, for callers that know them."""
+        self._bus, self._alive = bus, alive
+
+    def engage(self, robots: Collection[int] | None = None) -> list[StopResult]:
+        """Stop robots, and say for each who has confirmed it. All are asked at once: nobody has to be found before."""
+        keys = [EngageRequest.wildcard] if robots is None else self._keys(robots, names.ENGAGE)
+        return self._ask(robots, keys, EngageRequest(), stopped=True)
+
+    def release(self, robots: Collection[int] | None = None) -> list[StopResult]:
+        """Release robots, and say for each who has confirmed it."""
+        # Access control goes by keys: a wildcard would pass it.
+        found = {robot_id for robot_id, _ in ask_stopped(self._bus, names.ALL_ROBOTS)} if robots is None else robots
+        return self._ask(robots, self._keys(found, names.RELEASE), ReleaseRequest(), stopped=False)
+
+    @staticmethod
+    def _keys(robots: Iterable[int], service: str) -> list[str]:
+        return [names.robot_key(robot_id, service) for robot_id in sorted(robots)]
+
+    def _ask(
+        self, robots: Collection[int] | None, keys: Sequence[str], request: Change, *, stopped: bool
+    ) -> list[StopResult]:
+        alive, begin = set[str](), monotonic()
+        watch = self._bus.watch_tokens([names.tokens_key()], partial(_take, alive)) if self._alive is None else []
+        with closing(Handle(*(each.close for each in watch))), ThreadPoolExecutor(_ASKED_AT_ONCE, "stop") as pool:
+            asked = pool.map(partial(self._query, request), keys)
+            status = pool.submit(find_status, self._bus, CONFIRM_LIMIT)
+            answers = list(asked)
+            if self._alive is None:
+                pause(max(0.0, begin + SETTLE - monotonic()))
+            else:
+                alive = set(self._alive())
+            world = status.result()
+        replies = [reply for found, _ in answers for reply in found]
+        expected = _expected(alive, None if world is None else world.robots)
+        if names.SIMULATOR in alive and world is None:
+            # Whose bodies it holds it does not say.
+            for held in expected.values():
+                held.add(names.SIMULATOR)
+        for key, reply in replies:
+            target = names.split_robot_key(key)
+            if target is not None:
+                expected.setdefault(target[0], set()).add(reply.by)
+        chosen = expected.keys() if robots is None else robots
+        problems = {key: problem for key, (_, problem) in zip(keys, answers, strict=True)}
+        return [_result(i, expected.get(i, set()), replies, problems, stopped=stopped) for i in sorted(chosen)]
+
+    def _query(self, request: Change, key: str) -> tuple[Answers, str]:
+        """The answers, and why there are none."""
+        try:
+            return self._bus.query(key, StopReply, request, timeout=CONFIRM_LIMIT), ""
+        except BusError as error:
+            why = str(error).removeprefix(f"{key}: ")
+            return [], "" if why == _TIMED_OUT else why
+
+
+def _take(alive: set[str], key: str, is_there: bool) -> None:
+    token = names.split_token_key(key)
+    if token is not None and is_there:
+        alive.add(token[0])
+
+
+def _expected(alive: Iterable[str], world: Iterable[int] | None) -> dict[int, set[str]]:
+    """By robot, the processes that have to confirm: those that hold its name, and the simulator for robots in its
+    world. A base without a process has none."""
+    found: dict[int, set[str]] = {}
+    for name in alive:
+        robot_id, base_id = names.robot_id_of(name), names.base_robot_of(name)
+        if robot_id is not None:
+            found.setdefault(robot_id, set()).add(name)
+        elif base_id is not None:
+            found.setdefault(base_id, set())
+    for robot_id in world or ():
+        found.setdefault(robot_id, set()).add(names.SIMULATOR)
+    return found
+
+
+def _result(
+    robot_id: int, expected: set[str], replies: Answers, problems: dict[str, str], *, stopped: bool
+) -> StopResult:
+    """What became of one robot."""
+    mine = {names.robot_key(robot_id, service) for service in (names.ENGAGE, names.RELEASE)}
+    confirmed = {reply.by for key, reply in replies if key in mine and reply.is_stopped == stopped}
+    problem = "" if confirmed else next((problem for key, problem in problems.items() if key in mine and problem), "")
+    if not expected and not problem:
+        problem = "nothing holds it: it has no process, and no simulator has its body"
+    return StopResult(robot_id, stopped, sorted(confirmed), sorted(expected - confirmed), problem)

@@ -11,6 +11,7 @@ from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
+from zteam.node.stopping import STOPPED
 from zteam.transforms import FrameInfo, TransformException
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 from zteam.transforms.listener import TransformListener
@@ -151,6 +152,8 @@ class Inputs:
         status = self.status
         if status is None:
             return ""
+        if status.is_stopped:
+            return STOPPED
         if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
             return "waits for GO"
         return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""

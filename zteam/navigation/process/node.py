@@ -74,7 +74,7 @@ class NavigationNode:
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
         self._serve(robot_id, "info", NoRequest, lambda _: own_info(node.name, node.bus.instance, node.claim.start))
-        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.navigator.cancel()))
+        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.cancel()))
         self._serve(
             robot_id,
             GLOBAL_LOCALIZATION,

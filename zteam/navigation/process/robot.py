@@ -71,6 +71,11 @@ class RobotNavigation:
         """Spread the particles; why that does not count, if it does not."""
         return NO_MAP if self._localiser is None else self._localiser.localize_globally()
 
+    def cancel(self) -> bool:
+        """Give up the goal, also one that has come since the last step; whether there was one."""
+        self._take_goal()
+        return self.navigator.cancel()
+
     def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
         """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
         self._take_initial_pose()

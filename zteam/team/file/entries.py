@@ -89,7 +89,7 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     qw: float | None = None
 
 
-GRANTS = ("teleop", "goals", "simulation", "parameters", "processes", "transforms")
+GRANTS = ("teleop", "goals", "simulation", "parameters", "processes", "transforms", "release")
 """What a certificate may do beyond its process's part in the team (`team.security.access`)."""
 
 

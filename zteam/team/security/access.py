@@ -57,6 +57,10 @@ _PLANNED = _of_robot(
     names.PUBLISHED_FOOTPRINT, names.PLAN, names.LOCAL_PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP,
 )  # fmt: skip
 _CANCEL, _LOCALIZE = _of_robot(f"{names.NAVIGATION}/cancel", f"{names.NAVIGATION}/global_localization")
+_LISTS = _of_robot(names.GOALS, names.PAUSE_GOALS, names.RESUME_GOALS)
+_STOPS = _of_robot(names.STOP, names.ENGAGE, names.RELEASE)
+"""Answered by what commands a robot, and by the simulator."""
+_STOP, _RELEASE = (names.all_robots_key(service) for service in (names.ENGAGE, names.RELEASE))
 _DESCRIBE, _SET = _of_robot("describe_parameters", "set_parameters")
 _SIMULATE = tuple(
     names.service_key(names.SIMULATOR, service)
@@ -70,22 +74,26 @@ _OWN = Rights(
     publishes=(names.log_key(_NAME), names.done_key(_NAME)),
     answers=tuple(names.service_key(_NAME, each) for each in ("info", "stats", "log", "timing", names.LACKING)),
     holds=(names.tokens_key(_NAME), names.claim_key(_NAME, "*")),
+    asks=(_STOP,),
 )
-"""What every process does under its name."""
+"""What every process does under its name; and each may stop all robots."""
 
 _BASE = "base_N"
 _PARTS = {
     kinds.ROUTER: Rights(links=True),
     # In lock-step it passes the robots' commands on.
     names.SIMULATOR: Rights(
-        (names.CLOCK, names.MAP, names.TICK, *_MEASURED, *_of_robot(names.CMD_VEL)), (f"{names.SIMULATOR}/*",)
+        (names.CLOCK, names.MAP, names.TICK, *_MEASURED, *_of_robot(names.CMD_VEL)), (f"{names.SIMULATOR}/*", *_STOPS)
     ),
     names.MAP_SERVER: Rights((names.MAP,)),
     names.AGGREGATOR: Rights((names.TF, names.TF_STATIC), (f"{names.AGGREGATOR}/*",)),
     names.MONITOR: Rights((names.TEAM_STATUS,)),
     names.LAUNCHER: Rights(answers=(f"{names.LAUNCHER}/*",)),
     names.VIEW: Rights(),
-    kinds.ROBOT: Rights(_of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL)),
+    OPERATOR: Rights(asks=(_RELEASE,)),
+    kinds.ROBOT: Rights(
+        _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, *_STOPS)
+    ),
     kinds.NAVIGATION: Rights(_PLANNED, _of_robot(f"{names.NAVIGATION}/*")),
     _BASE: Rights(_MEASURED),
 }
@@ -107,18 +115,20 @@ def _filled(rights: Rights, name: str = "", robots: Iterable[str] = (names.ALL_R
 _GRANTED = {
     "teleop": Rights(_of_robot(names.CMD_VEL_TELEOP)),
     # zteam goals is a process of its own.
-    "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), asks=(_CANCEL, _LOCALIZE))
+    "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), _LISTS, asks=(_CANCEL, _LOCALIZE, *_LISTS[1:]))
     | _filled(_OWN, names.GOALS),
     "simulation": Rights(asks=(*_SIMULATE, _CUT)),
     "parameters": Rights(asks=(_SET,)),
     "processes": Rights(asks=(_START,)),
     "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),
+    "release": Rights(asks=(_RELEASE,)),
 }
 """By the words of GRANTS."""
 
 
-CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks)
-"""All queries that change something (docs/keys.md): a certificate may ask them if the team file grants it."""
+CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks if key != _STOP)
+"""All queries that change something (docs/keys.md) but the stop: a certificate may ask them if the team file grants it.
+"""
 
 
 def rights_of(team: Team) -> dict[str, Rights]:

@@ -8,10 +8,10 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 import logging
 import math
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, overload
 
 from msgspec import structs
 
@@ -28,6 +28,7 @@ from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import look_in
+from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
 from zteam.team.chaos.links import Links, no_link
 from zteam.team.chaos.means import Means
@@ -208,12 +209,35 @@ class TeamFixture(TeamProcesses):
         process.join(START_LIMIT)
         self._wait_until_left(name)
 
-    def stop(self, name: str) -> int:
-        """Ask a process to stop (SIGTERM), or a node in this process; its exit code."""
+    @overload
+    def stop(self, name: None = None, *, robots: Collection[int] | None = None) -> None: ...
+
+    @overload
+    def stop(self, name: str) -> int: ...
+
+    def stop(self, name: str | None = None, *, robots: Collection[int] | None = None) -> int | None:
+        """Stop the robots where they are, all or these, as `zteam stop` does, until `release`.
+
+        With the `name` of a process: ask that process to end (SIGTERM), or a node in this process; its exit code.
+        """
+        if name is None:
+            self._need_team("stop")
+            _need_confirmed(self._stops().engage(robots))
+            return None
+        if robots is not None:
+            raise UsageError("team.stop: give the name of a process to end, or robots to stop")
         self._process(name).terminate()
         code = self.wait_for_exit(name)
         self._wait_until_left(name)
         return code
+
+    def release(self, robots: Collection[int] | None = None) -> None:
+        """Let the robots that were stopped go on, all or these."""
+        self._need_team("release")
+        _need_confirmed(self._stops().release(robots))
+
+    def _stops(self) -> StopClient:
+        return StopClient(self.bus, self._view.process_names)
 
     def pause_process(self, name: str) -> None:
         """Freeze a process (SIGSTOP). From here on it may hang."""
@@ -387,6 +411,12 @@ class TeamFixture(TeamProcesses):
             self.sim.repeat()
             if not self._wait(arrived, START_LIMIT):
                 raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+
+def _need_confirmed(results: Sequence[StopResult]) -> None:
+    failed = [str(result) for result in results if not result.is_done]
+    if failed or not results:
+        raise TeamTimeout("; ".join(failed) or "no robot is there")
 
 
 def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:

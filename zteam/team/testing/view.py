@@ -168,6 +168,11 @@ class ObservedTeam:
         """Whether a process holds this name."""
         return name in self._tokens
 
+    def process_names(self) -> list[str]:
+        """The names that processes hold."""
+        with self.changed:
+            return [*self._tokens]
+
     def _on_clock(self, _key: str, message: Clock) -> None:
         with self.changed:
             self.now = ns_from_time(message.clock)

@@ -1,0 +1,60 @@
+"""`zteam stop`: stop robots where they are, whatever drives them, until `zteam stop --release`."""
+
+import argparse
+import sys
+from contextlib import closing
+from functools import partial
+
+import msgspec
+
+from zteam.cli.listening import open_bus
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.usage import ENDS_TEAM
+from zteam.config.robot_ids import parse_robot_ids
+from zteam.errors import ZteamError
+from zteam.robot.client import StopClient, StopResult
+
+_EPILOG = f"""Each robot's process commands zero velocity from now on, and the simulator holds the robot's body: a robot
+counts as stopped if both have confirmed it. The robots keep their goals. The exit code is 1 if somebody has not
+confirmed within 1 s. A real base without a robot process is not held.
+
+This ends no process: {ENDS_TEAM}."""
+
+
+def build_parser() -> Parser:
+    """The command line."""
+    parser = Parser(
+        prog="zteam stop", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("robots", nargs="*", metavar="ID", help="robots, e.g. 0 or 0-2 (default: all that are there)")
+    parser.add_argument("--release", action="store_true", help="release them: they go on with what they were about")
+    parser.add_argument("--json", action="store_true", help="print a JSON list with an object for each robot")
+    add_bus_options(parser)
+    return parser
+
+
+def _read(args: argparse.Namespace) -> None:
+    args.robots = parse_robot_ids(args.robots, "ID") if args.robots else None
+
+
+def _stop(args: argparse.Namespace) -> int:
+    with closing(open_bus(bus_options(args))) as bus:
+        client = StopClient(bus)
+        results = (client.release if args.release else client.engage)(args.robots)
+    if args.json:
+        print(msgspec.json.encode(results).decode())
+    else:
+        _print(results, release=args.release)
+    if not results:
+        raise ZteamError("no robot is there: neither a robot's process nor a simulator answers (see 'zteam doctor')")
+    return 0 if all(result.is_done for result in results) else 1
+
+
+def _print(results: list[StopResult], *, release: bool) -> None:
+    for result in results:
+        print(result, file=sys.stdout if result.is_done else sys.stderr)
+    if any(result.confirmed for result in results) and not release:
+        print(f"they stand until 'zteam stop --release' ({ENDS_TEAM})")
+
+
+main = partial(run_tool, build_parser, _stop, read=_read)
