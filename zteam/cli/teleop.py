@@ -25,6 +25,7 @@ from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
 from zteam.node.shutdown import Stop, stopping_in_order
+from zteam.node.stopping import STOPPED
 from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script
 from zteam.robot.wheels import Wheels
 
@@ -123,6 +124,9 @@ def _drive_by_script(pilot: Pilot, wheels: Mapping[int, Wheels], bus: Bus, args:
     unheard = [wheels[robot_id].unheard for robot_id in sorted(driven) if wheels[robot_id].unheard]
     if unheard:
         raise ZteamError(f"nothing subscribes to {', '.join(unheard)}: see 'zteam doctor'")
+    held = [wheels[robot_id].name for robot_id in sorted(driven) if wheels[robot_id].is_stopped]
+    if held:
+        raise ZteamError(f"{', '.join(held)}: {STOPPED}")
     return 0
 
 
@@ -151,6 +155,8 @@ def describe(pilot: Pilot, wheels: Wheels) -> str:
     keys = f"{names.robot_name(pilot.robot_id)}: keys {pilot.speed:.2f} m/s, {pilot.turn:.2f} rad/s"
     if wheels.unheard:
         return f"{keys} | nothing hears {wheels.unheard}"
+    if wheels.is_stopped:
+        return f"{keys} | {STOPPED}"
     if wheels.direct:
         return f"{keys} | {_velocity(wheels.command)} straight to the base, no safety layer"
     status = wheels.status

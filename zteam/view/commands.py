@@ -34,8 +34,11 @@ from zteam.robot.client import (
     CancelReply,
     CancelRequest,
     ParametersClient,
+    StopClient,
+    StopResult,
     navigation_query,
 )
+from zteam.robot.goal_lists import pause_lists
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
 from zteam.view.team_view import TeamView
@@ -162,6 +165,17 @@ class Commands:
         self._parameters = ParametersClient(state.node.bus)
         self._publishers: dict[str, Publisher[Message]] = {}
         self._lock = threading.Lock()
+        self._stops = StopClient(state.node.bus, state.queries.names)
+
+    def stop_robots(self) -> str:
+        """Stop all robots; who has not confirmed it, if somebody has not."""
+        try:
+            _need_done(self._stops.engage())
+        except ZteamError as error:
+            return str(error)
+        finally:
+            self._state.ask_soon()
+        return ""
 
     def carry_out(self, request: requests.Command) -> str:
         """Do it; why not, if it cannot be done."""
@@ -178,8 +192,14 @@ class Commands:
         match request:
             case requests.Goal():
                 self._send_goals(request)
+            case requests.ReleaseRobots():
+                _need_done(self._stops.release())
             case requests.CancelGoals():
+                if request.pauses:
+                    pause_lists(self._state.node.bus, paused=True)
                 self._cancel_goals(request.robots)
+            case requests.ResumeLists():
+                pause_lists(self._state.node.bus, paused=False)
             case requests.InitialPose():
                 self._send_initial_pose(request)
             case requests.Pause():
@@ -281,3 +301,10 @@ class Commands:
             pause(0.01)
         publisher.put(message)
         return True
+
+
+def _need_done(results: Sequence[StopResult]) -> None:
+    """Raise ZteamError that names those who have not confirmed it."""
+    failed = [str(result) for result in results if not result.is_done]
+    if failed or not results:
+        raise ZteamError("; ".join(failed) or "no robot is there")

@@ -19,6 +19,7 @@ from zteam.node.log_client import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenSet
 from zteam.robot.client import DESCRIBE, DescribeReply
+from zteam.robot.goal_lists import find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, Lookup, TransformClient
@@ -108,6 +109,8 @@ class TeamQueries:
         self.frames: dict[str, FrameInfo] = {}
         """Of the aggregator: which process says where each frame is, and in which one."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
+        self.lists: dict[int, bool] = {}
+        """By robot that drives through a list of goals: whether the list is paused."""
         self.parameters: dict[int, DescribeReply] = {}
         """Of the robots that are inspected, those that answer."""
         self.kept_log: list[LogLine] | None = None
@@ -150,6 +153,11 @@ class TeamQueries:
         """Whether a process holds this name."""
         return name in self._tokens
 
+    def names(self) -> list[str]:
+        """The names that processes hold."""
+        with self._node.changed:
+            return [*self._tokens]
+
     def robots(self) -> set[int]:
         """The robots that have a process."""
         with self._node.changed:
@@ -171,6 +179,7 @@ class TeamQueries:
         subscriptions so far."""
         self._ask_simulator(obstacles="obstacles" in layers)
         self._ask_for_repeat(opened)
+        self.lists = find_lists(self._bus) if "goals" in layers else {}
         answers = {i: self._ask(names.service_key(names.robot_name(i), DESCRIBE), DescribeReply) for i in inspected}
         self.parameters = {i: found[0][1] for i, found in answers.items() if found}
         if ("tf" in docs or inspected) and self._frames_due.due():

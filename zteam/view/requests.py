@@ -96,10 +96,24 @@ class Goal(Command, tag="goal", frozen=True):
     yaw: Place
 
 
+class StopRobots(Command, tag="stop_robots", frozen=True):
+    """Stop all robots until they are released. It needs no token: who may watch may stop."""
+
+
+class ReleaseRobots(Command, tag="release_robots", frozen=True):
+    """Release all robots."""
+
+
 class CancelGoals(Command, tag="cancel", frozen=True):
     """Give up the goals of these robots: they stop."""
 
     robots: Robots
+    pauses: bool = False
+    """Whether all lists of goals (`zteam goals`) are paused too: no robot gets its next goal."""
+
+
+class ResumeLists(Command, tag="resume_lists", frozen=True):
+    """Go on with all lists of goals."""
 
 
 class InitialPose(OfRobot, tag="initialpose", frozen=True):
@@ -193,7 +207,8 @@ class Examine(Command, tag="doctor", frozen=True):
 
 
 AnyRequest = (
-    Hello | Token | Ack | Look | Watch | Unwatch | Goal | CancelGoals | InitialPose | Take | Release | Drive
+    Hello | Token | Ack | Look | Watch | Unwatch | Goal | CancelGoals | ResumeLists | InitialPose | Take | Release
+    | Drive | StopRobots | ReleaseRobots
     | Pause | Resume | Step | SetSpeed | Reset | Spawn | Remove | Move | SetParameter | Examine | Start
 )  # fmt: skip
 

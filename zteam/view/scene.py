@@ -66,6 +66,10 @@ class RobotRow(msgspec.Struct):
     """Where it is, x, y, yaw in `map`, where that is known and far from where it takes itself to be."""
     present: bool = False
     """Whether the world has it, or without a simulator its base or process is there."""
+    stopped: bool = False
+    """Whether `zteam stop` holds it."""
+    unheld: bool = False
+    """Whether nothing would hold it: it is a real base without a robot process."""
 
 
 class Waiting(msgspec.Struct):
@@ -115,6 +119,8 @@ class TeamDocument(msgspec.Struct):
     """What a command that is typed needs to find the team, such as ` --connect tcp/10.0.0.2:7447`."""
     loading: bool = False
     """Whether a simulator or robots that are here may not have been heard yet."""
+    lists: dict[int, bool] = {}
+    """By robot that drives through a list of goals: whether the list is paused."""
 
 
 def robot_row(
@@ -188,6 +194,11 @@ def add_circumstances(
         told.insert(0, f"localisation lost: its place is known to ± {wide:.1f} m only")
     row.localised = len(told) == 1
     row.reason = " · ".join(filter(None, told))
+
+
+def is_stopped(robot_id: int, sim: SimStatus | None, status: RobotStatus | None) -> bool:
+    """Whether the simulator holds a robot's body, or its process, of which this is the newest status, holds it."""
+    return (sim is not None and robot_id in sim.stopped) or (status is not None and status.is_stopped)
 
 
 def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
@@ -370,6 +381,8 @@ class Scene:
             )
             amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
             places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
+            rows[robot_id].stopped = is_stopped(robot_id, sim, status[1] if status and alive else None)
+            rows[robot_id].unheld = sim is None and speaks_now and not alive
             add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
         team = self._read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
@@ -385,6 +398,7 @@ class Scene:
             options="".join(f" {option} {shlex.quote(value)}" for option, value in options.items() if value),
             namespace=state.namespace,
             loading=queries.loading,
+            lists=queries.lists,
         )
 
     def _newest_data(self) -> dict[int, float]:

@@ -39,6 +39,7 @@ from zteam.view.requests import (
     Hello,
     Look,
     Release,
+    StopRobots,
     Take,
     Token,
     Unwatch,
@@ -65,6 +66,8 @@ class Pages:
         self._loop = asyncio.get_running_loop()
         self.driving = Driving(state.node.bus)
         self.commands = Commands(state)
+        self.stopper = ThreadPoolExecutor(STOPS, "stop")
+        """For stops: no other command may delay them."""
         state.lease_of = self.driving.holder
         state.on_news = self._on_news
 
@@ -89,6 +92,8 @@ class Pages:
             self._tell()
 
 
+STOPS, MAX_STOPS = 8, 2
+"""Stops at the same time: of all pages, of one."""
 MAX_WAITING = 32
 """Commands of one page that wait for those before them."""
 BURST, RATE = 200.0, 100.0
@@ -107,6 +112,7 @@ class Page:
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
         self._commands: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
+        self._stops: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Serve the page until its socket is closed."""
@@ -195,8 +201,25 @@ class Page:
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
                 if not self._pages.driving.drive(request.robot, viewer.number, command):
                     self._say({"op": "lost", "robot": request.robot})
+            case StopRobots():
+                self._stop_robots(request.seq)
             case Command():
                 self._queue(viewer, request)
+
+    def _stop_robots(self, seq: int) -> None:
+        """At once: it waits for no other command, and needs no token."""
+        if len(self._stops) >= MAX_STOPS:
+            self._reply(seq, f"{MAX_STOPS} stops of this page are under way already")
+            return
+        task = asyncio.create_task(self._carry_out_stop(seq))
+        self._stops.add(task)
+        task.add_done_callback(self._stops.discard)
+
+    async def _carry_out_stop(self, seq: int) -> None:
+        pages = self._pages
+        error = await asyncio.get_running_loop().run_in_executor(pages.stopper, pages.commands.stop_robots)
+        self._reply(seq, error)
+        pages.state.on_news()
 
     def _queue(self, viewer: Viewer, command: Command) -> None:
         if not viewer.may_command:
@@ -305,6 +328,7 @@ class WebServer:
             await self._server.serve([self._listener])
         finally:
             pages.driving.stop()
+            pages.stopper.shutdown(wait=False)
 
 
 class Guarded:

@@ -76,6 +76,16 @@ def _gate_step(facts: Facts, missing: list[int]) -> str:
     return "start further robots: zteam-robot --id N"
 
 
+def check_stops(facts: Facts) -> Iterator[Finding]:
+    """Robots that `zteam stop` holds, by their own word or that of the simulator, which has their bodies."""
+    held = set(facts.sim.stopped if facts.sim else ())
+    held |= {i for i, status in facts.statuses.items() if status.is_stopped and i in facts.robots}
+    if held:
+        noun = "robot" if len(held) == 1 else "robots"
+        text = f"'zteam stop' holds {noun} {format_robot_ids(sorted(held))}: nothing drives"
+        yield problem("stop", f"{text} {'it' if len(held) == 1 else 'them'}", "zteam stop --release")
+
+
 def check_readiness(facts: Facts) -> Iterator[Finding]:
     """Robots that are not ready, with what they wait for, and robots that failed."""
     for robot_id, status in sorted(facts.statuses.items()):
@@ -88,7 +98,7 @@ def check_readiness(facts: Facts) -> Iterator[Finding]:
             yield problem("robots", text, _boot_step(facts, status))
         elif status.state == RobotState.FAULT:
             yield problem("robots", f"{name} has failed: {status.text}", f"see its log, then start {name} again")
-        elif status.state == RobotState.RUNNING and (reason := status.reason or status.text):
+        elif status.state == RobotState.RUNNING and not status.is_stopped and (reason := status.reason or status.text):
             yield note("robots", f"{name} stands: {reason}")
 
 
@@ -380,6 +390,7 @@ _CHECKS = (
     check_world,
     check_robots_of_world,
     check_gate,
+    check_stops,
     check_readiness,
     check_frames,
     check_silence,

@@ -14,6 +14,7 @@ import msgspec
 
 from zteam import names
 from zteam.clock import Every, monotonic
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
@@ -23,6 +24,7 @@ from zteam.node.log_client import printable
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.restarts import Restarted, restarts_text
+from zteam.node.stopping import STOPPED
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")
@@ -99,6 +101,8 @@ class Row(msgspec.Struct):
     """Why it stands, or is not there."""
     restarts: int = 0
     """How often its process was started again."""
+    is_stopped: bool = False
+    """Whether `zteam stop` holds it."""
 
 
 class TableLine(NamedTuple):
@@ -127,6 +131,10 @@ def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[st
     row.speed = status.speed
     if member.silent:
         row.reason = member.why_not_ready
+        return row
+    row.is_stopped = status.is_stopped and member.alive
+    if row.is_stopped:
+        row.reason = STOPPED
         return row
     if status.state == RobotState.READY:
         # What GO waits for stands below the table.
@@ -178,8 +186,11 @@ def _wrap(text: str, width: int, indent: str) -> list[str]:
 
 
 def team_notes(team: WatchedTeam, restarts: Mapping[str, Restarted], problems: Sequence[str]) -> list[str]:
-    """The lines below the table: GO, or what it waits for, processes started again, and what else is wrong."""
+    """The lines below the table: GO, or what it waits for, processes started again, robots that are stopped, and what
+    else is wrong."""
     told = [restarts_text(restarts)] if restarts else []
+    held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
+    told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for()}", *told, *problems]
 
 

@@ -189,10 +189,10 @@ export class Connection {
     if (this.#ready) this.#raw(message);
   }
 
-  /** @param {object} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
+  /** @param {Record<string, any>} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
   send(command) {
     if (!this.#ready) return Promise.resolve(NOT_CONNECTED);
-    if (!this.store.connection.mayCommand) {
+    if (!this.store.connection.mayCommand && command.op !== "stop_robots") {
       return Promise.resolve(WATCHING);
     }
     const seq = ++this.#seq;

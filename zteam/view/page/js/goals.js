@@ -25,8 +25,13 @@ export function progressText({ state, distance, seconds, recoveries }) {
   return parts.join(" · ");
 }
 
-/** @param {import("./app.js").App} app @param {number[]} robots */
-export const cancelGoals = (app, robots) => app.ask({ op: "cancel", robots }, "Cancel");
+/** @param {import("./app.js").App} app @param {number[]} robots @param {boolean} pauses whether lists send no next goal */
+export const cancelGoals = (app, robots, pauses = false) => app.ask({ op: "cancel", robots, pauses }, "Cancel");
+
+/** @param {import("./store.js").Store} store @returns {string[]} the robots whose lists of goals are paused, by name */
+export function pausedLists({ team }) {
+  return Object.entries(team?.lists ?? {}).flatMap(([robot, paused]) => (paused ? [`robot_${robot}`] : []));
+}
 
 /** Says in a message how each goal ends, from now on. @param {import("./app.js").App} app */
 export function tellEnds(app) {

@@ -7,6 +7,7 @@ import { listenToGamepads } from "./drive/gamepad.js";
 import { listenToDriveKeys } from "./drive/keyboard.js";
 import { mountStick } from "./drive/stick.js";
 import { makeScene } from "./scene/scene.js";
+import { mountStop } from "./stop.js";
 import { mountTools } from "./tools/tools.js";
 
 const app = new App();
@@ -17,6 +18,7 @@ const stats = { frames: 0, js_ms: [], arrival_ms: [], age_ms: [], bytes: 0 };
 const element = /** @type {HTMLElement} */ (document.querySelector("#scene"));
 app.scene = makeScene(app, element, stats);
 app.drive = new Driver(app);
+mountStop(app, /** @type {HTMLElement} */ (document.querySelector("#stop")));
 mountTools(app, element, /** @type {HTMLElement} */ (document.querySelector("#tools")));
 listenToDriveKeys(app.drive);
 listenToGamepads(app.drive);

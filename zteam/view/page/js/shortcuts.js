@@ -2,6 +2,7 @@
 
 /** @type {{keys: string, text: string, group: string}[]} */
 export const SHORTCUTS = [
+  { keys: "Shift+Space", text: "Stop all robots, also while you drive one, and from a page that only watches", group: "Tools" },
   { keys: "s", text: "Select: click, Shift+click adds, Shift+drag a box; drag moves the map", group: "Tools" },
   { keys: "g", text: "Goal for the selected robots: press, drag for the heading", group: "Tools" },
   { keys: "p", text: "Initial pose of the selected robot: press, drag for the heading", group: "Tools" },

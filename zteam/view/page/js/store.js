@@ -12,9 +12,9 @@ const SENSORS = 65536;
 
 /** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
 /** @typedef {{id: number, name: string, model: string, outline: [number, number][][], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
- *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean}} Robot */
+ *  age: number | null, lease: number | null, localised: boolean, truth: [number, number, number] | null, present: boolean, stopped: boolean, unheld: boolean}} Robot */
 /** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string,
- *  behaviors: string[], launcher: boolean, options: string, loading: boolean}} Team */
+ *  behaviors: string[], launcher: boolean, options: string, loading: boolean, lists: Record<string, boolean>}} Team */
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,

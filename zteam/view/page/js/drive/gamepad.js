@@ -1,8 +1,11 @@
-/** A gamepad drives with its left stick; the standard layout of the Gamepad API. */
+/** A gamepad drives with its left stick, and stops all robots; the standard layout of the Gamepad API. */
 
+import { stopRobots } from "../stop.js";
 import { sharesOfStick } from "./law.js";
 
 const POLL = 50;
+/** The right one of the four, which is B or a circle. */
+const STOP_BUTTON = 1;
 const LEFT_BUTTON = 4,
   RIGHT_BUTTON = 5;
 
@@ -10,9 +13,13 @@ const LEFT_BUTTON = 4,
 export function listenToGamepads(driver) {
   let timer = 0;
   let pressed = false;
+  let stops = false;
 
   function poll() {
     const pad = navigator.getGamepads().find((candidate) => candidate?.connected);
+    const stop = pad?.buttons[STOP_BUTTON]?.pressed ?? false;
+    if (stop && !stops) stopRobots(driver.app);
+    stops = stop;
     if (!pad || !driver.mode || !document.hasFocus()) return driver.wish("gamepad", sharesOfStick(0, 0));
     driver.wish("gamepad", sharesOfStick(pad.axes[0] ?? 0, pad.axes[1] ?? 0));
     const down = [LEFT_BUTTON, RIGHT_BUTTON].find((button) => pad.buttons[button]?.pressed);
@@ -20,16 +27,11 @@ export function listenToGamepads(driver) {
     pressed = down !== undefined;
   }
 
-  /** Polled only while a gamepad is there and driving is on. */
+  /** Polled only while a gamepad is there. */
   function update() {
     clearInterval(timer);
     timer = 0;
-    if (driver.mode && navigator.getGamepads?.().some(Boolean)) timer = setInterval(poll, POLL);
+    if (navigator.getGamepads?.().some(Boolean)) timer = setInterval(poll, POLL);
   }
-  let mode = false;
-  driver.app.store.on("drive", () => {
-    if (driver.mode !== mode) update();
-    mode = driver.mode;
-  });
   for (const name of ["gamepadconnected", "gamepaddisconnected"]) window.addEventListener(name, update);
 }

@@ -1,6 +1,6 @@
 /** The goals of the moment, above the map: how far each robot is, and a button that gives a goal up. */
 
-import { cancelGoals, isLive, liveGoals, progressText, tellEnds } from "../goals.js";
+import { cancelGoals, isLive, liveGoals, pausedLists, progressText, tellEnds } from "../goals.js";
 import { robotColor } from "../robot_colors.js";
 import { el, iconButton, reconcile, setText } from "./dom.js";
 import { whyNoCommand } from "./rights.js";
@@ -16,9 +16,11 @@ export function mountGoals(app, place) {
   /** The aborted goals that the user has dismissed, by robot: their stamps. @type {Map<number, number>} */
   const dismissed = new Map();
   const title = el("strong", { class: "grow" });
-  const all = el("button", { type: "button", onclick: () => cancelGoals(app, liveGoals(store).map(({ robot }) => robot)) }, "Cancel all");
+  const all = el("button", { type: "button", onclick: () => cancelGoals(app, liveGoals(store).map(({ robot }) => robot), true) }, "Cancel all");
   const rows = el("div"), more = el("div", { class: "muted" });
-  const list = el("section", { id: "goals", "aria-label": "Goals", "data-own-pointer": true }, el("header", {}, title, all), rows, more);
+  const text = el("span", { class: "grow" }), resume = el("button", { type: "button", onclick: () => app.ask({ op: "resume_lists" }, "Go on") }, "Go on");
+  const paused = el("div", { class: "goal" }, text, resume);
+  const list = el("section", { id: "goals", "aria-label": "Goals", "data-own-pointer": true }, el("header", {}, title, all), rows, more, paused);
   place.append(list);
   const isShown = (/** @type {Goal} */ goal) => isLive(goal) || (goal.state === "aborted" && dismissed.get(goal.robot) !== goal.stamp);
   const chosenFirst = (/** @type {Goal} */ a, /** @type {Goal} */ b) => Number(store.selection.has(b.robot)) - Number(store.selection.has(a.robot));
@@ -31,12 +33,17 @@ export function mountGoals(app, place) {
   }
   function show() {
     const goals = /** @type {Goal[]} */ (store.docs.goals ?? []).filter(isShown).sort(chosenFirst);
-    const live = goals.filter(isLive).length, why = whyNoCommand(store);
-    list.hidden = goals.length === 0;
+    const live = goals.filter(isLive).length, why = whyNoCommand(store), waiting = pausedLists(store);
+    list.hidden = goals.length === 0 && waiting.length === 0;
+    paused.hidden = waiting.length === 0;
+    setText(text, `${waiting.slice(0, MOST).join(", ")}${waiting.length > MOST ? " …" : ""}: the list is paused`);
+    resume.disabled = why !== "";
+    resume.title = why || "Let the robots drive to the next goals of their lists";
     setText(title, live === 0 ? "Goals" : live === 1 ? "1 goal" : `${live} goals`);
-    all.hidden = live < 2;
+    const drives = goals.some((goal) => isLive(goal) && store.team?.lists[goal.robot] === false);
+    all.hidden = live < 2 && !drives;
     all.disabled = why !== "";
-    all.title = why;
+    all.title = why || "Cancel all goals, and pause the lists that send the next ones";
     reconcile(rows, goals.slice(0, MOST), ({ robot, stamp }) => `${robot} ${stamp}`, (goal) => createRow(app, goal, () => act(goal)), (row, goal) => updateRow(row, goal, why));
     setText(more, goals.length > MOST ? `and ${goals.length - MOST} more` : "");
   }

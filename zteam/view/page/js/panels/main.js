@@ -14,6 +14,7 @@ import { mountNotices } from "./notices.js";
 import { mountPageButtons, savePicture } from "./page_buttons.js";
 import { plotsTab } from "./plots.js";
 import { mountSimulatorBar, simulatorTab } from "./simulator.js";
+import { mountStopped } from "./stopped.js";
 import { teamTab } from "./team.js";
 import { watchTextSize } from "./text_size.js";
 import { Theme } from "./theme.js";
@@ -62,6 +63,7 @@ export function mountPanels(app) {
   choose = frame.choose;
   mountSimulatorBar(app);
   mountNotices(app);
+  mountStopped(app);
   const scene = /** @type {HTMLElement} */ (document.getElementById("scene"));
   if (!app.scene?.works) mountNoMap(scene, choose);
   mountGoals(app, scene);

@@ -94,7 +94,7 @@ function updateRows(app, rows, robot) {
  * @param {import("../store.js").Store} store @param {Robot} robot */
 function lookOf({ selection, connection, team }, robot) {
   const old = (robot.age ?? 0) > OLD_STATUS;
-  return `${robot.state}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${robot.localised}|${team?.launcher}|${team?.options}|${connection.viewer}|${connection.mayCommand}|${selection.has(robot.id)}|${robot.present}|${old}`;
+  return `${robot.state}|${robot.stopped}|${robot.behavior}|${robot.leader}|${robot.driver}|${robot.reason}|${robot.name}|${robot.model}|${robot.lease}|${robot.localised}|${team?.launcher}|${team?.options}|${connection.viewer}|${connection.mayCommand}|${selection.has(robot.id)}|${robot.present}|${old}`;
 }
 
 /** @param {import("../store.js").Store} store @param {Rows} rows @param {Robot} robot */
@@ -105,8 +105,9 @@ function updateLook(store, { cells, classList }, robot) {
   setAttribute(cells.button, "aria-pressed", String(selected));
   cells.swatch.style.backgroundColor = robotColor(robot.id);
   setText(cells.name, robot.name || `robot_${robot.id}`);
-  setText(cells.state, robot.state);
-  cells.state.className = CLASS_OF_STATE[robot.state] ?? "";
+  setText(cells.state, robot.stopped ? `${robot.state}, held` : robot.state);
+  cells.state.className = robot.stopped ? "bad" : CLASS_OF_STATE[robot.state] ?? "";
+  cells.state.title = robot.stopped ? "zteam stop holds it" : "";
   setText(cells.behavior, behaviorOf(robot));
   cells.behavior.title = robot.model ? `model ${robot.model}` : "";
   cells.age.className = `number ${(robot.age ?? 0) > OLD_STATUS ? "bad" : "muted"}`;
