@@ -10,9 +10,13 @@ import { whyNoCommand } from "./rights.js";
 /** @typedef {HTMLTableSectionElement & {cells: Record<string, HTMLElement>, look: string}} Rows
  *  look: what its rows were made of */
 
+const HELD = "held";
 /** @type {Record<string, string>} the class of a state that is good or bad */
-const CLASS_OF_STATE = { running: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad" };
+const CLASS_OF_STATE = { running: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad", [HELD]: "bad" };
 const OLD_STATUS = 2; // s
+
+/** Its own state, or that it is stopped, unless it is worse. @param {Robot} robot */
+const stateOf = ({ state, stopped }) => (stopped && CLASS_OF_STATE[state] !== "bad" ? HELD : state);
 
 /** @param {import("../app.js").App} app @returns {import("./tabs.js").Tab} */
 export function teamTab(app) {
@@ -49,7 +53,7 @@ function summaryOf({ team }) {
   if (!team) return "";
   /** @type {Map<string, number>} */
   const counts = new Map();
-  for (const robot of team.robots) counts.set(robot.state, (counts.get(robot.state) ?? 0) + 1);
+  for (const state of team.robots.map(stateOf)) counts.set(state, (counts.get(state) ?? 0) + 1);
   const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
   const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
   const gate = gateText(team);
@@ -105,9 +109,10 @@ function updateLook(store, { cells, classList }, robot) {
   setAttribute(cells.button, "aria-pressed", String(selected));
   cells.swatch.style.backgroundColor = robotColor(robot.id);
   setText(cells.name, robot.name || `robot_${robot.id}`);
-  setText(cells.state, robot.stopped ? `${robot.state}, held` : robot.state);
-  cells.state.className = robot.stopped ? "bad" : CLASS_OF_STATE[robot.state] ?? "";
-  cells.state.title = robot.stopped ? "zteam stop holds it" : "";
+  const state = stateOf(robot);
+  setText(cells.state, state);
+  cells.state.className = CLASS_OF_STATE[state] ?? "";
+  cells.state.title = state === HELD ? `${robot.state}, but 'zteam stop' holds it` : "";
   setText(cells.behavior, behaviorOf(robot));
   cells.behavior.title = robot.model ? `model ${robot.model}` : "";
   cells.age.className = `number ${(robot.age ?? 0) > OLD_STATUS ? "bad" : "muted"}`;
