@@ -86,8 +86,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(args: argparse.Namespace) -> None:
     args.spread = () if args.spread is None else parse_robot_ids([args.spread], "--spread")
-    if sum(given is not None for given in (args.file, args.pause, args.resume)) != 1:
-        raise UsageError("give a FILE of goals, or one of --pause and --resume")
+    given = sum(each is not None for each in (args.file, args.pause, args.resume))
+    if given != 1:
+        one = "FILE is missing" if not given else "FILE, --pause and --resume exclude each other"
+        raise UsageError(f"{one}: give a file of goals, or --pause or --resume")
     for option in ("pause", "resume"):
         if getattr(args, option):
             setattr(args, option, parse_robot_ids([getattr(args, option)], f"--{option}"))

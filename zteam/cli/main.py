@@ -19,7 +19,7 @@ COMMANDS = {
     "goals": ("goals", "send goals from a file to robots, in turn"),
     "map": ("map", "save: write the map that is on the bus to a file"),
     "teleop": ("teleop", "drive robots with the keyboard"),
-    "stop": ("stop", "stop robots where they are, whatever drives them; --release: let them go on"),
+    "stop": ("stop", "stop robots, whatever drives them, until --release"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
     "check": ("check", "try a behaviour in awkward moments and say what it does wrong"),

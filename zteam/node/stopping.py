@@ -26,7 +26,7 @@ LEARN_LIMIT = 0.5 * HOST_FACTOR
 
 
 class EngageRequest(Change):
-    """Stop the robot. All robots may be asked for it by one query: nobody has to be found first."""
+    """Stop the robot. One query on the wildcard stops all robots: none has to be found first."""
 
     wildcard: ClassVar[str] = names.all_robots_key(names.ENGAGE)
 

@@ -144,7 +144,7 @@ class CancelReply(msgspec.Struct):
 
 
 CONFIRM_LIMIT = 1.0 * HOST_FACTOR
-"""Host seconds for all who stop a robot to confirm it."""
+"""Host seconds for the processes that stop a robot to confirm it."""
 SETTLE = 0.3
 """Host seconds for the presence tokens of all processes to come: one that hangs shows by nothing else."""
 _ASKED_AT_ONCE = 32
@@ -166,7 +166,7 @@ class StopResult(msgspec.Struct):
 
     @property
     def is_done(self) -> bool:
-        """Whether all who stop the robot have confirmed it."""
+        """Whether all processes that stop the robot have confirmed it."""
         return bool(self.confirmed) and not (self.missing or self.problem)
 
     def __str__(self) -> str:
@@ -191,12 +191,12 @@ class StopClient:
         self._bus, self._alive = bus, alive
 
     def engage(self, robots: Collection[int] | None = None) -> list[StopResult]:
-        """Stop robots, and say for each who has confirmed it. All are asked at once: nobody has to be found before."""
+        """Stop robots; for each, which processes have confirmed it. One query asks all: none has to be found first."""
         keys = [EngageRequest.wildcard] if robots is None else self._keys(robots, names.ENGAGE)
         return self._ask(robots, keys, EngageRequest(), stopped=True)
 
     def release(self, robots: Collection[int] | None = None) -> list[StopResult]:
-        """Release robots, and say for each who has confirmed it."""
+        """Release robots; for each, which processes have confirmed it."""
         # Access control goes by keys: a wildcard would pass it.
         found = {robot_id for robot_id, _ in ask_stopped(self._bus, names.ALL_ROBOTS)} if robots is None else robots
         return self._ask(robots, self._keys(found, names.RELEASE), ReleaseRequest(), stopped=False)

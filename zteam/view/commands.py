@@ -168,7 +168,7 @@ class Commands:
         self._stops = StopClient(state.node.bus, state.queries.names)
 
     def stop_robots(self) -> str:
-        """Stop all robots; who has not confirmed it, if somebody has not."""
+        """Stop all robots; which processes have not confirmed it, empty if all have."""
         try:
             _need_done(self._stops.engage())
         except ZteamError as error:
@@ -304,7 +304,7 @@ class Commands:
 
 
 def _need_done(results: Sequence[StopResult]) -> None:
-    """Raise ZteamError that names those who have not confirmed it."""
+    """Raise ZteamError that names the processes that have not confirmed it."""
     failed = [str(result) for result in results if not result.is_done]
     if failed or not results:
         raise ZteamError("; ".join(failed) or "no robot is there")

@@ -97,7 +97,7 @@ class Goal(Command, tag="goal", frozen=True):
 
 
 class StopRobots(Command, tag="stop_robots", frozen=True):
-    """Stop all robots until they are released. It needs no token: who may watch may stop."""
+    """Stop all robots until they are released. It needs no token: each page that watches may stop."""
 
 
 class ReleaseRobots(Command, tag="release_robots", frozen=True):

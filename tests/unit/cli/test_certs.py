@@ -88,7 +88,10 @@ def test_a_certificate_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
     first, *rows = certs(capsys, "explain", "robot_1")
     assert first == "robot_1: robot_1.1, valid"
     assert ["publishes", "robot_1/cmd_vel"] in [row.split() for row in rows]
-    assert not [row for row in rows if "robot_" in row and "robot_1" not in row]
+    assert [row for row in rows if "robot_" in row and "robot_1" not in row] == [
+        "changes by queries  robot_$*/stop/engage"
+    ]
+    assert "robot_$*/stop/release" in "".join(certs(capsys, "explain", "operator"))
     assert "cmd_vel_teleop" in "".join(certs(capsys, "explain", "joystick"))
 
 

@@ -28,12 +28,16 @@ def test_each_process_of_a_team_has_a_certificate() -> None:
 
 
 def test_nothing_is_granted_unless_the_file_says_so() -> None:
-    """Only the words of the file let a certificate change something."""
+    """Only the words of the file let a certificate change something; but each may stop robots, and people's tools release
+    them."""
     plain = rights_of(team())
-    assert {key for each in plain.values() for key in each.asks} == set()
+    stop = "robot_$*/stop/engage"
+    assert {each.asks for name, each in plain.items() if not each.links and name != "operator"} == {(stop,)}
+    assert plain["operator"].asks == (stop, "robot_$*/stop/release")
+    assert stop not in CHANGES
     granted = rights_of(team(security={"grants": {"view": ["simulation"], "robot_5": []}}))
-    assert granted["view"].asks
-    assert set(granted["view"].asks) < set(CHANGES)
+    assert len(granted["view"].asks) > 1
+    assert {*granted["view"].asks} - {stop} < {*CHANGES}
     assert "robot_5/cmd_vel" in granted["robot_5"].publishes
     assert {name: each for name, each in granted.items() if name not in ("view", "robot_5")} == {
         name: each for name, each in plain.items() if name != "view"
