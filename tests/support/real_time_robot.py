@@ -9,7 +9,7 @@ import numpy as np
 from support.limits import LIMIT
 from zteam import names
 from zteam.behaviors import Behavior
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import wait_until
 from zteam.config.resources import shipped_world
 from zteam.geometry import Pose2
@@ -122,6 +122,10 @@ class RealTimeRobot:
     def parameters(self) -> ParametersClient:
         """A client of the robot's parameters."""
         return ParametersClient(self._hub.bus())
+
+    def session(self) -> Bus:
+        """A session of another process."""
+        return self._hub.bus()
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""

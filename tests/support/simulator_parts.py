@@ -18,7 +18,7 @@ class SimulatorParts(Simulation):
         self.node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
         super().__init__(self.node, world, robots, SimOptions(SCENE, run_for=run_for, follows={1: 0}))
         self._hub = hub
-        self.outputs.match_robots()
+        self.match_robots()
 
     def record(self, key_expr: str, message_type: type[Message]) -> list[str]:
         """The keys of messages as they arrive on `key_expr`."""

@@ -19,6 +19,7 @@ from zteam.navigation.client import TaskResult, goal_message
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.shutdown import Stop
+from zteam.robot.goal_lists import find_lists, pause_lists
 from zteam.team.testing.in_memory import RunningNode
 from zteam.testing import run_node
 
@@ -234,6 +235,29 @@ def test_the_end_of_the_process_cancels_what_is_under_way(hub: MemoryHub) -> Non
         desk.reach(2)
         desk.tick_until(lambda: desk.dispatcher.errands[2].watch is None)
     assert (desk.navigations[1].cancels, desk.navigations[2].cancels) == (1, 0)
+
+
+def test_a_paused_list_sends_no_goal_until_it_goes_on(hub: MemoryHub) -> None:
+    """A goal that is canceled meanwhile is followed by none; other robots drive on. A goal that is not sent yet stays
+    unsent. The process does not end while a list is paused."""
+    desk = Desk(Rounds([goal(1, 1.0), goal(2, 5.0), goal(1, 2.0), goal(2, 6.0)]), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [1.0] and desk.places(2) == [5.0])
+        assert find_lists(hub.bus()) == {1: False, 2: False}
+        assert pause_lists(hub.bus(), [1, 7], paused=True) == [1]
+        assert find_lists(hub.bus()) == {1: True, 2: False}
+        desk.reach(1, State.CANCELED)
+        desk.reach(2)
+        desk.tick_until(lambda: desk.places(2) == [5.0, 6.0])
+        desk.reach(2)
+        desk.tick_until(lambda: desk.dispatcher.errands[2].is_over)
+        for _ in range(5):
+            desk.running.tick()
+        assert desk.places(1) == [1.0]
+        assert not desk.dispatcher.is_done
+        assert pause_lists(hub.bus(), paused=False) == [1, 2]
+        desk.tick_until(lambda: desk.places(1) == [1.0, 2.0])
 
 
 def test_goals_wait_for_navigation(hub: MemoryHub) -> None:

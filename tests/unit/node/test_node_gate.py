@@ -11,6 +11,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import DuplicateNameError
 from zteam.messages import Clock, Header, Odometry, RobotState, RobotStatus, Twist, Vector3, time_from_ns
+from zteam.node.stopping import StopReply
 from zteam.testing import run_node
 
 TICK = 100_000_000
@@ -98,6 +99,34 @@ def test_in_lock_step_its_first_step_is_that_of_the_first_tick(
         assert world.lockstep.take_commands({3: None}) == {3: AHEAD}
         status = heard[-1]
         assert (status.state, status.epoch, status.driver) == (RobotState.RUNNING, 4, "behavior")
+
+    play(make_robot(make), driving, script(), gate=True)
+
+
+def test_a_stopped_robot_commands_zero_whatever_its_step_returns(hub: MemoryHub, make: Make) -> None:
+    """At once, and then in the place of each command; its step is still called, and its status says so."""
+    heard, bus, driving = listen(hub), hub.bus(), Driving()
+    commands: list[Twist] = []
+    bus.subscribe("robot_3/cmd_vel", Twist, lambda _key, command: commands.append(command))
+    clock = bus.publisher(names.CLOCK, Clock)
+
+    def script() -> Iterator[None]:
+        clock.put(Clock(time_from_ns(TICK)))
+        bus.publisher(ODOM, Odometry).put(odometry(1))
+        ScriptedMonitor(hub).give_go(1, TICK)
+        yield
+        assert commands == [AHEAD]
+        bus.ask("robot_3/stop/engage", StopReply)
+        assert commands == [AHEAD, Twist()]
+        clock.put(Clock(time_from_ns(2 * TICK)))
+        yield
+        assert (driving.steps, commands[2:]) == ([TICK, 2 * TICK], [Twist()])
+        assert (heard[-1].is_stopped, heard[-1].reason) == (True, "stopped (zteam stop --release)")
+        bus.ask("robot_3/stop/release", StopReply)
+        clock.put(Clock(time_from_ns(3 * TICK)))
+        yield
+        assert commands[3:] == [AHEAD]
+        assert (heard[-1].is_stopped, heard[-1].reason) == (False, "")
 
     play(make_robot(make), driving, script(), gate=True)
 

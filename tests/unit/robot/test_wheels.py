@@ -14,6 +14,7 @@ from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.node.shutdown import Stop
+from zteam.node.stopping import StopReply, serve_stop
 from zteam.robot.teleop import Pilot, drive
 from zteam.robot.wheels import Wheels
 from zteam.simulator.client import SimStatus
@@ -52,6 +53,23 @@ def test_without_a_process_the_base_is_driven_under_the_robots_name(hub: MemoryH
         Claim(hub.bus(), "robot_0").win(lambda _: None)
     wheels.close()
     Claim(hub.bus(), "robot_0").win(lambda _: None)
+
+
+def test_a_base_without_a_process_is_held(hub: MemoryHub) -> None:
+    """What drives it directly answers for the robot: zero at once and for each command, until the release."""
+    base, bus = hear(hub.bus(), "robot_0/cmd_vel"), hub.bus()
+    wheels = take(hub)
+    wheels.drive(AHEAD)
+    assert bus.ask("robot_0/stop/engage", StopReply) == StopReply("robot_0", True)
+    assert base == [AHEAD, Twist()]
+    wheels.drive(AHEAD)
+    bus.ask("robot_0/stop/release", StopReply)
+    # What was commanded meanwhile is not made up for.
+    assert base == [AHEAD, Twist(), Twist(), Twist()]
+    wheels.drive(AHEAD)
+    assert base[-1] == AHEAD
+    wheels.close()
+    assert bus.query("robot_0/stop", StopReply) == []
 
 
 def test_a_robots_process_is_asked_to_drive(hub: MemoryHub) -> None:
@@ -128,6 +146,7 @@ BEHAVIOR = RobotStatus(robot_id=0, driver=RobotDriver.BEHAVIOR)
             "teleop drives 0.25 m/s, 0.00 rad/s, wanted 0.50 m/s, 0.00 rad/s: an obstacle ahead",
         ),
         (BEHAVIOR, Twist(Vector3(-0.1)), "behavior drives -0.10 m/s, 0.00 rad/s"),
+        (RobotStatus(robot_id=0, is_stopped=True), Twist(), "stopped (zteam stop --release)"),
     ],
 )
 def test_the_line_tells_what_the_robot_does(hub: MemoryHub, told: RobotStatus | None, driven: Twist, text: str) -> None:
@@ -142,6 +161,12 @@ def test_the_line_tells_what_the_robot_does(hub: MemoryHub, told: RobotStatus | 
     assert describe(Pilot((0,), 0.5, 1.0), wheels) == f"robot_0: keys 0.50 m/s, 1.00 rad/s | {text}"
 
 
+def _stopped(hub: MemoryHub) -> None:
+    """A base that hears commands, and a teammate that is stopped."""
+    hear(hub.bus(), "robot_0/cmd_vel")
+    serve_stop(hub.bus(), 1, "robot_1", lambda: True, lambda _: None)
+
+
 def _nothing(hub: MemoryHub) -> None:
     """No subscriber."""
 
@@ -151,12 +176,14 @@ def _nothing(hub: MemoryHub) -> None:
     [
         (_nothing, "nothing hears robot_0/cmd_vel"),
         (lambda hub: hear(hub.bus(), "robot_0/cmd_vel"), "0.50 m/s, 0.00 rad/s straight to the base, no safety layer"),
+        (_stopped, "stopped (zteam stop --release)"),
     ],
 )
 def test_the_line_of_a_base_without_a_process(
     hub: MemoryHub, prepare: Callable[[MemoryHub], object], text: str
 ) -> None:
-    """It says that nothing hears the commands, or the newest command and that nothing makes it safe."""
+    """It says that nothing hears the commands, or the newest command and that nothing makes it safe, or that the robot
+    is stopped, as its teammates are."""
     prepare(hub)
     wheels = take(hub)
     wheels.drive(AHEAD)

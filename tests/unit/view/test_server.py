@@ -31,7 +31,9 @@ from zteam.messages import (
     Twist,
     Vector3,
 )
+from zteam.node.stopping import StopSwitch
 from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
+from zteam.robot.goal_lists import serve_list
 from zteam.view.files import find_version
 from zteam.view.frames import PATH, POSES, SAMPLES, TEAM
 from zteam.view.requests import MAX_BYTES
@@ -149,6 +151,57 @@ def test_a_robot_that_cannot_give_its_goal_up_holds_no_other(view: View, memory:
         said = page.command(op="cancel", robots=[0, 1, 2])
     assert "it hangs" in said and "nothing that takes goals answers for robot_2" in said and "robot_1" not in said
     assert asked == [1]
+
+
+def test_a_page_that_watches_stops_and_does_not_release(view: View, memory: MemoryHub) -> None:
+    """The stop waits for no other command, and is told by which processes it is not confirmed."""
+    asked, going = threading.Event(), threading.Event()
+
+    def hang(_request: CancelRequest) -> CancelReply:
+        asked.set()
+        going.wait(LIMIT)
+        return CancelReply(canceled=True)
+
+    switch = StopSwitch(memory.bus(), 0)
+    memory.bus().serve(navigation_query(0, CANCEL), CancelRequest, hang)
+    bus = memory.bus()
+    with open_page(view.port) as page, open_page(view.port, token="another") as watcher:
+        bus.declare_token("robot_0/alive/a")
+        page.say(op="cancel", robots=[0], seq=1)
+        assert asked.wait(LIMIT)
+        for pressing in (page, watcher):
+            pressing.say(op="stop_robots", seq=7)
+            pressing.wait(lambda pressing=pressing: pressing.replies.get(7) == "")  # type: ignore[misc]
+            assert switch.is_stopped
+        assert 1 not in page.replies
+        going.set()
+        assert "may only watch" in watcher.command(op="release_robots")
+        assert switch.is_stopped
+        page.say(op="release_robots", seq=8)
+        page.wait(lambda: page.replies.get(8) == "")
+        assert not switch.is_stopped
+        bus.declare_token("base_3/alive/a")
+        page.say(op="stop_robots", seq=9)
+        page.wait(lambda: 9 in page.replies)
+        assert page.replies[9].startswith("robot_3: nothing holds it")
+
+
+def test_cancel_all_pauses_lists_of_goals(view: View, memory: MemoryHub) -> None:
+    """All lists, before the goals are given up; a single cancel pauses none."""
+    told: list[object] = []
+
+    def cancel(_request: CancelRequest) -> CancelReply:
+        told.append("canceled")
+        return CancelReply(canceled=True)
+
+    memory.bus().serve(navigation_query(0, CANCEL), CancelRequest, cancel)
+    for robot_id in (0, 1):
+        serve_list(memory.bus(), robot_id, lambda: False, lambda paused, i=robot_id: told.append((i, paused)))  # type: ignore[misc]
+    with open_page(view.port) as page:
+        assert page.command(op="cancel", robots=[0]) == ""
+        assert page.command(op="cancel", robots=[0], pauses=True) == ""
+        assert page.command(op="resume_lists") == ""
+    assert told == ["canceled", (0, True), (1, True), "canceled", (0, False), (1, False)]
 
 
 def test_the_token_gives_the_right_to_command(view: View) -> None:

@@ -17,7 +17,7 @@ from zteam.messages import (
     TeamStatus,
 )
 from zteam.simulator.client import RobotShape, SimStatus
-from zteam.view.scene import Outlines, RobotRow, add_circumstances, gate_row, robot_row, sim_row
+from zteam.view.scene import Outlines, RobotRow, add_circumstances, gate_row, is_stopped, robot_row, sim_row
 
 RUNNING = RobotStatus(robot_id=1, state=RobotState.RUNNING, behavior="follow", driver="behavior", leader=0, speed=0.4)
 
@@ -39,6 +39,16 @@ def test_a_robots_body_is_that_of_its_world() -> None:
     assert [(row.model, row.outline) for row in rows] == [("", -1), ("erratic", 0), ("real", 1), ("erratic", 0)]
     found = [msgspec.json.decode(outline, type=list[list[tuple[float, float]]]) for outline in outlines]
     assert found == [[square, square], [square]]
+
+
+def test_a_robot_is_stopped_by_its_own_word_or_by_the_simulators() -> None:
+    """Either of them holds it."""
+    sim = SimStatus("arena", [0, 1], 100, 1, 0, 0, 1.0, stopped=[1])
+    held = msgspec.structs.replace(RUNNING, is_stopped=True)
+    assert [is_stopped(1, *told) for told in ((None, None), (None, RUNNING), (None, held), (sim, RUNNING))] == [
+        False, False, True, True,
+    ]  # fmt: skip
+    assert not is_stopped(0, sim, None)
 
 
 def test_states_are_those_of_the_monitor() -> None:

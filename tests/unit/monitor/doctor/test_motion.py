@@ -23,6 +23,16 @@ def test_a_paused_world_is_named_as_the_cause() -> None:
     ]
 
 
+def test_robots_that_are_stopped_are_named_with_the_way_out() -> None:
+    """By their own word or the simulator's, in one line; none is said to stand for another reason."""
+    held = robot_status(0, is_stopped=True, reason="stopped (zteam stop --release)")
+    facts = team_facts(sim=sim_status(stopped=[1]), statuses={0: held, 1: robot_status(1)})
+    assert problems(check_team(facts)) == [
+        ("stop", "'zteam stop' holds robots 0, 1: nothing drives them", "zteam stop --release"),
+    ]
+    assert not any("stands" in finding.text for finding in check_team(facts))
+
+
 def test_a_run_that_is_over_is_a_note() -> None:
     """A world that stands at the end of its run is as it was asked for."""
     (finding,) = check_world(team_facts(sim=sim_status(finished=True, paused=True)))

@@ -35,6 +35,22 @@ def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:
     ]
 
 
+def test_a_robot_that_is_stopped_says_so_in_each_state() -> None:
+    """Its row has the way out, also before GO, and so has a line below; a process that is gone stops nothing."""
+    gate = Gate([0, 1, 2], 3)
+    for i, state in enumerate((RobotState.READY, RobotState.RUNNING, RobotState.RUNNING)):
+        gate.take_token(i, "a", True)
+        gate.take_status(i, RobotStatus(robot_id=i, is_ready=True, state=state, is_stopped=True), 10.0)
+    gate.take_token(2, "a", False)
+    rows = make_rows(gate, {}, {}, 10.0)
+    stopped = "stopped (zteam stop --release)"
+    assert [(row.state, row.reason, row.is_stopped) for row in rows[:2]] == [
+        ("ready", stopped, True), ("running", stopped, True),
+    ]  # fmt: skip
+    assert not rows[2].is_stopped
+    assert f"robot 0, 1: {stopped}" in team_notes(gate, {}, [])
+
+
 def test_every_robot_has_a_state() -> None:
     """Robots without a process, lost, stopped, hung ones and those at fault, each with what is known of it."""
     gate = Gate([0, 1, 2, 3, 4, 5], 6)

@@ -234,17 +234,29 @@ def test_an_orientation_of_zeros_is_refused() -> None:
     [
         (RobotStatus(state=RobotState.READY), "waits for GO"),
         (RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.TELEOP), "teleop drives"),
+        (RobotStatus(state=RobotState.RUNNING, is_stopped=True), "stopped (zteam stop --release)"),
     ],
 )
 def test_it_waits_without_an_end_for_a_robot_that_does_not_obey_yet(status: RobotStatus, text: str) -> None:
-    """Before GO, and while a person drives."""
+    """Before GO, while a person drives, and while it is stopped; no recovery begins."""
     robot = driving()
     robot.inputs.status = status
     assert robot.step(300) == STOP
     assert (robot.state, robot.text) == (NavigationState.DRIVING, text)
+    assert robot.robot.navigator.recoveries == 0
     robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
     assert robot.step().x > 0.0
     assert robot.text == ""
+
+
+def test_a_goal_that_has_just_come_is_canceled_too() -> None:
+    """The robot has not stepped since: it drives to neither goal."""
+    robot = driving()
+    robot.go(-2.0)
+    assert robot.robot.cancel()
+    assert robot.step() == STOP
+    assert robot.state is NavigationState.CANCELED
+    assert not robot.robot.cancel()
 
 
 def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: pytest.LogCaptureFixture) -> None:

@@ -33,6 +33,28 @@ def test_acceleration_limits_hold_for_commands_and_stops() -> None:
 
 
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+def test_a_robot_that_is_held_brakes_at_its_limit(physics: Physics) -> None:
+    """Whatever is commanded its speed falls as fast as its base allows, to zero and no further; the others drive on. A
+    base without limits stops within a tick. Released, it obeys from rest."""
+    limits = Limits(x=(-2.0, 0.5), y=(-1.0, 1.0), yaw=(-1.0, 1.0))
+    robots = make_robot(acceleration=limits), make_robot(y=2.0), make_robot(y=4.0, acceleration=limits)
+    engine = Engine(make_world(*robots, wall_at=FAR), options=Options(physics=physics))
+    ahead = {i: drive(1.0) for i in range(3)}
+    for _ in range(25):
+        engine.step(ahead)
+
+    def speeds(*held: int) -> list[float]:
+        engine.move(ahead, held)
+        return [engine.observe().robots[i].velocity[0] for i in range(3)]
+
+    seen = [speeds(0, 1) for _ in range(6)]
+    assert [each[0] for each in seen] == pytest.approx([0.8, 0.6, 0.4, 0.2, 0.0, 0.0], abs=1e-9)
+    assert [each[1] for each in seen] == pytest.approx([0.0] * 6, abs=1e-9)
+    assert [each[2] for each in seen] == pytest.approx([1.0] * 6, abs=1e-9)
+    assert speeds() == pytest.approx([0.05, 1.0, 1.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
 @pytest.mark.parametrize("kind", ["diff", "omni", "car"])
 def test_a_robot_that_is_freed_gathers_speed_from_rest(physics: Physics, kind: Drive) -> None:
     """After 4 s against another one, which then goes, it is no faster in each tick than its limit allows."""

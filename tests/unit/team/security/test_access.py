@@ -28,8 +28,8 @@ def test_each_process_of_a_team_has_a_certificate() -> None:
 
 
 def test_nothing_is_granted_unless_the_file_says_so() -> None:
-    """Only the words of the file let a certificate change something; but each may stop robots, and people's tools release
-    them."""
+    """Only the words of the file let a certificate change something. But each may stop robots, and the operator may
+    release them."""
     plain = rights_of(team())
     stop = "robot_$*/stop/engage"
     assert {each.asks for name, each in plain.items() if not each.links and name != "operator"} == {(stop,)}
