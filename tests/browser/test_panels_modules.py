@@ -118,3 +118,25 @@ def test_what_the_user_did_before_the_panels_came_is_in_the_address(modules: Scr
       layout.changed();
     }""")
     modules.wait("location.hash === '#camera=1,2,30,0'")
+
+
+def test_the_banner_names_what_is_stopped_and_what_is_not_held(modules: Screen) -> None:
+    """All robots, or some by name; a real base without a robot process is named as one that nothing holds."""
+    texts = modules.ask(
+        """async () => {
+          const {stoppedText} = await import('/page/js/panels/stopped.js');
+          const robot = (name, stopped, unheld = false) => ({name, stopped, unheld, present: true});
+          return [
+            [robot('robot_0', false)],
+            [robot('robot_0', true), robot('robot_1', true)],
+            [robot('robot_0', true), robot('robot_1', false)],
+            [robot('robot_0', true), robot('robot_3', false, true)],
+          ].map(stoppedText);
+        }"""
+    )
+    assert texts == [
+        "",
+        "All robots stand, whatever drives them.",
+        "robot_0 stands, whatever drives it.",
+        "robot_0 stands, whatever drives it. Not held: robot_3, a base without a robot process.",
+    ]

@@ -16,6 +16,7 @@ from zteam.messages import Odometry, RobotState, TeamState, Twist, Vector3, ns_f
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
 from zteam.node.shutdown import Stop
+from zteam.robot.client import StopClient
 from zteam.simulator.client import SimulatorClient
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch import run as running
@@ -163,6 +164,31 @@ def test_a_team_recovers_from_the_death_of_each_of_its_processes(monkeypatch: py
         first, again = line.said(names.VIEW, "the view is at")
         assert first == again
         assert line.run.failed == set()
+
+
+@pytest.mark.parametrize("pace", [pytest.param(Pace(), marks=pytest.mark.real_time), Pace(lockstep=True, speed="5")])
+def test_robots_that_are_stopped_stand_whatever_is_killed(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> None:
+    """While each process ends and comes back no robot moves, and in the end simulator and robots still say that all are
+    stopped; released, they drive."""
+    with started(monkeypatch, pace) as line:
+        others, bus = [name for name in line.run.supervisor.processes if name != ROUTER], line.run.bus
+        assert bus is not None
+        client, world = StopClient(bus), SimulatorClient(bus)
+        assert [result.is_done for result in client.engage()] == [True] * len(ROBOTS)
+        line.wait_for(lambda: not any(line.speeds()))
+        moved = dict(line.moved)
+        for name in KILLED:
+            before = line.seen.now
+            line.kill_and_wait(name)
+            if name == ROUTER:
+                line.wait_for(lambda: all(line.said(other, "router is back") for other in others))
+            if name == names.SIMULATOR:
+                line.wait_for(lambda before=before: line.seen.now < before)  # type: ignore[misc]
+            line.wait_for_ticks(TICKS)
+            assert (name, line.moved, world.status().stopped) == (name, moved, ROBOTS)
+        line.wait_for(lambda: all(getattr(line.seen.robot(i).status, "is_stopped", False) for i in ROBOTS))
+        assert [result.is_done for result in client.release()] == [True] * len(ROBOTS)
+        line.wait_until_all_drive()
 
 
 @pytest.mark.real_time

@@ -14,9 +14,9 @@ from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import ZteamError
 from zteam.robot.client import StopClient, StopResult
 
-_EPILOG = f"""A robot's process commands zero velocity while the robot is stopped, and the simulator holds its body.
-Both confirm it; the exit code is 1 if one of them has not confirmed within 1 s. The robots keep their goals. A real base without
-a robot process is not held.
+_EPILOG = f"""While a robot is stopped its process commands zero velocity, and the simulator holds its body. Both
+confirm it; the exit code is 1 if one of them has not confirmed within 1 s. The robots keep their goals. A real base
+without a robot process is not held.
 
 This ends no process: {ENDS_TEAM}."""
 

@@ -14,8 +14,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change, NoRequest
-from zteam.bus.transport import Closeable, Handle
+from zteam.bus.transport import Closeable
 from zteam.clock import HOST_FACTOR
+from zteam.errors import BusError
 
 log = logging.getLogger("zteam")
 
@@ -43,22 +44,54 @@ class StopReply(msgspec.Struct):
     is_stopped: bool
 
 
-def serve_stop(
-    bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool], change: Callable[[bool], None]
-) -> Closeable:
-    """Answer a robot's three queries as the process `by`; `change(stopped)` is called on a thread of the bus."""
+class StopService:
+    """Answers a robot's three queries as one of the processes that stop it."""
 
-    def take(stopped: bool, _request: Change) -> StopReply:
-        change(stopped)
-        return StopReply(by, stopped)
+    def __init__(
+        self, bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool], change: Callable[[bool], None]
+    ) -> None:
+        """`by` is the process's name; `change(stopped)` is called on a thread of the bus."""
+        self._bus, self._robot_id, self._by = bus, robot_id, by
+        self._is_stopped, self._change = is_stopped, change
+        self._lock = threading.Lock()
+        self._open: tuple[Closeable, ...] | None = self._serve()
+        """None once it is closed."""
 
-    key = partial(names.robot_key, robot_id)
-    served = (
-        bus.serve(key(names.STOP), NoRequest, lambda _: StopReply(by, is_stopped())),
-        bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
-        bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
-    )
-    return Handle(*(each.close for each in served))
+    def _serve(self) -> tuple[Closeable, ...]:
+        serve, key, by = self._bus.serve, partial(names.robot_key, self._robot_id), self._by
+
+        def take(stopped: bool, _request: Change) -> StopReply:
+            self._change(stopped)
+            return StopReply(by, stopped)
+
+        return (
+            serve(key(names.STOP), NoRequest, lambda _: StopReply(by, self._is_stopped())),
+            serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
+            serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
+        )
+
+    def renew(self) -> None:
+        """Another process that answered too has ended: declare the queries anew.
+
+        Where that one was at another router, Zenoh's routers forget this one when next the link between them is lost.
+        """
+        with self._lock:
+            if self._open is None:
+                return
+            for each in self._open:
+                each.close()
+            try:
+                self._open = self._serve()
+            except BusError as error:
+                # The session was closed meanwhile.
+                log.debug("%s", error)
+
+    def close(self) -> None:
+        """Answer no more."""
+        with self._lock:
+            served, self._open = self._open or (), None
+        for each in served:
+            each.close()
 
 
 def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
@@ -80,7 +113,8 @@ class StopSwitch:
         self.is_stopped = False
         self.is_known = False
         """Whether it is known what holds: nothing is to be commanded before."""
-        self.served = serve_stop(bus, robot_id, self._name, lambda: self.is_stopped, self._change)
+        self.served = StopService(bus, robot_id, self._name, lambda: self.is_stopped, self._change)
+        bus.watch_tokens([names.tokens_key(names.SIMULATOR)], lambda _, alive: None if alive else self.served.renew())
 
     def _change(self, stopped: bool) -> None:
         with self._lock:

@@ -9,7 +9,7 @@ from zteam.bus.transport import Closeable
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import StopSwitch
+from zteam.node.stopping import StopSwitch, ask_stopped
 from zteam.simulator.client import absence_of
 
 log = logging.getLogger("zteam")
@@ -36,6 +36,8 @@ class Wheels:
         self._claim = Claim(bus, self.name)
         self._switch: StopSwitch | None = None
         """Of a robot without a process."""
+        self._began_stopped = False
+        """Whether the robot's process said at the start that the robot is stopped."""
 
     def take(self) -> None:
         """Find out whether the robot has a process; if not, be it. Raises ZteamError if its world lacks the robot."""
@@ -48,6 +50,8 @@ class Wheels:
                 self._bus.subscribe(names.robot_key(self._id, names.STATUS), RobotStatus, self._on_status),
                 self._bus.subscribe(names.robot_key(self._id, names.CMD_VEL), Twist, self._on_driven),
             ]
+            # Its next status may come after the end of a short script.
+            self._began_stopped = any(reply.is_stopped for _, reply in ask_stopped(self._bus, self.name))
         else:
             self.direct, self._key = True, names.robot_key(self._id, names.CMD_VEL)
             self._claim.under_name.append(self._bus.serve_stats(self.name))
@@ -81,7 +85,7 @@ class Wheels:
         """Whether the robot is stopped: nothing drives it then."""
         if self._switch is not None:
             return self._switch.is_stopped
-        return self.status is not None and self.status.is_stopped
+        return self._began_stopped if self.status is None else self.status.is_stopped
 
     def drive(self, command: Twist) -> None:
         """Send a command; zero where the robot has no process and is stopped."""

@@ -6,8 +6,9 @@ import pytest
 
 from zteam import names
 from zteam.bus import Bus, MemoryHub
+from zteam.bus.transport import Closeable, QueryHandler
 from zteam.errors import BusError
-from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, StopSwitch, ask_stopped, serve_stop
+from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, StopService, StopSwitch, ask_stopped
 
 
 def stop(bus: Bus, robot_id: int) -> StopReply:
@@ -22,7 +23,7 @@ def release(bus: Bus, robot_id: int) -> StopReply:
 
 def hold(hub: MemoryHub, robot_id: int, by: str, *, stopped: bool) -> None:
     """Another process that knows whether the robot is stopped."""
-    serve_stop(hub.bus(), robot_id, by, lambda: stopped, lambda _: None)
+    StopService(hub.bus(), robot_id, by, lambda: stopped, lambda _: None)
 
 
 def test_a_robot_is_stopped_and_released_by_its_own_keys(hub: MemoryHub) -> None:
@@ -86,6 +87,29 @@ def test_a_query_that_comes_meanwhile_counts_more(hub: MemoryHub, change: Callab
         return not wanted
 
     switch = StopSwitch(hub.bus(), 1)
-    serve_stop(hub.bus(), 2, "robot_2", is_stopped, lambda _: None)
+    StopService(hub.bus(), 2, "robot_2", is_stopped, lambda _: None)
     switch.learn()
     assert switch.is_stopped is wanted
+
+
+def test_the_queries_are_declared_anew_when_the_other_process_has_ended(
+    hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Linked routers may have forgotten them, as they forget `info` of a claim; after its end it answers no more."""
+    declared: list[str] = []
+    bus, simulator = hub.bus(), hub.bus()
+    switch = StopSwitch(bus, 1)
+    token = simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance))
+    declare = bus.transport.declare_queryable
+
+    def spy(key: str, handler: QueryHandler) -> Closeable:
+        declared.append(key)
+        return declare(key, handler)
+
+    monkeypatch.setattr(bus.transport, "declare_queryable", spy)
+    token.close()
+    assert declared == ["robot_1/stop", "robot_1/stop/engage", "robot_1/stop/release"]
+    assert stop(hub.bus(), 1) == StopReply("robot_1", True)
+    switch.served.close()
+    switch.served.renew()
+    assert ask_stopped(hub.bus(), "robot_1") == []

@@ -10,7 +10,7 @@ from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import EngageRequest, StopReply, serve_stop
+from zteam.node.stopping import EngageRequest, StopReply, StopService
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.client import CONFIRM_LIMIT, DESCRIBE, ParametersClient, StopClient, StopResult
 from zteam.robot.process.parameters import BehaviorParameters
@@ -69,7 +69,7 @@ class StoppingTeam:
             self.stopped[key] = stopped
 
         if answers:
-            serve_stop(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
+            StopService(bus, robot_id, name, lambda: self.stopped.get(key, False), change)
 
     def add_simulator(self, *robots: int, answers: bool = True) -> None:
         """One with these robots in its world."""

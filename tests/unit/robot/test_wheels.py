@@ -14,7 +14,7 @@ from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.node.shutdown import Stop
-from zteam.node.stopping import StopReply, serve_stop
+from zteam.node.stopping import StopReply, StopService
 from zteam.robot.teleop import Pilot, drive
 from zteam.robot.wheels import Wheels
 from zteam.simulator.client import SimStatus
@@ -164,7 +164,7 @@ def test_the_line_tells_what_the_robot_does(hub: MemoryHub, told: RobotStatus | 
 def _stopped(hub: MemoryHub) -> None:
     """A base that hears commands, and a teammate that is stopped."""
     hear(hub.bus(), "robot_0/cmd_vel")
-    serve_stop(hub.bus(), 1, "robot_1", lambda: True, lambda _: None)
+    StopService(hub.bus(), 1, "robot_1", lambda: True, lambda _: None)
 
 
 def _nothing(hub: MemoryHub) -> None:

@@ -9,9 +9,8 @@ from functools import partial
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.transport import Closeable
 from zteam.config.robot_ids import format_robot_ids
-from zteam.node.stopping import ask_stopped, serve_stop
+from zteam.node.stopping import StopService, ask_stopped
 
 log = logging.getLogger("zteam")
 
@@ -22,12 +21,20 @@ class Holds:
     def __init__(self, bus: Bus, on_change: Callable[[], None]) -> None:
         """`on_change()` is called when a query has stopped or released a robot."""
         self._bus, self._on_change = bus, on_change
-        self._served: dict[int, Closeable] = {}
+        self._served: dict[int, StopService] = {}
         """By robot in the world."""
         self._told: dict[int, bool] = {}
         """What the queries have said, by robot. A robot that comes back to the world is what it was."""
         self._before: dict[int, bool] = {}
         """What holds where no query has come: what others knew at the start, and the team for one that came later."""
+        bus.watch_tokens([names.tokens_key(names.ALL_ROBOTS)], self._on_robot)
+
+    def _on_robot(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        robot_id = None if token is None else names.robot_id_of(token[0])
+        service = None if robot_id is None or alive else self._served.get(robot_id)
+        if service is not None:
+            service.renew()
 
     def match_robots(self, robots: Collection[int]) -> None:
         """These are in the world now. One that comes while all others are stopped is stopped too."""
@@ -36,7 +43,7 @@ class Holds:
         known = sorted(self._served)
         for robot_id in sorted(robots - self._served.keys()):
             self._before.setdefault(robot_id, bool(known) and all(map(self.is_stopped, known)))
-            self._served[robot_id] = serve_stop(
+            self._served[robot_id] = StopService(
                 self._bus,
                 robot_id,
                 names.SIMULATOR,

@@ -8,7 +8,7 @@ from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Twist, Vector3
-from zteam.node.stopping import StopReply, serve_stop
+from zteam.node.stopping import StopReply, StopService
 from zteam.simulator.client import SpawnRequest
 
 AHEAD = {i: Twist(Vector3(0.5)) for i in range(3)}
@@ -86,7 +86,17 @@ def test_a_simulator_that_begins_asks_the_robots(
 ) -> None:
     """A body without a process is held if all robots with one are stopped; a query that came before counts more."""
     for robot_id, held in told.items():
-        serve_stop(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
+        StopService(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
     parts.node.become_present()
     assert parts.status().stopped == stopped
     assert moved(parts) == [i not in stopped for i in range(3)]
+
+
+def test_a_body_is_held_after_its_robots_process_has_ended(hub: MemoryHub, parts: SimulatorParts) -> None:
+    """Its queries are declared anew then, as linked routers may have forgotten them."""
+    robot = hub.bus()
+    token = robot.declare_token(names.token_key("robot_1", robot.instance))
+    change(hub.bus(), 1)
+    token.close()
+    assert moved(parts) == [True, False, True]
+    assert change(hub.bus(), 1, service=names.RELEASE) == [StopReply("sim", False)]

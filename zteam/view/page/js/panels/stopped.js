@@ -15,7 +15,7 @@ function namesOf(robots) {
 export function stoppedText(robots) {
   const held = robots.filter(({ stopped }) => stopped), unheld = robots.filter((robot) => robot.unheld);
   if (!held.length) return "";
-  const all = robots.every((robot) => robot.stopped || robot.unheld || !robot.present);
+  const all = robots.every((robot) => robot.stopped || !robot.present);
   const said = all ? "All robots stand, whatever drives them." : `${namesOf(held)} ${held.length === 1 ? "stands, whatever drives it" : "stand, whatever drives them"}.`;
   return unheld.length ? `${said} Not held: ${namesOf(unheld)}, a base without a robot process.` : said;
 }

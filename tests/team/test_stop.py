@@ -1,0 +1,284 @@
+"""A stop with real processes: zero within 0.3 s whatever drives, held while each process ends and starts again; in
+lock-step, without a simulator, and with certificates."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from support.limits import LIMIT
+from support.navigated_team import FAKE
+from support.pages import DOCS
+from zteam import names
+from zteam.bus import BusOptions, connect
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
+from zteam.navigation.client import NavigationClient, TaskResult, goal_message
+from zteam.robot.client import StopClient
+from zteam.team.security.access import OPERATOR
+from zteam.team.security.certificates import files_of
+from zteam.team.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+ZERO = 0.3 * HOST_FACTOR
+"""Host seconds after a query until zero velocity is commanded."""
+FOUR = """
+[team]
+world = "arena"
+
+[[robots]]
+id = 0
+behavior = "wander"
+
+[[robots]]
+id = 1
+navigation = {localizer = "fake", planner_server.GridBased.tolerance = 0.2}
+
+[[robots]]
+id = 2
+model = "erratic"
+pose = [-3.5, 1.5, 0.0]
+behavior = "idle"
+"""
+"""A robot that wanders, one that is navigated, and one that stands by itself; robot 3 is added without a process."""
+
+
+class Pushing:
+    """A program that commands a robot again and again, from outside the team's processes."""
+
+    def __init__(self, team: TeamFixture, key: str, command: Twist) -> None:
+        self._publisher, self._command = team.bus.publisher(key, Twist), command
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._over.wait(0.05):
+            self._publisher.put(self._command)
+
+    def __enter__(self) -> "Pushing":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join(LIMIT)
+
+
+class Commands:
+    """The host time of each robot's last command that was not zero."""
+
+    def __init__(self, team: TeamFixture, robots: list[int]) -> None:
+        self.last = dict.fromkeys(robots, 0.0)
+        for robot_id in robots:
+            team.bus.subscribe(names.robot_key(robot_id, names.CMD_VEL), Twist, self._take)
+
+    def _take(self, key: str, command: Twist) -> None:
+        target = names.split_robot_key(key)
+        if target is not None and command != Twist():
+            self.last[target[0]] = monotonic()
+
+
+def moves(team: TeamFixture, robot_id: int) -> bool:
+    """Whether the robot drives or turns, in truth."""
+    truth = team.robot(robot_id).truth
+    return truth is not None and abs(truth.twist.twist.linear.x) + abs(truth.twist.twist.angular.z) > 0.01
+
+
+def stands(team: TeamFixture, robots: list[int], seconds: float = 1.0) -> bool:
+    """Whether none of these robots moves within so many simulated seconds."""
+    before = [team.robot(i).pose for i in robots]
+    team.run(seconds)
+    return [team.robot(i).pose for i in robots] == before
+
+
+@pytest.mark.real_time
+def test_zero_is_commanded_whatever_drives(team: TeamFixture, tmp_path: Path) -> None:
+    """A behaviour, navigation, teleop, and a foreign program at a body without a process: all stand, nothing of them
+    ends, and after the release each goes on, navigation to its goal without a recovery."""
+    (tmp_path / "four.toml").write_text(FOUR)
+    team.launch(tmp_path / "four.toml", lockstep=False)
+    team.wait_for_go()
+    assert team.sim.spawn(-3.5, -3.5, robot_id=3) == 3
+    robots = [0, 1, 2, 3]
+    client = NavigationClient(team.bus, 1, lambda: round(team.now * 1e9))
+    watch = client.send(goal_message(Pose2(3.5, -3.5, 0.0)))
+    turn = Twist(angular=Vector3(z=0.5))
+    with (
+        Pushing(team, "robot_2/cmd_vel_teleop", turn),
+        Pushing(team, "robot_3/cmd_vel", Twist(Vector3(0.0), Vector3(z=0.5))),
+    ):
+        team.until(lambda: all(moves(team, i) for i in robots), within=LIMIT)
+        commands = Commands(team, [0, 1, 2])
+        begin = monotonic()
+        done = team.command("stop")
+        assert done.returncode == 0, done.stderr
+        assert [line.partition(",")[2] for line in done.stdout.splitlines()[:4]] == [
+            *(f" confirmed by robot_{i}, sim" for i in (0, 1, 2)), " confirmed by sim",
+        ]  # fmt: skip
+        # The command's own start is not the robots'.
+        stopped = monotonic()
+        team.run(1.0)
+        assert stands(team, robots, 12.0)
+        assert max(commands.last.values()) < stopped + ZERO
+        assert begin < stopped
+        assert [team.robot(i).status.is_stopped for i in (0, 1, 2)] == [True] * 3
+        assert (watch.result, client.is_stopped) == (TaskResult.UNKNOWN, True)
+        said = team.command("teleop", "--id", "2", "--script", "i*3")
+        assert (said.returncode, "robot_2: stopped (zteam stop --release)" in said.stderr) == (1, True)
+        assert "'zteam stop' holds robots 0-3" in team.command("doctor").stdout
+        assert team.command("stop", "--release").returncode == 0
+        for robot_id in robots:
+            team.until(lambda i=robot_id: moves(team, i), within=LIMIT)  # type: ignore[misc]
+    team.until(lambda: watch.ended, within=60.0)
+    assert watch.result == TaskResult.SUCCEEDED, watch.text
+    assert watch.status is not None
+    assert watch.status.recoveries == 0
+
+
+@pytest.mark.real_time
+def test_a_single_query_is_obeyed_within_03_s(team: TeamFixture) -> None:
+    """In a world a tenth as fast as real time no scan comes so soon; the robot does not wait for one."""
+    team.start("arena", 2, behavior="wander", lockstep=False)
+    team.wait_for_go()
+    team.until(lambda: all(team.robot(i).speed > 0.1 for i in (0, 1)), within=LIMIT)
+    team.sim.set_speed(0.1)
+    commands, client = Commands(team, [0, 1]), StopClient(team.bus)
+    begin = monotonic()
+    assert all(result.is_done for result in client.engage())
+    team.run(0.5)
+    assert max(commands.last.values()) < begin + ZERO
+    assert stands(team, [0, 1])
+
+
+@pytest.mark.real_time
+def test_a_body_without_a_process_is_held_by_another_simulator_too(team: TeamFixture, tmp_path: Path) -> None:
+    """A foreign program commands it, before and after the simulator's restart. Navigation that starts again while its
+    robot is stopped drives to its next goal when that is released."""
+    (tmp_path / "team.toml").write_text(FAKE.replace('"idle"', '"wander"'))
+    team.launch(tmp_path / "team.toml", lockstep=False)
+    team.wait_for_go()
+    team.until(lambda: team.robot(1).speed > 0.1, within=LIMIT)
+    team.stop()
+    team.kill("robot_1")
+    with Pushing(team, "robot_1/cmd_vel", Twist(Vector3(0.3))):
+        team.run(0.5)
+        assert stands(team, [0, 1])
+        # Of the first world, which begins anew.
+        place = team.robot(1).pose
+        team.restart(names.SIMULATOR)
+        assert team.sim_status.stopped == [0, 1]
+        team.wait_for(lambda: team.robot(1).pose != place)
+        assert stands(team, [0, 1])
+    team.restart("nav_0")
+    client = NavigationClient(team.bus, 0, lambda: round(team.now * 1e9))
+    watch = client.send(goal_message(Pose2(-1.0, -2.5, 0.0)))
+    team.wait_for(lambda: watch.status is not None)
+    assert stands(team, [0, 1])
+    team.release()
+    team.until(lambda: watch.ended, within=60.0)
+    assert watch.result == TaskResult.SUCCEEDED, watch.text
+
+
+def test_in_lockstep_a_stop_repeats(team: TeamFixture) -> None:
+    """Between two ticks it takes effect with the next one, in one process as with processes, also where a robot's
+    process starts again meanwhile. Afterwards the line goes on: its head does not hand over because it stood."""
+    hashes = []
+    with closing(TeamFixture()) as same_team:
+        for one, in_process in ((team, False), (same_team, True)):
+            one.start("office", 3, follow={1: 0, 2: 1}, seed=7, in_process=in_process)
+            one.wait_for_go()
+            one.run(5.0)
+            one.stop()
+            assert stands(one, [0, 1, 2], 10.0)
+            one.restart("robot_1")
+            assert stands(one, [0, 1, 2], 10.0)
+            assert one.robot(1).status.is_stopped
+            one.release()
+            one.run(10.0)
+            assert [one.robot(i).status.turns for i in range(3)] == [0, 0, 0]
+            assert all(one.robot(i).speed > 0.1 for i in range(3))
+            hashes.append(one.report.trajectory_sha256)
+    assert hashes[0] == hashes[1]
+
+
+@pytest.mark.real_time
+def test_a_real_robot_begins_stopped_if_a_teammate_is(team: TeamFixture, tmp_path: Path) -> None:
+    """Its process is started again, and does not drive until it is released; a single robot forgets it. A base without
+    a robot process is named."""
+    page = (DOCS / "real-robots.md").read_text()
+    code = page[page.index("# base_0.py") :].partition("```")[0]
+    file = tmp_path / "real.toml"
+    file.write_text('[team]\nworld = "none"\n' + "".join(
+        f'[[robots]]\nid = {i}\nbehavior = "wander"\n[[static_transforms]]\nparent = "map"\nchild = "robot_{i}/odom"\n'
+        f"y = {3.0 * i}\n" for i in (0, 1)
+    ))  # fmt: skip
+    bases = []
+    try:
+        for i in (0, 1):
+            path = tmp_path / f"base_{i}.py"
+            path.write_text(code.replace("robot_0", f"robot_{i}").replace("base_0", f"base_{i}"))
+            bases.append(subprocess.Popen([sys.executable, str(path)], env={**os.environ, **team.environment}))
+        team.launch(file)
+        speeds = {i: commanded(team, i) for i in (0, 1)}
+        team.wait_for(lambda: all(speed() > 0.1 for speed in speeds.values()))
+        team.stop()
+        team.restart("robot_1")
+        team.wait_for_line("robot_1", "begins stopped, as its teammates are")
+        team.wait_for_line("robot_1", "GO: driving")
+        team.wait_for(lambda: team.robot(1).status is not None and team.robot(1).status.is_stopped)
+        assert [speed() for speed in speeds.values()] == [0.0, 0.0]
+        team.release()
+        team.wait_for(lambda: all(speed() != 0.0 for speed in speeds.values()))
+        team.kill("robot_1")
+        done = team.command("stop")
+        assert done.returncode == 1
+        assert done.stderr.startswith("robot_1: nothing holds it")
+        team.restart("robot_0")
+        team.wait_for(lambda: speeds[0]() != 0.0)
+    finally:
+        for base in bases:
+            base.kill()
+            base.wait(LIMIT)
+
+
+def commanded(team: TeamFixture, robot_id: int) -> Callable[[], float]:
+    """The newest speed that is commanded, or turn rate."""
+    newest = [0.0]
+
+    def take(_key: str, command: Twist) -> None:
+        newest[0] = abs(command.linear.x) + abs(command.angular.z)
+
+    team.bus.subscribe(names.robot_key(robot_id, names.CMD_VEL), Twist, take)
+    return lambda: newest[0]
+
+
+def test_every_certificate_stops_and_few_release(team: TeamFixture, tmp_path: Path) -> None:
+    """A node of the team stops all robots; the router drops its release, and the one of the operator passes."""
+    file = tmp_path / "team.toml"
+    node = '[[nodes]]\nname = "near"\ncommand = ["sleep", "1000"]\n'
+    file.write_text('[team]\nworld = "arena"\n[[robots]]\nids = "0-1"\nbehavior = "wander"\n' + node)
+    certs = tmp_path / "certs"
+    team.launch(file, lockstep=False, secure=certs)
+    team.wait_for_go()
+    options = {
+        name: BusOptions(team.endpoint, team.namespace, tls=files_of(certs, name)) for name in ("near", OPERATOR)
+    }
+    with (
+        closing(connect(options["near"], patience=LIMIT)) as member,
+        closing(connect(options[OPERATOR], patience=LIMIT)) as operator,
+    ):
+        for robots in (None, [0, 1]):
+            assert [result.is_done for result in StopClient(member).engage(robots)] == [True, True]
+            for robot_id, result in enumerate(StopClient(member).release(robots)):
+                assert (result.is_done, result.missing) == (False, [f"robot_{robot_id}", "sim"])
+                assert "this process's certificate may not ask for it" in result.problem
+            assert team.sim_status.stopped == [0, 1]
+            assert [result.is_done for result in StopClient(operator).release(robots)] == [True, True]
+            assert team.sim_status.stopped == []
