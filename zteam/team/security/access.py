@@ -61,7 +61,7 @@ _LISTS = _of_robot(names.GOALS, names.PAUSE_GOALS, names.RESUME_GOALS)
 _STOPS = _of_robot(names.STOP, names.ENGAGE, names.RELEASE)
 """Answered by what commands a robot, and by the simulator."""
 _STOP, _RELEASE = (names.all_robots_key(service) for service in (names.ENGAGE, names.RELEASE))
-_DESCRIBE, _SET = _of_robot("describe_parameters", "set_parameters")
+_DESCRIBE, _SET, _SAFETY = _of_robot("describe_parameters", "set_parameters", "safety")
 _SIMULATE = tuple(
     names.service_key(names.SIMULATOR, service)
     for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
@@ -92,7 +92,7 @@ _PARTS = {
     names.VIEW: Rights(),
     OPERATOR: Rights(asks=(_RELEASE,)),
     kinds.ROBOT: Rights(
-        _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, *_STOPS)
+        _of_robot(names.CMD_VEL, names.STATUS, names.NAVIGATION_STATUS), (_DESCRIBE, _SET, _CANCEL, _SAFETY, *_STOPS)
     ),
     kinds.NAVIGATION: Rights(_PLANNED, _of_robot(f"{names.NAVIGATION}/*")),
     _BASE: Rights(_MEASURED),
