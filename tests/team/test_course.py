@@ -209,10 +209,16 @@ def test_the_stopper_stands_before_the_first_obstacle(team: TeamFixture, empty_f
     team.launch(empty_folder / "team.toml", in_process=True)
     team.wait_for_go()
     team.until(lambda: team.robot(0).distance_travelled > 0.5, within=20.0)
-    team.until(lambda: team.robot(0).speed == 0.0, within=60.0)
-    scan = team.robot(0).scan
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-    assert 0.3 < scan.ranges[np.abs(angles) <= math.radians(60)].min() < 0.5
+
+    def nearest() -> float:
+        scan = team.robot(0).scan
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        return float(scan.ranges[np.abs(angles) <= math.radians(60)].min())
+
+    team.until(lambda: nearest() < 0.5, within=60.0)
+    team.run(2.0)
+    assert team.robot(0).speed == 0.0
+    assert 0.3 < nearest() < 0.5
     subprocess.run(zteam_command("zteam", "check", "stopper:Stopper"), check=True)
 
 
