@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.navigated_team import DONE, FAKE, NavigatedTeam
+from support.paces import BOTH_PACES
 from zteam import Node, names, run_team
 from zteam.messages import NavigationState, PoseWithCovarianceStamped, encode
 from zteam.team.testing.team import TeamFixture
@@ -27,6 +28,7 @@ navigation = true
 """
 
 
+@BOTH_PACES
 def test_a_robot_reaches_its_goal_and_stands(team: TeamFixture, empty_folder: Path) -> None:
     """A navigated robot drives to its goal, arrives within Nav2's tolerance, and stands there."""
     path = empty_folder / "team.toml"

@@ -12,6 +12,7 @@ import pytest
 
 from support.flat_floor import make_scan, make_view
 from support.limits import LIMIT
+from support.paces import BOTH_PACES, REAL_TIME
 from support.pages import ROOT, Block, blocks_of, find_file
 from zteam.team.testing.team import TeamFixture
 
@@ -29,6 +30,7 @@ def test_the_behaviour_of_the_readme_works() -> None:
     assert turner.step(make_view(make_scan([0.5] * 9))).angular.z == 0.8
 
 
+@BOTH_PACES
 @pytest.mark.parametrize(
     ("block", "name"),
     [pytest.param(block, name, id=name) for block in blocks_of(README) if block.has_team_tests for name in block.tests],
@@ -39,16 +41,17 @@ def test_the_tests_of_the_readme_pass(block: Block, name: str, team: TeamFixture
     getattr(importlib.import_module(block.save(empty_folder).stem), name)(team)
 
 
-def test_the_node_of_the_readme_joins_its_team(team: TeamFixture, empty_folder: Path) -> None:
-    """The README's node takes part in lock-step with the README's team, and what it publishes is seen."""
+@pytest.mark.parametrize("pace", [["--lockstep", "--expect", "crowd"], pytest.param([], marks=REAL_TIME.marks)])
+def test_the_node_of_the_readme_joins_its_team(team: TeamFixture, empty_folder: Path, pace: list[str]) -> None:
+    """The README's node takes part with the README's team, in lock-step too, and what it publishes is seen."""
     crowd = find_file("crowd.py", README).save(empty_folder)
     path = find_file("team.toml", README).save(empty_folder)
-    launcher = team.spawn("zteam", "up", path.name, "--lockstep", "--expect", "crowd")
+    launcher = team.spawn("zteam", "up", path.name, *pace)
     with subprocess.Popen([sys.executable, crowd.name], env={**os.environ, **team.environment}) as process:
         try:
             team.wait_for_line(launcher, "All robots GO!")
             team.wait_for(lambda: min(team.robot(robot).distance_travelled for robot in (0, 1)) > 1.0)
-            assert "crowd" in team.sim_status.participants
+            assert ("crowd" in team.sim_status.participants) == bool(pace)
             echo = team.command("topic", "echo", "crowd/alarm", "--once", "--json")
             assert isinstance(json.loads(echo.stdout)["data"], bool)
             assert team.stop(launcher) == 0

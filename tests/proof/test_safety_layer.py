@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from support.paces import BOTH_PACES
 from support.pages import DOCS, find_file
 from zteam.config.resources import shipped_team
 from zteam.team.testing.team import TeamFixture
@@ -41,6 +42,7 @@ def test_without_the_safety_layer_they_collide(team: TeamFixture, name: str) -> 
     assert "no safety layer" in team.robot(0).status.text
 
 
+@BOTH_PACES
 @pytest.mark.parametrize("name", ["dazzle", "heights"])
 def test_with_the_safety_layer_they_stop_apart(team: TeamFixture, name: str) -> None:
     """With the safety layer the same robots stop 0.3 m apart."""
@@ -60,6 +62,7 @@ def test_with_the_safety_layer_they_stop_apart(team: TeamFixture, name: str) -> 
     assert team.robot(0).status.reason == "robot_1 ahead"
 
 
+@BOTH_PACES
 def test_the_pages_own_solution_works(team: TeamFixture, empty_folder: Path) -> None:
     """The behaviour of docs/robots.md stops before the unseen robot without the safety layer."""
     find_file("look_twice.py", DOCS / "robots.md").save(empty_folder)

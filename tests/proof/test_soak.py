@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from support.paces import BOTH_PACES
 from zteam.config.resources import shipped_team, shipped_world
 from zteam.team.testing.team import TeamFixture
 
@@ -52,6 +53,7 @@ AT_AN_END = ((42.07, 48.92, -1.22), (42.02, 48.11, 1.90), (41.42, 48.54, 1.58), 
 
 
 @pytest.mark.few(1)
+@BOTH_PACES
 @pytest.mark.parametrize("places", [IN_A_CORNER, AT_AN_END])
 def test_a_line_gets_out_whose_ends_are_both_shut_in(
     team: TeamFixture, tmp_path: Path, places: tuple[tuple[float, float, float], ...]

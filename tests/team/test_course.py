@@ -16,6 +16,7 @@ from PIL import Image
 
 import zteam
 from support.limits import LIMIT
+from support.paces import BOTH_PACES
 from support.pages import DOCS, Block, blocks_of, find_file
 from zteam import names
 from zteam.bus.receiving import KeyCount
@@ -49,7 +50,7 @@ PROVED_BY = {
     19: "test_the_formation_keeps_its_places",
     20: "test_robots_are_moved_added_and_removed",
     21: "test_a_described_robot_has_its_joints_in_the_tree",
-    22: "test_walkers_walk_and_repeat_with_their_seed",
+    22: "test_walkers_walk",
     23: "test_a_robot_drives_on_a_drawn_map",
     24: "test_localisation_and_goals",
     25: "test_localisation_and_goals",
@@ -159,6 +160,7 @@ def test_robots_are_moved_added_and_removed(team: TeamFixture) -> None:
     team.wait_for(lambda: team.sim_status.robots == [0, 1, 2, 3])
 
 
+@BOTH_PACES
 @pytest.mark.parametrize(("pose", "stops"), [("0.05 0 -0.1 0", True), ("0.05 0 0 0", False)])
 def test_a_laser_on_top_looks_over_the_others(team: TeamFixture, empty_folder: Path, pose: str, stops: bool) -> None:
     """Step 6: let into the robot, the laser stops robot 1 before robot 0; on top it does not: a collision."""
@@ -198,6 +200,7 @@ def test_beams_that_meet_a_laser_read_the_maximum(team: TeamFixture, empty_folde
     assert dazzle == "max" or 1.5 < read < 2.0
 
 
+@BOTH_PACES
 def test_the_stopper_stands_before_the_first_obstacle(team: TeamFixture, empty_folder: Path) -> None:
     """Step 8: it has driven, and stands half a metre from what is nearest ahead; `zteam check` finds nothing."""
     find_file("stopper.py", PAGE).save(empty_folder)
@@ -206,10 +209,16 @@ def test_the_stopper_stands_before_the_first_obstacle(team: TeamFixture, empty_f
     team.launch(empty_folder / "team.toml", in_process=True)
     team.wait_for_go()
     team.until(lambda: team.robot(0).distance_travelled > 0.5, within=20.0)
-    team.until(lambda: team.robot(0).speed == 0.0, within=60.0)
-    scan = team.robot(0).scan
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-    assert 0.3 < scan.ranges[np.abs(angles) <= math.radians(60)].min() < 0.5
+
+    def nearest() -> float:
+        scan = team.robot(0).scan
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        return float(scan.ranges[np.abs(angles) <= math.radians(60)].min())
+
+    team.until(lambda: nearest() < 0.5, within=60.0)
+    team.run(2.0)
+    assert team.robot(0).speed == 0.0
+    assert 0.3 < nearest() < 0.5
     subprocess.run(zteam_command("zteam", "check", "stopper:Stopper"), check=True)
 
 
@@ -255,30 +264,38 @@ def test_the_carrot_swings(team: TeamFixture, empty_folder: Path) -> None:
     assert min(sides) < 0.7 < 1.3 < max(sides)
 
 
+@BOTH_PACES
 def test_the_follower_keeps_its_distance(team: TeamFixture, empty_folder: Path) -> None:
-    """Step 16: robot 1 comes after robot 0, which drives off, and is never much nearer than 0.8 m."""
+    """Step 16: robot 1 comes after robot 0, which goes on after its first wall; it is never much nearer than 0.8 m."""
     launch(team, 16, empty_folder)
     least = math.inf
 
     def far() -> bool:
         nonlocal least
         least = min(least, team.robot(0).distance_to(1))
-        return team.robot(1).distance_travelled > 3.0
+        return team.robot(1).distance_travelled > 10.0
 
     team.until(far, within=60.0)
     assert least > 0.75
 
 
+@BOTH_PACES
 def test_the_chain_follows(team: TeamFixture, empty_folder: Path) -> None:
-    """Step 17: all four robots drive, each behind the one before it; it is the team that `zteam up` runs by itself."""
+    """Step 17: all four robots drive in a line, 0.8 m apart."""
     launch(team, 17, empty_folder)
-    team.run(30.0)
-    assert all(team.robot(i).distance_travelled > 3.0 for i in range(4))
-    assert all(0.5 < team.robot(i).distance_to(i - 1) < 2.0 for i in (1, 2, 3))
+    team.run(25.0)
+    assert all(team.robot(i).distance_travelled > 8.0 for i in range(4))
+    assert [team.robot(i).distance_to(i - 1) for i in (1, 2, 3)] == pytest.approx([0.8] * 3, rel=0.1)
+
+
+def test_the_chain_is_the_team_of_zteam_up(empty_folder: Path) -> None:
+    """Step 17: `zteam up` alone runs this very team."""
+    block(17, "toml").save(empty_folder)
     hashes = {zteam.run_team(source, seconds=5.0).trajectory_sha256 for source in (empty_folder / "team.toml", "line")}
     assert len(hashes) == 1
 
 
+@BOTH_PACES
 def test_a_user_leads_a_line(team: TeamFixture, empty_folder: Path) -> None:
     """Step 18: what comes from the keyboard goes before the behaviour of robot 0, which stops before a wall; the others
     follow."""
@@ -295,6 +312,7 @@ def test_a_user_leads_a_line(team: TeamFixture, empty_folder: Path) -> None:
     assert not team.robot(0).stall
 
 
+@BOTH_PACES
 def test_the_formation_keeps_its_places(team: TeamFixture, empty_folder: Path) -> None:
     """Step 19: after a minute robots 1 to 3 stand in a row across the leader's way, each at its side."""
     find_file("formation.py", PAGE).save(empty_folder)
@@ -308,13 +326,40 @@ def test_the_formation_keeps_its_places(team: TeamFixture, empty_folder: Path) -
         assert -1.7 < place.x < -1.0
 
 
-def test_walkers_walk_and_repeat_with_their_seed(empty_folder: Path) -> None:
-    """Step 22: the robots drive metres; another seed gives another walk, the same one the same."""
-    find_file("walk.py", PAGE).save(empty_folder)
+@BOTH_PACES
+def test_walkers_walk(team: TeamFixture, empty_folder: Path) -> None:
+    """Step 22: the robots drive metres."""
+    launch(team, 22, empty_folder)
+    team.run(30.0)
+    assert all(team.robot(i).distance_travelled > 2.0 for i in (0, 1))
+
+
+def test_walks_repeat_with_their_seed(empty_folder: Path) -> None:
+    """Step 22: another seed gives another walk, the same one the same."""
     path = block(22, "toml").save(empty_folder)
-    runs = [zteam.run_team(path, seconds=30.0, seed=seed) for seed in (7, 7, 8)]
-    assert all(robot.distance_m > 2.0 for robot in runs[0].robots)
-    assert runs[0].trajectory_sha256 == runs[1].trajectory_sha256 != runs[2].trajectory_sha256
+    runs = [zteam.run_team(path, seconds=30.0, seed=seed).trajectory_sha256 for seed in (7, 7, 8)]
+    assert runs[0] == runs[1] != runs[2]
+
+
+@BOTH_PACES
+def test_a_behaviour_that_counts_time_patrols(team: TeamFixture, empty_folder: Path) -> None:
+    """The page's `Patrol` turns when its 5 s are over, and comes back."""
+    find_file("patrol.py", DOCS / "behaviors.md").save(empty_folder)
+    team.start("arena", robots=1, behavior="patrol:Patrol", in_process=True)
+    team.wait_for_go()
+    start = team.robot(0).pose
+    team.until(lambda: math.dist(start[:2], team.robot(0).pose[:2]) > 1.3, within=6.0)
+    team.until(lambda: math.dist(start[:2], team.robot(0).pose[:2]) < 0.2, within=10.0)
+
+
+@BOTH_PACES
+def test_a_wanderer_gets_out_of_corners(team: TeamFixture) -> None:
+    """Step 22: the shipped `wander` goes on after each wall of the arena: in a minute it has driven 18 m."""
+    team.start("arena", robots=1, in_process=True)
+    team.wait_for_go()
+    team.run(60.0)
+    assert team.robot(0).distance_travelled > 18.0
+    assert team.report.robots[0].stalls == 0
 
 
 @pytest.mark.real_time
@@ -333,6 +378,7 @@ def test_a_robot_drives_on_a_drawn_map(team: TeamFixture, empty_folder: Path) ->
     )
 
 
+@BOTH_PACES
 def test_localisation_and_goals(team: TeamFixture, empty_folder: Path) -> None:
     """Steps 24 to 26: amcl is near the truth; both ways to send a goal, and the program, bring a robot there."""
     find_file("navigated.toml", PAGE).save(empty_folder)

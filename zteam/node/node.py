@@ -134,7 +134,9 @@ class Node(ProcessNode):
         """Of a robot's own process."""
         self._returned = Every(60.0)
         self._gate: NodeGate | None = None
-        self._watch = StepWatch(f"{name}: step", "one is due every", "do less in a step")
+        is_own = names.navigated_robot_of(name) is None
+        way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
+        self._watch = StepWatch(f"{name}: step", "one is due every", way_out)
         self._period: float | None = None
         """Seconds between two steps in real time; None before `run`."""
         self._held: tuple[int, Twist | None] = -1, None

@@ -4,6 +4,7 @@ In lock-step it takes part as one participant, under the name of its first robot
 """
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -44,7 +45,8 @@ class NavigationNode:
         self._stepped = 0
         self._overrides = overrides
         self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
-        self._tick_length = self._period
+        self._tick_length, self._waited = self._period, math.inf
+        """Seconds until the next step, as far as that is known, and before the last one."""
         self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
         _warn_of_other_decay(parameters)
@@ -144,7 +146,9 @@ class NavigationNode:
     def step(self, now: int) -> None:
         """One step of all robots at `now` (ns)."""
         if 0 < self._stepped < now:
-            self._tick_length = min(1.0, (now - self._stepped) / 1e9)
+            # In real time one step may come late, and the next one is due all the same.
+            waited, self._waited = self._waited, (now - self._stepped) / 1e9
+            self._tick_length = min(1.0, waited, self._waited)
         self._stepped = now
         team = sorted(self._bases)
         for robot in self._robots.values():

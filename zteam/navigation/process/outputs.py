@@ -82,6 +82,8 @@ class Outputs:
         self._planned: object = None
         self._placed = False
         """Whether the pose was sent; the next one comes with the next scan that the localiser takes in."""
+        self._holds_at = 0
+        """The stamp of the newest transform that was sent."""
         self._clouded = False
         self._told: tuple[object, ...] = ()
         self._told_at = -(10**18)
@@ -92,6 +94,7 @@ class Outputs:
         """Time jumped back."""
         self._told, self._told_at, self._planned, self._placed = (), -(10**18), None, False
         self._global.due = self._local.due = -math.inf
+        self._holds_at = 0
 
     def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
         """Send the command of a robot on its way; when it is there, one zero velocity more, then none."""
@@ -117,7 +120,10 @@ class Outputs:
             return
         x, y, yaw = localiser.map_from_odom
         transform = messages.Transform(messages.Vector3(x, y), messages.Quaternion(*quaternion_from_yaw(yaw)))
-        self._tf.hand_over(messages.TFMessage([messages.TransformStamped(_header(now + ahead), self._odom, transform)]))
+        # After a step that came late `ahead` was long, and no frame may have two samples of one time.
+        self._holds_at = max(now + ahead, self._holds_at + 1)
+        header = _header(self._holds_at)
+        self._tf.hand_over(messages.TFMessage([messages.TransformStamped(header, self._odom, transform)]))
         if localiser.pose is None:
             return
         if localiser.updated or not self._placed:

@@ -6,7 +6,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.behavior import View
-from zteam.robot.behaviors.evasion import Escape
+from zteam.robot.behaviors.evasion import Escape, Pause
 from zteam.robot.behaviors.line import Place, keep_together
 from zteam.robot.behaviors.scans import is_seen, look_along
 
@@ -46,7 +46,7 @@ class Head:
         self._anchor = Pose2(0.0, 0.0, 0.0), 0
         """Where it got on last, and when."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
-        self._escape = Escape()
+        self._escape, self._pause = Escape(), Pause()
 
     def rest(self) -> None:
         """It does not lead."""
@@ -57,7 +57,7 @@ class Head:
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
-        if self._since is None:
+        if self._pause.is_over(view.now) or self._since is None:
             self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
         if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
             self._anchor = own, view.now

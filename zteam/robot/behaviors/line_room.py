@@ -9,7 +9,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.behavior import View
-from zteam.robot.behaviors.evasion import Around, Escape
+from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.head import Head
 from zteam.robot.behaviors.line import Place
 from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits
@@ -77,6 +77,7 @@ class Stray:
         self._head = Head()
         self._anchor = (0.0, 0.0), 0, 0
         """Where it got on last, when (ns), and how often the line had turned then."""
+        self._pause = Pause()
 
     def rest(self) -> None:
         """It has not been stuck until now."""
@@ -88,6 +89,9 @@ class Stray:
         `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
         """
         place, since, before = self._anchor
+        if self._pause.is_over(view.now):
+            since = view.now
+            self._anchor = place, since, before
         is_fruitless = turns - before >= FRUITLESS
         is_stuck = is_fruitless or view.now - since > STUCK_FOR
         if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
@@ -111,7 +115,7 @@ class MakingRoom:
         self._around, self._escape, self._stray = Around(), Escape(), Stray()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
-        self._boxed_in = BoxedIn()
+        self._boxed_in, self._pause = BoxedIn(), Pause()
         self._asking: int | None = None
         """The robot for which it drives back."""
 
@@ -130,6 +134,8 @@ class MakingRoom:
         by hand does. For `wants` see `Stray`.
         """
         head = place.before[-1]
+        if self._pause.is_over(view.now):
+            self._faced_since, self._boxed_in = None, BoxedIn()
         self._asking, seen = self._find_asking(view, own, place.before, stopped, way.driven_on) if keeps else (None, {})
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:

@@ -9,7 +9,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import View
-from zteam.robot.behaviors.evasion import Around, Escape
+from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STRETCHED, WAITS, Place, Seen, keep_together, see_robot
 from zteam.robot.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
@@ -184,6 +184,7 @@ class Trail:
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
+        self._pause = Pause()
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
 
@@ -278,7 +279,7 @@ class Trail:
                 path.append(x, y)
             self._got_on = view.now, self._place
         self._find_place(view, own)
-        if self._place > self._got_on[1] + PROGRESS:
+        if self._pause.is_over(view.now) or self._place > self._got_on[1] + PROGRESS:
             self._got_on = view.now, self._place
         if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
             return None

@@ -175,9 +175,10 @@ class TeamProcesses:
         return self._seen
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
-        """A world that stands still publishes no more, so it is asked to publish its last tick again."""
-        if self._interval and self.alive(names.SIMULATOR):
-            self.sim.repeat()
+        """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
+        if self.alive(names.SIMULATOR):
+            if self._interval or self.sim_status.paused:
+                self.sim.repeat()
             self._wait(arrived, START_LIMIT)
 
     def robot(self, robot_id: int) -> RobotView:

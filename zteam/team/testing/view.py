@@ -108,8 +108,8 @@ class ObservedTeam:
     """Subscribes to the whole team; `changed` is notified with every message."""
 
     def __init__(self, bus: Bus, repeat: Callable[[Callable[[], bool]], None]) -> None:
-        """`repeat(arrived)` follows a subscription: where the world stands still it has its last tick published again,
-        and waits until `arrived()`."""
+        """`repeat(arrived)` follows a subscription: it waits until `arrived()`; a world that stands still publishes its
+        last tick again."""
         self._bus = bus
         self._repeat = repeat
         self._wanted: set[str] = set()

@@ -97,12 +97,13 @@ def test_it_hands_over_where_it_does_not_get_on() -> None:
     assert lead(moving, look(Pose2(0.61, 0.0, 0.0), OPEN, 7.1), Pose2(0.61, 0.0, 0.0))[0] is not None
 
 
-@pytest.mark.parametrize(("seconds", "hands_over"), [(2.9, False), (3.1, True)])
-def test_a_new_head_has_three_seconds_to_find_a_heading(seconds: float, hands_over: bool) -> None:
+@pytest.mark.parametrize(("ticks", "hands_over"), [(29, False), (31, True)])
+def test_a_new_head_has_three_seconds_to_find_a_heading(ticks: int, hands_over: bool) -> None:
     """Shut in later than that it hands over at once; before, its own line may be what shuts it in."""
     head = Head()
-    lead(head, look(START, OPEN, 1.0))
-    command, _ = lead(head, look(START, SHUT, 1.0 + seconds))
+    for tick in range(ticks):
+        lead(head, look(START, OPEN, 1.0 + 0.1 * tick))
+    command, _ = lead(head, look(START, SHUT, 1.0 + 0.1 * ticks))
     assert (command is None) is hands_over
 
 
@@ -127,11 +128,13 @@ def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
     assert reason == ("" if share else "waits for robot_1 behind it")
 
 
-def test_one_that_has_led_before_begins_anew() -> None:
-    """The time for which it followed does not count: it does not hand over at once."""
+@pytest.mark.parametrize("follows", [True, False])
+def test_one_that_has_led_before_begins_anew(follows: bool) -> None:
+    """The time for which it followed, or had no data, does not count: it does not hand over at once."""
     head = Head()
     lead(head, look(START, OPEN, 1.0))
-    head.rest()
+    if follows:
+        head.rest()
     assert lead(head, look(START, OPEN, 30.0))[0] is not None
 
 

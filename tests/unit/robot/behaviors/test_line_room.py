@@ -80,8 +80,16 @@ def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
     left = next(tick for tick, command in enumerate(commands) if command is not None)
     assert left == 31
     assert commands[left] == (Twist(Vector3(0.4)), "is stuck: leaves its way")
-    assert step(room, 8.0, 1.4) is not None
-    assert step(room, 8.1, 1.6) is None
+    assert step(room, 7.0, 1.4) is not None
+    assert step(room, 7.1, 1.6) is None
+
+
+def test_a_robot_whose_leader_comes_back_is_not_stuck() -> None:
+    """The time in which it did not follow does not count, such as 10 s without its leader: it has 3 s as before."""
+    room = MakingRoom()
+    assert [step(room, 1.0 + 0.1 * tick) for tick in range(10)] == [None] * 10
+    again = [step(room, 12.0 + 0.1 * tick) for tick in range(40)]
+    assert next(tick for tick, command in enumerate(again) if command is not None) == 31
 
 
 def test_a_robot_that_waits_does_not_leave_its_trail() -> None:

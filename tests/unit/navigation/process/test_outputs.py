@@ -1,0 +1,33 @@
+"""What one robot's navigation publishes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.clock import to_ns
+from zteam.geometry import Pose2
+from zteam.messages import TFMessage, ns_from_time
+from zteam.navigation.planning.parameters import Parameters
+from zteam.navigation.process.outputs import Outputs
+from zteam.node.node import Node
+from zteam.node.shutdown import Stop
+
+
+def test_each_frame_of_a_localiser_has_a_later_stamp() -> None:
+    """In real time a step may come late, and the next one soon: no stamp is sent twice, which the tree would refuse."""
+    hub, stamps = MemoryHub(), list[int]()
+    hub.bus().subscribe(
+        names.robot_key(0, names.TF),
+        TFMessage,
+        lambda _key, message: stamps.append(ns_from_time(message.transforms[0].header.stamp)),
+    )
+    outputs = Outputs(Node("nav_0", hub.bus(), Stop()), 0, Parameters())
+    localiser: Any = SimpleNamespace(map_from_odom=Pose2(1.0, 2.0, 0.0), pose=None)
+    for now, ahead in ((5.0, 0.1), (5.2, 0.2), (5.3, 0.1), (5.3, 0.1), (5.4, 0.1)):
+        outputs.localise(to_ns(now), to_ns(ahead), localiser)
+    assert [stamps[0], stamps[1], stamps[-1]] == [to_ns(5.1), to_ns(5.4), to_ns(5.5)]
+    assert stamps == sorted(set(stamps))
+    outputs.forget()
+    outputs.localise(to_ns(0.1), to_ns(0.1), localiser)
+    assert stamps[-1] == to_ns(0.2)
