@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from support.limits import LIMIT
+from support.transforms import laser_on
 from zteam import names
 from zteam.behaviors import Behavior
 from zteam.bus import Bus, MemoryHub, NoRequest
@@ -69,6 +70,8 @@ class RealTimeRobot:
         }
         self._hub.bus().subscribe(names.robot_key(1, names.CMD_VEL), Twist, self._on_command)
         self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
+        fixed = self._bus.publisher(names.robot_key(1, names.TF_STATIC), TFMessage, latched=True)
+        fixed.put(laser_on(1))
         self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
         node = ProcessNode(names.robot_name(1), self._hub.bus(), self._stop)
