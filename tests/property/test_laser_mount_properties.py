@@ -84,7 +84,7 @@ def hits_in_space(scan: LaserScan, rotation: Floats, x: float, y: float) -> Floa
     """(n, 2): where the beams that met something ended, seen from above, in the base."""
     angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
     ends = scan.ranges * np.stack((np.cos(angles), np.sin(angles), 0.0 * angles))
-    points = (rotation @ ends)[:2].T + (x, y)
+    points = (rotation @ ends)[:2].T + np.array((x, y))
     return points[scan.ranges < FAR]
 
 
@@ -154,8 +154,8 @@ def farthest(points: Floats, others: Floats) -> float:
 @examples(300)
 @given(scans(), mounts)
 def test_all_readers_agree_with_the_geometry_in_space(scan: LaserScan, mount: tuple[float, ...]) -> None:
-    """Behaviours, the safety layer, amcl, the costmap and the page have each hit where the rotated beam ends, within the
-    error of bearing that a tilt of this size may cause; the costmap within a cell."""
+    """Behaviours, the safety layer, amcl, the costmap and the page have each hit where the rotated beam ends, within
+    the error of bearing that a tilt of this size may cause; the costmap within a cell."""
     over, roll, pitch, yaw, x, y = mount
     fixed, tilt = published(mount), math.acos(math.cos(roll) * math.cos(pitch))
     expected = hits_in_space(scan, turned(over + roll, pitch, yaw), x, y)
