@@ -177,12 +177,8 @@ def test_a_scan_is_taken_off_the_page_when_its_frame_is_lost(sent: Sent, monkeyp
     now = scenes.monotonic()
     monkeypatch.setattr(scenes, "monotonic", lambda: now + 2 * scenes.PATIENCE)
     for _ in range(2):
-        ((key, number, block),) = sent.scene.scans(0, 360)
-        assert (key, number, block) == (
-            "robot_0/base_scan",
-            0,
-            encode_scan(0, 0, LaserScan(), Pose2(0.0, 0.0, 0.0), 360),
-        )
+        ((key, _, block),) = sent.scene.scans(0, 360)
+        assert (key, block) == ("robot_0/base_scan", encode_scan(0, 0, LaserScan(), Pose2(0.0, 0.0, 0.0), 360))
     sent.static()
     assert sent.drawn() == (2, 12.1)
 
@@ -190,9 +186,9 @@ def test_a_scan_is_taken_off_the_page_when_its_frame_is_lost(sent: Sent, monkeyp
 def test_a_grid_of_an_unknown_frame_is_not_drawn(sent: Sent) -> None:
     """It would lie at a place that nobody named."""
     sent.bundle(1)
-    grid = OccupancyGrid(
-        Header(frame_id="robot_7/odom"), MapMetaData(resolution=1.0, width=1, height=1), np.zeros(1, np.int8)
-    )
+    sent.drawn()
+    one = MapMetaData(resolution=1.0, width=1, height=1)
+    grid = OccupancyGrid(Header(frame_id="robot_7/odom"), one, np.zeros(1, np.int8))
     sent.received.take("robot_7/local_costmap/costmap", encode(grid))
     assert sent.scene.grid("robot_7/local_costmap/costmap") == []
     grid.header.frame_id = "robot_0/odom"

@@ -198,7 +198,7 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
     assert robot.robot._costmaps is not None
     local = robot.robot._costmaps.local
     assert local.cost_at(1.52, 0.02) == LETHAL_OBSTACLE
-    assert local.cost_at(2.02, 0.02) < LETHAL_OBSTACLE
+    assert local.cost_at(1.92, 0.02) < LETHAL_OBSTACLE
 
 
 def test_a_localiser_that_is_gone_stops_it() -> None:
