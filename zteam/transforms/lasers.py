@@ -140,8 +140,8 @@ class LaserMounts:
         frame = given if is_full else names.resolve_frame(self._robot, header.frame_id)
         for buffer in self._buffers:
             # A frame of the team file may have a name without a prefix.
-            is_bare = buffer.frame(frame) is None and buffer.frame(given) is not None
-            found = self._find_in(buffer, given if is_bare else frame, stamp)
+            known = next((each for each in (frame, given) if len(buffer.chain(each)) > 1), frame)
+            found = self._find_in(buffer, known, stamp)
             if found is not None:
                 return found
         return LaserProblem(
