@@ -44,7 +44,7 @@ from zteam.messages import (
     decode,
     ns_from_time,
     type_of_encoding,
-)  # fmt: skip
+)
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
@@ -142,7 +142,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        lasers={} if frames is None else find_laser_problems(scans, _read_tree(bus, frames, scans)),
+        lasers=_find_laser_problems(bus, frames, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         loads=loads,
@@ -269,6 +269,25 @@ def _decode(
     return faults, newest
 
 
+def _find_laser_problems(
+    bus: Bus, frames: Mapping[str, FrameInfo] | None, scans: Mapping[str, LaserScan]
+) -> dict[str, LaserProblem]:
+    """Of scans by key: why no process can use them. Nothing is known without an aggregator."""
+    if frames is None:
+        return {}
+    try:
+        buffer = _read_tree(bus, frames, scans)
+    except BusError:
+        # The aggregator has just ended.
+        return {}
+    found = {}
+    for key, scan in scans.items():
+        target = names.split_robot_key(key)
+        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
+            found[key] = wrong
+    return found
+
+
 def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, LaserScan]) -> Buffer:
     """The aggregator's transforms, as far as they lead to these scans: of their time, and the newest."""
     buffer, lookups = Buffer(), dict[str, list[Lookup]]()
@@ -285,16 +304,6 @@ def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, La
             is_static = frames[transform.child_frame_id].static
             (buffer.set_transform_static if is_static else buffer.set_transform)(transform, names.AGGREGATOR)
     return buffer
-
-
-def find_laser_problems(scans: Mapping[str, LaserScan], buffer: Buffer) -> dict[str, LaserProblem]:
-    """Of scans by key: why no process can use them, by these transforms."""
-    found = {}
-    for key, scan in scans.items():
-        target = names.split_robot_key(key)
-        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
-            found[key] = wrong
-    return found
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:

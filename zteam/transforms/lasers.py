@@ -90,8 +90,9 @@ def tilt_of(rotation: Quat) -> tuple[float, bool]:
 def _project(scan: LaserScan, rotation: Quat, most: float) -> NDArray[np.float32]:
     """The ranges (n,) in the plane; at `most` (m) a laser sees no farther in any direction."""
     i, j, k, w = rotation
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-    rise = 2.0 * (i * k - j * w) * np.cos(angles) + 2.0 * (j * k + i * w) * np.sin(angles)
+    with np.errstate(invalid="ignore"):
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        rise = 2.0 * (i * k - j * w) * np.cos(angles) + 2.0 * (j * k + i * w) * np.sin(angles)
     read = read_ranges(scan.ranges, scan.range_min, scan.range_max).distances
     found: NDArray[np.float32] = (read * np.sqrt(1.0 - rise * rise)).astype(np.float32)
     found[found >= most] = np.inf

@@ -149,8 +149,11 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
 def is_seen(scan: LaserScan, heading: float) -> bool:
     """Whether beams look on both sides of a heading (rad)."""
     first, last = sorted((scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)))
-    # The angles of a laser that looks backwards may go beyond pi.
-    heading += math.tau * round((0.5 * (first + last) - heading) / math.tau)
+    middle = 0.5 * (first + last)
+    if not math.isfinite(middle):
+        return False
+    # The angles of a laser that looks backwards go beyond pi.
+    heading += math.tau * round((middle - heading) / math.tau)
     return last - first > math.tau - _EDGE or first + _EDGE <= heading <= last - _EDGE
 
 
