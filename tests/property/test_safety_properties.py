@@ -147,7 +147,7 @@ def test_no_command_leads_into_what_is_seen(
     hit, or nearer than it was, if it brakes one step later."""
     base = Base(footprint=footprint)
     scan = make_scan(ranges, NOW, fov)
-    view = make_view(scan, now=NOW, dt=dt, base=base, lookup=lambda target, source: (LASER, 0))
+    view = make_view(scan, now=NOW, dt=dt, base=base, laser=LASER[:2])
     command, _ = SafetyLayer().limit(Twist(Vector3(speed), Vector3(z=turn)), view)
     motion = Motion(command.linear.x, command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
@@ -205,7 +205,7 @@ def walk(script: Script, places: Sequence[tuple[float, float]], base: Base) -> C
         looks.append(Look(travelled, pose.compose(LASER), cast(pose.compose(LASER), walls)))
         view = make_view(
             make_scan(looks[-1].ranges, now),
-            now=now, base=base, odom=make_odometry(pose), lookup=lambda target, source: (LASER, 0),
+            now=now, base=base, odom=make_odometry(pose), laser=LASER[:2],
         )  # fmt: skip
         command, _ = layer.limit(Twist(Vector3(speed), Vector3(z=turn)), view)
         last, pose, now = pose, drive(pose, command, TICK / 1e9), now + TICK

@@ -140,11 +140,11 @@ class Floor:
         seen = self._seen
         scan, odom = scan_message(seen, robot_id, 0), odometry_message(seen, robot_id)
         lookup = self._lookup(max(1, seen.stamp - self._delay * TICK))
-        return make_view(scan, now=seen.stamp, robot_id=robot_id, odom=odom, lookup=lookup, seed=self._engine.seed)
+        seed = self._engine.seed
+        return make_view(scan, now=seen.stamp, robot_id=robot_id, odom=odom, lookup=lookup, laser=LASER[:2], seed=seed)
 
     def _lookup(self, stamp: int) -> FindPose:
         known = {names.MAP_FRAME: ORIGIN}
         for i, pose in enumerate(self._past[0]):
             known[names.robot_frame(i, names.BASE_FOOTPRINT)] = pose
-            known[names.robot_frame(i, names.BASE_LASER_LINK)] = pose.compose(LASER)
         return lambda target, source: (known[target].inverse().compose(known[source]), stamp)

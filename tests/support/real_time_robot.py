@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from support.limits import LIMIT
+from support.transforms import laser_on
 from zteam import names
 from zteam.behaviors import Behavior
 from zteam.bus import Bus, MemoryHub, NoRequest
@@ -46,7 +47,9 @@ NEVER = 600.0
 class RealTimeRobot:
     """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
 
-    def __init__(self, kind: type[Behavior] = Follow, *, gate: bool = False, **params: Any) -> None:
+    def __init__(
+        self, kind: type[Behavior] = Follow, *, gate: bool = False, safety: bool = True, **params: Any
+    ) -> None:
         if kind is Follow:
             params.setdefault("leader", 0)
         self._hub = MemoryHub()
@@ -69,11 +72,13 @@ class RealTimeRobot:
         }
         self._hub.bus().subscribe(names.robot_key(1, names.CMD_VEL), Twist, self._on_command)
         self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
+        self._fixed = self._bus.publisher(names.robot_key(1, names.TF_STATIC), TFMessage, latched=True)
+        self.say_fixed(laser_on(1))
         self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
         node = ProcessNode(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
-        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
+        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate, safety=safety))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -140,6 +145,10 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF_STATIC].put(TFMessage(fixed))
 
+    def say_fixed(self, fixed: TFMessage) -> None:
+        """What its base publishes of its fixed frames."""
+        self._fixed.put(fixed)
+
     def say_base_info(self) -> None:
         """What its base is."""
         self._publishers[names.robot_key(1, names.BASE_INFO)].put(base_info(self._robots[1]))
@@ -177,9 +186,9 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF].put(TFMessage(found))
 
-    def say_scan(self, tick: int, distance: float = 9.0) -> None:
+    def say_scan(self, tick: int, distance: float = 9.0, frame: str = names.BASE_LASER_LINK) -> None:
         """A scan with something at this distance all around."""
-        header = Header(time_from_ns(tick * TICK), names.robot_frame(1, names.BASE_LASER_LINK))
+        header = Header(time_from_ns(tick * TICK), frame)
         scan = LaserScan(
             header, angle_min=-1.5, angle_max=1.5, angle_increment=0.1, range_max=30.0,
             ranges=np.full(31, distance, np.float32),

@@ -2,7 +2,8 @@
 
 import math
 
-from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, time_from_ns
+from zteam import names
+from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, time_from_ns
 from zteam.tf import Buffer
 
 S = 1_000_000_000
@@ -12,6 +13,12 @@ def stamped(parent: str, child: str, stamp: int, x: float = 0.0, y: float = 0.0,
     """A planar transform."""
     rotation = Quaternion(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
     return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(x, y, 0.0), rotation))
+
+
+def laser_on(robot_id: int) -> TFMessage:
+    """What a base says of its laser: that it is in its origin."""
+    base, laser = (names.robot_frame(robot_id, each) for each in (names.BASE_FOOTPRINT, names.BASE_LASER_LINK))
+    return TFMessage([stamped(base, laser, 0)])
 
 
 def chain(count: int) -> Buffer:

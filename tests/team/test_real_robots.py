@@ -1,5 +1,6 @@
 """`world = "none"`: a team without a simulator, with the team file and the base driver of docs/real-robots.md."""
 
+import json
 import os
 import re
 import subprocess
@@ -12,7 +13,17 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import wait_until
-from zteam.messages import BaseInfo, Odometry, RobotStatus
+from zteam.geometry import quaternion_from_rpy
+from zteam.messages import (
+    BaseInfo,
+    Header,
+    Odometry,
+    Quaternion,
+    RobotStatus,
+    TFMessage,
+    Transform,
+    TransformStamped,
+)
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.real_time]
@@ -64,6 +75,11 @@ class Watched:
         with self.changed:
             assert wait_until(self.changed, lambda: self.x > x, LIMIT), (self.x, self.status)
 
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the robot's status says this."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: self.status.text == text, LIMIT), self.status
+
     def wait_for_stand(self) -> None:
         """Wait until the wheels stand."""
         with self.changed:
@@ -99,8 +115,7 @@ def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subproces
     assert stood < WALL - 0.6
     team.resume_process("robot_0")
     watched.wait_for_x(stood + 0.1)
-    with watched.changed:
-        assert wait_until(watched.changed, lambda: watched.status.text == "obstacle ahead", LIMIT)
+    watched.wait_for_text("obstacle ahead")
     watched.wait_for_stand()
     assert WALL - 0.6 < watched.x < WALL - 0.3
     assert watched.bases == ["cart"]
@@ -125,5 +140,45 @@ def test_a_base_without_base_info_is_not_waited_for(team: TeamFixture, tmp_path:
             team.wait_for_line("robot_0", "its footprint (robot_0/base_info)")
             told = [line for line in team.lines("robot_0") if "no robot_0/base_info: an erratic's footprint" in line]
             assert len(told) == 1
+        finally:
+            process.kill()
+
+
+def test_a_base_that_does_not_say_where_its_laser_is_never_drives(team: TeamFixture, tmp_path: Path) -> None:
+    """Its robot gets no GO and names the frame, as `zteam doctor` does with the way out; tilted, it names the angle.
+    When somebody says where a level laser is, it drives; when that frame is lost, it stands."""
+    code = block("python", "base_0.py")
+    silent = code.replace(', transform("base_link", "base_laser_link", z=0.2)', "")
+    assert silent != code
+    (tmp_path / "base_0.py").write_text(silent)
+    (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
+    watched = Watched(team)
+    fixed = team.bus.publisher("robot_0/tf_static", TFMessage, latched=True)
+    with subprocess.Popen([sys.executable, tmp_path / "base_0.py"], env={**os.environ, **team.environment}) as process:
+        try:
+            team.launch(tmp_path / "real.toml")
+            lacks = "its laser's frame robot_0/base_laser_link (robot_0/tf_static, from its base)"
+            watched.wait_for_text(f"waiting for {lacks}")
+            done = team.command("doctor", "--json")
+            found = {row["what"]: row for row in json.loads(done.stdout) if not row["good"]}
+            assert done.returncode == 1
+            assert lacks in found["lasers"]["text"]
+            assert lacks in found["robots"]["text"]
+            way_out = "have its base publish robot_0/base_footprint -> robot_0/base_laser_link on robot_0/tf_static"
+            assert found["lasers"]["next_step"].startswith(way_out)
+            tilted = "a level laser (robot_0/base_laser_link is tilted by 29°, 10° is the most)"
+            for parent, tilt, text in (
+                ("base_link", 0.5, f"waiting for {tilted}"),
+                ("base_link", 0.0, ""),
+                ("nowhere", 0.0, f"needs {lacks}"),
+            ):
+                at = Transform(rotation=Quaternion(*quaternion_from_rpy(tilt, 0.0, 0.0)))
+                fixed.put(TFMessage([TransformStamped(Header(frame_id=parent), "base_laser_link", at)]))
+                watched.wait_for_text(text)
+                if text:
+                    watched.wait_for_stand()
+                    assert (watched.x > 0.0) == (parent == "nowhere")
+                else:
+                    watched.wait_for_x(0.05)
         finally:
             process.kill()

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -33,7 +34,17 @@ from zteam.cli.tf import ask_frames
 from zteam.clock import monotonic, to_seconds, wall_ns
 from zteam.config.numbers import counted
 from zteam.errors import BusError, DecodeError, ZteamError
-from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
+from zteam.messages import (
+    LaserScan,
+    Message,
+    OccupancyGrid,
+    RobotStatus,
+    TeamStatus,
+    TransformStamped,
+    decode,
+    ns_from_time,
+    type_of_encoding,
+)
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
 from zteam.monitor.doctor.checks import check_team
@@ -41,6 +52,9 @@ from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, U
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, find_status
+from zteam.transforms import Buffer, FrameInfo
+from zteam.transforms.client import Lookup, TransformClient
+from zteam.transforms.lasers import LaserMounts, LaserProblem
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 
@@ -117,6 +131,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
     frames = ask_frames(bus)
+    scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
     return Facts(
         nodes=nodes,
         writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
@@ -127,6 +142,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
+        lasers=_find_laser_problems(bus, frames, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         loads=loads,
@@ -251,6 +267,43 @@ def _decode(
             if key not in newest or sample.timestamp > newest[key][0].timestamp:
                 newest[key] = sample, message
     return faults, newest
+
+
+def _find_laser_problems(
+    bus: Bus, frames: Mapping[str, FrameInfo] | None, scans: Mapping[str, LaserScan]
+) -> dict[str, LaserProblem]:
+    """Of scans by key: why no process can use them. Nothing is known without an aggregator."""
+    if frames is None:
+        return {}
+    try:
+        buffer = _read_tree(bus, frames, scans)
+    except BusError:
+        # The aggregator has just ended.
+        return {}
+    found = {}
+    for key, scan in scans.items():
+        target = names.split_robot_key(key)
+        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
+            found[key] = wrong
+    return found
+
+
+def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, LaserScan]) -> Buffer:
+    """The aggregator's transforms, as far as they lead to these scans: of their time, and the newest."""
+    buffer, lookups = Buffer(), dict[str, list[Lookup]]()
+    for key, scan in scans.items():
+        own, given = key.partition("/")[0], names.strip_slash(scan.header.frame_id)
+        for frame in (given, names.resolve_frame(own, given), f"{own}/{names.BASE_FOOTPRINT}"):
+            while frame in frames and frame not in lookups:
+                parent = frames[frame].parent
+                lookups[frame] = [Lookup(parent, frame, time) for time in (ns_from_time(scan.header.stamp), 0)]
+                frame = parent
+    asked = list(chain.from_iterable(lookups.values()))
+    for transform in TransformClient(bus).lookup_many(asked) if asked else ():
+        if isinstance(transform, TransformStamped):
+            is_static = frames[transform.child_frame_id].static
+            (buffer.set_transform_static if is_static else buffer.set_transform)(transform, names.AGGREGATOR)
+    return buffer
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:

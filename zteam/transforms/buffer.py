@@ -255,6 +255,11 @@ class Buffer:
             edge = self._tree.edges.get(child)
             return edge.info() if edge is not None and edge.parent else None
 
+    def chain(self, frame: str) -> list[str]:
+        """A frame and its ancestors, the nearest first, by the newest parents; the frame alone if nothing is known."""
+        with self.lock:
+            return self._tree.chain(frame)
+
     def frames(self) -> dict[str, FrameInfo]:
         """The figures of every child frame, sorted by name."""
         with self.lock:

@@ -262,6 +262,10 @@ class Taken(NamedTuple):
     scan: LaserScan
 
 
+_NOTHING = 0, LaserScan(), Pose2(0.0, 0.0, 0.0)
+"""Number, scan and pose in the place of a scan whose place is not known any more: without beams nothing is drawn."""
+
+
 class Scene:
     """The thread that makes frames makes all calls."""
 
@@ -297,13 +301,13 @@ class Scene:
         return self._poses
 
     def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
-        """Key, number and block of each laser's newest scan whose robot's place at that time is known."""
+        """Key, number and block of each laser's newest scan whose place at that time is known; of one that was drawn
+        and whose place is not known any more an empty one."""
         index = 0
         while found := self._read(key := names.scan_key(robot_id, index), LaserScan):
-            placed = self._place(key, robot_id, index, Taken(*found))
-            if placed is not None:
-                number, scan, sensor = placed
-                known = self._blocks.get((key, beams))
+            placed, known = self._place(key, robot_id, index, Taken(*found)), self._blocks.get((key, beams))
+            if placed is not None or known is not None:
+                number, scan, sensor = placed or _NOTHING
                 if known is None or known[0] != number:
                     block = frames.encode_scan(robot_id, index, scan, sensor, beams)
                     known = self._blocks[key, beams] = number, block
@@ -311,7 +315,7 @@ class Scene:
             index += 1
 
     def _place(self, key: str, robot_id: int, index: int, newest: Taken) -> tuple[int, LaserScan, Pose2] | None:
-        """The newest scan of a laser with the laser's pose at its stamp.
+        """The newest scan of a laser with its pose at its stamp: that of the laser, turned as the robot's base is.
 
         A scan comes before the poses of its tick. It waits for them, and later ones come meanwhile: without one that is
         kept until then a view that lags would never see both.
@@ -322,29 +326,36 @@ class Scene:
         waits = self._waits.get(key, newest)
         late = monotonic() - waits.arrival.time > PATIENCE
         for taken in (newest, waits):
-            sensor = self._sensor(robot_id, index, taken.scan, late=late)
-            if sensor is not None:
-                placed = self._placed[key] = taken.arrival.number, taken.scan, sensor
+            found = self._find_sensor(robot_id, index, taken.scan, late=late)
+            if found is not None:
+                placed = self._placed[key] = taken.arrival.number, *found
                 waits = newest
                 break
+        else:
+            if late and not self._state.places.from_truth and self._state.places.level(robot_id, newest.scan).problem:
+                placed = self._placed.pop(key, None) and None
         if placed is not None and placed[0] == newest.arrival.number:
             self._waits.pop(key, None)
         else:
             self._waits[key] = waits
         return placed
 
-    def _sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> Pose2 | None:
-        """Where a laser was when it saw this, or where it is if that stays unknown."""
-        state, frame, stamp = self._state, scan.header.frame_id, ns_from_time(scan.header.stamp)
-        seen = state.places.sensor_at(robot_id, frame, stamp) or (state.places.pose_of(frame) if late else None)
-        if seen is not None or not state.places.from_truth:
-            return seen
+    def _find_sensor(self, robot_id: int, index: int, scan: LaserScan, *, late: bool) -> tuple[LaserScan, Pose2] | None:
+        """A scan in the axes of its robot's base, and where it began, or where it begins now if that stays unknown."""
+        state, stamp = self._state, ns_from_time(scan.header.stamp)
+        base, seen = state.places.base_at(robot_id, stamp), state.places.level(robot_id, scan)
+        if base is None and late:
+            base = state.places.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+        if base is not None and seen.scan is not None:
+            return seen.scan, base.compose(Pose2(*seen.laser, 0.0))
+        if not state.places.from_truth:
+            return None
         # Without transforms: where the simulator says that the laser sits.
         base = state.places.truth_at(robot_id, stamp) or (state.poses.get(robot_id) if late else None)
         shape = None if state.queries.shapes is None else state.queries.shapes.robots.get(robot_id)
         if base is None or shape is None or index >= len(shape.lasers):
             return None
-        return base.compose(Pose2(*shape.lasers[index]))
+        return scan, base.compose(Pose2(*shape.lasers[index]))
 
     def team(self) -> tuple[bytes, int]:
         """The document `team` and its version, which does not change with ages and speeds alone."""
@@ -416,7 +427,9 @@ class Scene:
         if found is None:
             return []
         arrival, grid = found
-        frame = self._state.places.pose_of(grid.header.frame_id) or Pose2(0.0, 0.0, 0.0)
+        frame = self._state.places.pose_of(grid.header.frame_id or names.MAP_FRAME)
+        if frame is None:
+            return []
         known = self._grids.get(key)
         if known is None or known[0] != arrival.number:
             known = self._grids[key] = (

@@ -8,6 +8,7 @@ from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
+    LaserScan,
     Odometry,
     TFMessage,
     Transform,
@@ -20,6 +21,7 @@ from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
+from zteam.transforms.lasers import LaserMounts, LevelScan
 from zteam.view.diagnosis import Diagnosis
 from zteam.view.queries import ASK_PERIOD, TeamQueries
 from zteam.view.received import (
@@ -41,6 +43,7 @@ class Places:
     def __init__(self, received: Received) -> None:
         self._received = received
         self.buffer = Buffer()
+        self._lasers: dict[int, LaserMounts] = {}
         self._taken = 0
         """The number of the newest bundle that was taken."""
         self._taken_static = 0
@@ -115,15 +118,21 @@ class Places:
                 pass
         return None
 
-    def sensor_at(self, robot_id: int, frame: str, stamp: int) -> Pose2 | None:
-        """The pose in `map` of a robot's frame at `stamp` (ns); None as long as its motion is not known until then.
+    def level(self, robot_id: int, scan: LaserScan) -> LevelScan:
+        """A robot's scan as its base sees it."""
+        if robot_id not in self._lasers:
+            self._lasers[robot_id] = LaserMounts(robot_id, self.buffer)
+        return self._lasers[robot_id].level(scan)
+
+    def base_at(self, robot_id: int, stamp: int) -> Pose2 | None:
+        """The pose in `map` of a robot's base at `stamp` (ns); None as long as its motion is not known until then.
 
         Where odometry begins in `map` may be older: a localiser says it seldom.
         """
-        odom = names.robot_frame(robot_id, names.ODOM)
+        odom, base = (names.robot_frame(robot_id, each) for each in (names.ODOM, names.BASE_FOOTPRINT))
         origin = self.pose_of(odom, stamp)
         try:
-            moved = self.buffer.lookup_pose2(odom, names.strip_slash(frame), stamp)[0]
+            moved = self.buffer.lookup_pose2(odom, base, stamp)[0]
         except TransformException:
             return None
         return None if origin is None else origin.compose(moved)

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from support.transforms import S, stamped
+from zteam.geometry import Pose2
 from zteam.messages import (
     Header,
     LaserScan,
+    MapMetaData,
+    OccupancyGrid,
     Odometry,
     Point,
     Pose,
@@ -22,6 +25,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.view import scene as scenes
+from zteam.view.frames import encode_scan
 from zteam.view.received import Received
 from zteam.view.scene import Scene
 from zteam.view.team_view import Places
@@ -51,9 +55,9 @@ class Sent:
         """The transforms of a tick: a metre a tick."""
         self.received.take("tf", encode(TFMessage([stamped("robot_0/odom", BASE, tick * TICK, float(tick))])))
 
-    def static(self) -> None:
+    def static(self, parent: str = BASE) -> None:
         """Where odometry begins, and the laser on the robot."""
-        self.received.take("tf_static", encode(TFMessage([ODOMETER, stamped(BASE, LASER, 0, 0.1)])))
+        self.received.take("tf_static", encode(TFMessage([ODOMETER, stamped(parent, LASER, 0, 0.1)])))
 
     def truth(self, tick: int, x: float) -> None:
         """The ground truth of a tick."""
@@ -146,3 +150,47 @@ def test_without_transforms_the_truth_of_that_time_counts() -> None:
     sent.truth(2, 7.0)
     sent.scan(2)
     assert sent.drawn() == (2, 7.1)
+
+
+def test_a_scan_from_nowhere_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long it waits for its laser's frame; when that comes it is drawn."""
+    sent = Sent()
+    sent.static("robot_0/nowhere")
+    sent.bundle(1)
+    sent.scan(1)
+    now = scenes.monotonic()
+    monkeypatch.setattr(scenes, "monotonic", lambda: now + 2 * scenes.PATIENCE)
+    assert sent.drawn() is None
+    sent.static()
+    assert sent.drawn() == (1, 11.1)
+
+
+def test_a_scan_is_taken_off_the_page_when_its_frame_is_lost(sent: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty one takes its place, for a page that comes later too; the next one that has a place is drawn again."""
+    sent.bundle(1)
+    sent.scan(1)
+    assert sent.drawn() == (1, 11.1)
+    sent.static("robot_0/nowhere")
+    sent.bundle(2)
+    sent.scan(2)
+    assert sent.drawn() == (1, 11.1)
+    now = scenes.monotonic()
+    monkeypatch.setattr(scenes, "monotonic", lambda: now + 2 * scenes.PATIENCE)
+    for _ in range(2):
+        ((key, _, block),) = sent.scene.scans(0, 360)
+        assert (key, block) == ("robot_0/base_scan", encode_scan(0, 0, LaserScan(), Pose2(0.0, 0.0, 0.0), 360))
+    sent.static()
+    assert sent.drawn() == (2, 12.1)
+
+
+def test_a_grid_of_an_unknown_frame_is_not_drawn(sent: Sent) -> None:
+    """It would lie at a place that nobody named."""
+    sent.bundle(1)
+    sent.drawn()
+    one = MapMetaData(resolution=1.0, width=1, height=1)
+    grid = OccupancyGrid(Header(frame_id="robot_7/odom"), one, np.zeros(1, np.int8))
+    sent.received.take("robot_7/local_costmap/costmap", encode(grid))
+    assert sent.scene.grid("robot_7/local_costmap/costmap") == []
+    grid.header.frame_id = "robot_0/odom"
+    sent.received.take("robot_0/local_costmap/costmap", encode(grid))
+    assert len(sent.scene.grid("robot_0/local_costmap/costmap")) == 1

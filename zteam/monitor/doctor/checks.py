@@ -116,6 +116,13 @@ def check_frames(facts: Facts) -> Iterator[Finding]:
         yield problem("transforms", text, f"it is due on {said}: see 'zteam topic info {said.split()[0]}'")
 
 
+def check_lasers(facts: Facts) -> Iterator[Finding]:
+    """Scans that no process can use, because it is not known where their laser is on its robot."""
+    for key, wrong in sorted(facts.lasers.items()):
+        robot = key.partition("/")[0]
+        yield problem("lasers", f"the scans of {robot} ({key}) cannot be used: they need {wrong.noun}", wrong.way_out)
+
+
 def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
     """The transform (parent, child) that lacks between `map` and a robot's base; None if they are connected."""
     odom, frame = (names.robot_frame(robot_id, name) for name in (names.ODOM, names.BASE_FOOTPRINT))
@@ -129,6 +136,8 @@ def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
 def _boot_step(facts: Facts, status: RobotStatus) -> str:
     if "pose" in status.text and names.AGGREGATOR not in facts.alive:
         return "zteam-tf"
+    if wrong := facts.lasers.get(names.scan_key(status.robot_id, 0)):
+        return wrong.way_out
     if facts.stands_still:
         return "its data comes when the world goes on"
     if facts.sim is None:
@@ -389,6 +398,7 @@ _CHECKS = (
     check_clocks,
     check_world,
     check_robots_of_world,
+    check_lasers,
     check_gate,
     check_stops,
     check_readiness,

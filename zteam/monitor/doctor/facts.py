@@ -10,6 +10,7 @@ from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
 from zteam.simulator.client import SimStatus
+from zteam.transforms.lasers import LaserProblem
 
 Level = Literal["ok", "note", "problem"]
 
@@ -99,6 +100,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the simulator's tick was the same at the begin and at the end of the look."""
     frames: Mapping[str, str] | None = None
     """The parent of each frame of the aggregator's tree; None without an aggregator."""
+    lasers: Mapping[str, LaserProblem] = {}
+    """Why no robot can use the scans of a key, by the transforms of the aggregator's tree."""
     map: OccupancyGrid | None = None
     """The map that a late subscriber gets; its cells are left out."""
     map_writer: str = ""

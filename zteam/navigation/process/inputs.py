@@ -14,6 +14,7 @@ from zteam.node.node import Node
 from zteam.node.stopping import STOPPED
 from zteam.transforms import FrameInfo, TransformException
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
+from zteam.transforms.lasers import LaserMounts
 from zteam.transforms.listener import TransformListener
 
 log = logging.getLogger("zteam")
@@ -84,6 +85,9 @@ class Inputs:
         """Whether its localiser takes the simulator's word."""
         self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self.odom_frame = names.robot_frame(robot_id, names.ODOM)
+        self._lasers = LaserMounts(robot_id, transforms.buffer)
+        self.scan_problem = ""
+        """Why the newest scan cannot be used; empty if it can."""
         self.forget()
 
     def forget(self) -> None:
@@ -127,15 +131,17 @@ class Inputs:
         return None if left is None or odom is None else left.compose(odom)
 
     def planning_scan(self) -> Scan | None:
-        """The newest scan as planning takes it; None without one, or where nothing says where its laser is."""
-        scan = self.scan
+        """The newest scan as planning takes it; None if there is none, or if it cannot be used (`scan_problem`)."""
+        self.scan_problem = ""
+        if self.scan is None:
+            return None
+        scan, laser, problem = self._lasers.level(self.scan)
         if scan is None:
+            self.scan_problem = f"it needs {problem.noun}" if problem else ""
             return None
-        frame = names.resolve_frame(names.robot_name(self.robot_id), scan.header.frame_id)
-        mounted = self.find(self.base_frame, frame)
-        if mounted is None:
-            return None
-        return Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, mounted.pose)
+        return Scan(
+            scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, Pose2(*laser, 0.0)
+        )
 
     def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
         """The other ones of these robots whose place in `map` is known and not old."""

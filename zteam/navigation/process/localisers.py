@@ -116,7 +116,7 @@ class AmclLocaliser(Localiser):
         stamp = inputs.stamps.get(names.BASE_SCAN, 0)
         odom = inputs.odom_pose(stamp)
         if scan is None or odom is None:
-            self.problem = "no odometry" if scan is not None else "no scan to localise by"
+            self.problem = "no odometry" if scan is not None else inputs.scan_problem or "no scan to localise by"
             return
         if now - stamp <= OLD:
             here = self._amcl.pose if self.map_from_odom is None else self.map_from_odom.compose(odom)

@@ -130,7 +130,8 @@ class RobotNavigation:
         map_from_odom = localiser.map_from_odom
         if map_from_odom is None:
             odom = self.inputs.odom_pose(0)
-            map_from_odom = pose if odom is None else pose.compose(odom.inverse())
+            # Without odometry in the transforms, what lasers have seen stays where it is in `map`.
+            map_from_odom = Pose2(0.0, 0.0, 0.0) if odom is None else pose.compose(odom.inverse())
         fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
         return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
 
@@ -163,6 +164,8 @@ def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | N
         return NO_MAP
     if localiser.problem:
         return localiser.problem
+    if inputs.scan_problem:
+        return inputs.scan_problem
     if placed is None or placed.scan is None:
         key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
         return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"

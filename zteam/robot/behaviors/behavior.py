@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.counter_random import uniform
 from zteam.errors import BehaviorError, UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2
 from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.message import check_message_type
@@ -45,8 +45,14 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """Seconds since the last step; 0 on the first."""
     robot_id: int
     scan: LaserScan | None
+    """The newest, in the axes of the base however its laser is mounted: beams run from right to left, and angles count
+    from the base's x axis. None before the first one, and if it cannot be used."""
     odom: Odometry | None
     lookup: FindPose
+    laser: Point2 = (0.0, 0.0)
+    """Where the beams of `scan` begin, in the base (m)."""
+    scan_needs: str = ""
+    """What is missing for the newest scan to be used, as a noun; empty if nothing is, or none has come."""
     base: Base = DEFAULT_BASE
     """Its outline and limits."""
     team: tuple[int, ...] = ()

@@ -109,7 +109,8 @@ def beams_of(scan: LaserScan) -> Beams | None:
 
 
 def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
-    """Angles in [-pi, pi) from the laser's x axis and distances in metres, both (n,), or None where there are no beams.
+    """Bearings in [-pi, pi) and distances in metres, both (n,), or None where there are no beams. Bearings are from the
+    axis from which the scan's angles count: that of the base for `view.scan`.
 
     A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
     Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
@@ -147,8 +148,13 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
 
 def is_seen(scan: LaserScan, heading: float) -> bool:
     """Whether beams look on both sides of a heading (rad)."""
-    ends = scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
-    return max(ends) - min(ends) > math.tau - _EDGE or min(ends) + _EDGE <= heading <= max(ends) - _EDGE
+    first, last = sorted((scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)))
+    middle = 0.5 * (first + last)
+    if not math.isfinite(middle):
+        return False
+    # The angles of a laser that looks backwards go beyond pi.
+    heading += math.tau * round((middle - heading) / math.tau)
+    return last - first > math.tau - _EDGE or first + _EDGE <= heading <= last - _EDGE
 
 
 def is_clear(scan: LaserScan, half_width: float, reach: float, heading: float = 0.0) -> bool:

@@ -264,9 +264,10 @@ class Driver:
             self.status.publish()
 
     def _lacking(self, given: StepInput) -> list[str]:
-        if self.absence and given.view.scan is None:
+        has_none = given.view.scan is None and not given.view.scan_needs
+        if self.absence and has_none:
             return [f"its first scan: {self.absence}"]
         lacking = missing(given.view, self.behavior) + given.missing
-        if self.is_alone and given.view.scan is None:
+        if self.is_alone and has_none:
             lacking[-1] += f": {ALONE}"
         return lacking

@@ -11,12 +11,14 @@ from zteam.clock import monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
+    Header,
     LaserScan,
     Message,
     Odometry,
     RobotDriver,
     TeamStatus,
     TFMessage,
+    TransformStamped,
     Twist,
     TwistStamped,
     ns_from_time,
@@ -26,6 +28,7 @@ from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.tick_messages import TickMessages
 from zteam.robot.behaviors.behavior import DeclaredInput, FindPose, View
 from zteam.transforms import Buffer, TransformException
+from zteam.transforms.lasers import LaserMounts
 
 log = logging.getLogger("zteam")
 
@@ -129,7 +132,7 @@ class TransformInputs:
     def __init__(self) -> None:
         self.stamp = 0
         """Of the newest bundle of transforms, in ns; 0 = none."""
-        self._buffer = Buffer()
+        self.buffer = Buffer()
         self._bundle: TFMessage | None = None
         """The one that was taken last."""
         self._found: dict[tuple[str, str], tuple[Pose2, int] | None] = {}
@@ -140,13 +143,13 @@ class TransformInputs:
         if bundle is self._bundle or bundle == self._bundle:
             # From another robot of this process; or sent again, which in lock-step is frequent on a busy machine.
             return
-        self._buffer.set_transforms(bundle.transforms, names.TF)
+        self.buffer.set_transforms(bundle.transforms, names.TF)
         self._bundle, self._found = bundle, {}
         self.stamp = bases_stamp(bundle) or self.stamp
 
     def take_static(self, message: TFMessage) -> None:
         """The whole set of fixed transforms has come: a start pose that a localiser took over is not in it any more."""
-        self._buffer.set_all_static(message.transforms, names.TF)
+        self.buffer.set_all_static(message.transforms, names.TF)
         self._found = {}
 
     def find_pose(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
@@ -154,18 +157,18 @@ class TransformInputs:
         found, frames = self._found, (target_frame, source_frame)
         if frames not in found:
             try:
-                found[frames] = self._buffer.lookup_pose2(target_frame, source_frame, 0)
+                found[frames] = self.buffer.lookup_pose2(target_frame, source_frame, 0)
             except TransformException:
                 found[frames] = None
         return found[frames]
 
     def newest(self, target_frame: str, source_frame: str) -> int | None:
         """The newest stamp that all moving edges between two frames have; None if they are not connected."""
-        return self._buffer.latest_common_time(target_frame, source_frame)
+        return self.buffer.latest_common_time(target_frame, source_frame)
 
     def forget(self) -> None:
         """Time jumped back: forget what moves."""
-        self._buffer.clear()
+        self.buffer.clear()
         self._bundle, self._found, self.stamp = None, {}, 0
 
 
@@ -207,6 +210,10 @@ class RobotInputs:
         """Stamp of the newest odometry; 0 = none."""
         self.team: TeamStatus | None = None
         self.transforms = transforms or TransformInputs()
+        self._fixed = Buffer()
+        """The fixed frames that the base itself publishes: a robot needs no aggregator to know where its laser is."""
+        self._has_fixed = False
+        self._lasers = LaserMounts(robot_id, self.transforms.buffer, self._fixed)
         self.bases: Mapping[int, Base] = {}
         """The bases of the robots by id: of all that have told theirs; in lock-step of those of the tick."""
         self._told: dict[int, Base] = {}
@@ -233,6 +240,13 @@ class RobotInputs:
         self._told[robot_id] = base_of(message)
         self.bases, self._robots = dict(self._told), None
 
+    def take_fixed(self, message: TFMessage) -> None:
+        """Fixed frames of the own base have come, of one of its processes: they are merged by child frame."""
+        self._has_fixed, own = True, names.robot_name(self._id)
+        for transform in message.transforms:
+            parent, child = (names.resolve_frame(own, f) for f in (transform.header.frame_id, transform.child_frame_id))
+            self._fixed.set_transform_static(TransformStamped(Header(frame_id=parent), child, transform.transform), own)
+
     def missing(self) -> list[str]:
         """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
         key = names.robot_key(self._id, names.BASE_INFO)
@@ -256,12 +270,12 @@ class RobotInputs:
         return True
 
     def complete_for(self, stamp: int, *, tf: bool = True, connected: bool = False) -> bool:
-        """Whether all needed data of time `stamp` has come, and `base_info` at all.
+        """Whether all needed data of time `stamp` has come, and `base_info` and the base's fixed frames at all.
 
         `tf` = False leaves the transforms out. With `connected` the transforms must lead from the map to the robot: the
         fixed ones may come later than the first bundle.
         """
-        if self._id not in self._told or self.scan is None or self.scan_stamp < stamp:
+        if self._id not in self._told or not self._has_fixed or self.scan is None or self.scan_stamp < stamp:
             return False
         if self.odom is None or self.odom_stamp < stamp:
             return False
@@ -275,11 +289,14 @@ class RobotInputs:
 
         In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
+        seen = None if self.scan is None else self._lasers.level(self.scan)
         return View(
             now=now,
             dt=dt,
             robot_id=self._id,
-            scan=self.scan,
+            scan=seen and seen.scan,
+            laser=seen.laser if seen else (0.0, 0.0),
+            scan_needs=seen.problem.noun if seen and seen.problem else "",
             odom=self.odom,
             lookup=self.lookup,
             base=self.base,

@@ -181,6 +181,8 @@ class RobotNode:
         node.subscribe(names.TF, TFMessage, self._on_tf)
         take_static = partial(self._on_input, self._inputs.transforms.take_static)
         node.subscribe(names.TF_STATIC, TFMessage, take_static, latched=True)
+        # Every sample: the newest one of each broadcaster counts, and not of the key alone.
+        node.bus.subscribe_raw(key(names.TF_STATIC), self._on_fixed, latched=True)
         for source in SOURCES:
             velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
             node.subscribe_from(key(source.topic), source.type, velocity, self._lateness_of)
@@ -232,6 +234,13 @@ class RobotNode:
     def _on_input(self, take: Callable[[Any], None], _key: str, message: Message) -> None:
         take(message)
         self._go_on()
+
+    def _on_fixed(self, sample: RawSample) -> None:
+        message = self._node.bus.decode(sample, TFMessage)
+        if message is not None:
+            with self._node.changed:
+                self._on_input(self._inputs.take_fixed, sample.key, message)
+                self._node.changed.look()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._inputs.team = status

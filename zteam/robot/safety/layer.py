@@ -166,9 +166,9 @@ def _way_of(motion: Motion) -> tuple[bool, bool]:
 
 
 def old_scan(view: View) -> str:
-    """Why the scan cannot be driven by: there is none, or it is old; empty if it can."""
+    """Why the scan cannot be driven by: there is none, it is of no use, or it is old; empty if it can."""
     if view.scan is None:
-        return "no scan yet"
+        return f"needs {view.scan_needs}" if view.scan_needs else "no scan yet"
     return "" if view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER) else "stale scan"
 
 
@@ -203,7 +203,7 @@ def missing(view: View, behavior: Behavior) -> list[str]:
     """What the robot lacks before it is ready, as nouns for its status; empty = ready."""
     lacking = []
     if view.scan is None:
-        lacking.append(f"a first scan ({names.scan_key(view.robot_id, 0)})")
+        lacking.append(view.scan_needs or f"a first scan ({names.scan_key(view.robot_id, 0)})")
     if view.odom is None:
         lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
     if view.map_from_base() is None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
@@ -44,7 +44,7 @@ class LaserCoverage:
     def __init__(self) -> None:
         self.beams: Beams | None = None
         """The newest scan, read; None without usable beams."""
-        self.laser = Pose2(0.0, 0.0, 0.0)
+        self.laser: Point2 = (0.0, 0.0)
         """In the base frame."""
         self.range = math.inf
         """Metres that the laser sees."""
@@ -55,16 +55,16 @@ class LaserCoverage:
         self._heard, self._whole = np.full(_SECTORS, -(1 << 62)), -(1 << 62)
         """When a beam of each sector of `odom` spoke last (ns), and all of them at once."""
 
-    def take(self, beams: Beams, laser: Pose2, yaw: float, now: int) -> None:
-        """A scan of `now` (ns) by a laser at a pose of the base, which is turned by `yaw` in `odom`."""
+    def take(self, beams: Beams, laser: Point2, yaw: float, now: int) -> None:
+        """A scan of `now` (ns) by a laser at a place of the base, which is turned by `yaw` in `odom`."""
         start, step, count = beams.laser
         self.beams, self.laser, self.silent = beams, laser, _NONE
-        self._middle, self._half = start + laser.yaw + 0.5 * step * (count - 1), 0.5 * abs(step) * count
+        self._middle, self._half = start + 0.5 * step * (count - 1), 0.5 * abs(step) * count
         is_silent = None if beams.all_speak else np.isnan(beams.distances)
         if is_silent is None or not is_silent.any():
             self._whole = now
             return
-        bearings = beams.directions.angles + laser.yaw
+        bearings = beams.directions.angles
         sectors = np.remainder((bearings + yaw) * (_SECTORS / math.tau), _SECTORS).astype(np.intp) % _SECTORS
         if self._whole > 0:
             # The beams were then where they are now, or nearly so.
@@ -85,16 +85,16 @@ class LaserCoverage:
 
     def is_blind(self, outline: Outline, motion: Motion, seconds: float, mates: list[tuple[float, float]]) -> bool:
         """Whether a beam that says nothing points into the way; those towards `mates` (x, y) are explained."""
-        silent, laser = self.silent, self.laser
+        silent, (laser_x, laser_y) = self.silent, self.laser
         for x, y in mates:
-            silent = silent[np.abs(_wrap(silent - math.atan2(y - laser.y, x - laser.x))) > DAZZLE_ANGLE]
+            silent = silent[np.abs(_wrap(silent - math.atan2(y - laser_y, x - laser_x))) > DAZZLE_ANGLE]
         if not silent.size:
             return False
         seconds = max(seconds, 0.3 / motion.speed) / _LOOKS
         places = [place_after(motion, seconds * (i + 1)) for i in range(_LOOKS)]
         corners = [place.compose(Pose2(x, y, 0.0))[:2] for place in places for x, y in outline.corners.tolist()]
         x, y = (points := np.array(corners).T)[:, outline.distances(points) > 0.0]
-        bearings = np.arctan2(y - laser.y, x - laser.x)
+        bearings = np.arctan2(y - laser_y, x - laser_x)
         bearings = bearings[np.abs(_wrap(bearings - self._middle)) <= self._half]
         if not bearings.size:
             return False
@@ -246,8 +246,6 @@ class Surroundings:
     """What one robot knows."""
 
     def __init__(self) -> None:
-        self._lasers: dict[str, Pose2] = {}
-        """The pose of each laser in the base frame, by its frame: it is fixed there."""
         self._scan: LaserScan | None = None
         self._pose: Pose2 | None = None
         """Of the base in `odom`."""
@@ -280,13 +278,12 @@ class Surroundings:
             self.sight.beams = beams
             self.sight.range = view.scan.range_max if view.scan.range_max > 0.0 else math.inf
             if beams is not None:
-                laser = self._find_laser(view, view.scan.header.frame_id)
-                self.sight.take(beams, laser, self._pose.yaw if self._pose else 0.0, view.now)
+                self.sight.take(beams, view.laser, self._pose.yaw if self._pose else 0.0, view.now)
                 (start, step, _), way = beams.laser, self._travelled
                 few = max(1, int(_FINEST / max(abs(step), 1e-9) + 1e-6))
                 self._known = kernels.see(
                     self._known, beams.directions.axes, beams.distances, (start, step), few,
-                    laser, max(REACH, reach), way, way - SPAN,
+                    (*view.laser, 0.0), max(REACH, reach), way, way - SPAN,
                 )  # fmt: skip
 
     def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
@@ -306,11 +303,3 @@ class Surroundings:
             self._room = min(SPAN, self._room + way) if forwards else self._room - way
             self._room = max(min(0.0, self._room), self._room - _WEARS * abs(turn))
         return pose
-
-    def _find_laser(self, view: View, frame: str) -> Pose2:
-        if frame not in self._lasers:
-            found = view.lookup(view.base_frame, frame) if frame else None
-            if found is None or not math.isfinite(sum(found[0])):
-                return Pose2(0.0, 0.0, 0.0)
-            self._lasers[frame] = Pose2(*map(float, found[0]))
-        return self._lasers[frame]

@@ -8,11 +8,13 @@ from zteam.messages import RobotState
 from zteam.monitor.doctor.checks import (
     check_frames,
     check_gate,
+    check_lasers,
     check_readiness,
     check_silence,
     check_team,
     check_world,
 )
+from zteam.transforms.lasers import LaserProblem
 
 
 def test_a_paused_world_is_named_as_the_cause() -> None:
@@ -185,3 +187,15 @@ def test_a_robot_that_stands_without_a_pose_is_told_with_the_transform_that_lack
     driving = msgspec.structs.replace(facts, statuses={0: robot_status(0, speed=0.3)})
     for fine in (driving, msgspec.structs.replace(facts, frames=CHAIN), msgspec.structs.replace(facts, frames=None)):
         assert not list(check_frames(fine))
+
+
+def test_a_laser_without_a_place_on_its_base_is_named() -> None:
+    """With its robot, its frame and the way out, also where its robot is ready; a robot that waits for it has no other
+    step to take."""
+    wrong = LaserProblem("its laser's frame robot_1/eye (robot_1/tf_static, from its base)", "publish it")
+    waits = robot_status(1, RobotState.BOOT, text="waiting for what is told")
+    facts = team_facts(lasers={"robot_1/base_scan": wrong}, statuses={0: robot_status(0), 1: waits})
+    text = f"the scans of robot_1 (robot_1/base_scan) cannot be used: they need {wrong.noun}"
+    assert problems(check_lasers(facts)) == [("lasers", text, "publish it")]
+    ((_, _, step),) = problems(check_readiness(facts))
+    assert step == "publish it"

@@ -26,6 +26,7 @@ from zteam.messages import (
 )
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.controller import Velocity
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner
 from zteam.navigation.planning.plugins import Plugin
@@ -163,6 +164,41 @@ def test_a_scan_that_stays_away_stops_it() -> None:
     robot.sees = True
     robot.go(2.0)
     assert robot.step().x > 0.0
+
+
+@pytest.mark.parametrize("localizer", ["none", "amcl"])
+def test_a_scan_from_nowhere_is_not_used(localizer: Localizer) -> None:
+    """Neither a costmap nor amcl takes it, and the robot says what lacks; with the laser's frame back it drives on."""
+    robot = driving(localizer)
+    seen = robot.robot._costmaps.local._seen.copy()  # type: ignore[union-attr]
+    robot._put("elsewhere", "base_laser_link", static=True)
+    assert robot.step(2) == STOP
+    assert robot.text == "it needs its laser's frame robot_0/base_laser_link (robot_0/tf_static, from its base)"
+    robot._put("base_footprint", "base_laser_link", static=True)
+    assert robot.step(2).x > 0.0
+    assert robot.text == ""
+    assert seen.any()
+
+
+def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -> None:
+    """Another process places the base itself in `map`: the local costmap takes no walls along with the robot."""
+    robot = Robot()
+    robot.robot.set_map(make_map(np.zeros((60, 60), np.int8), 0.1, Pose2(-3.0, -3.0, 0.0)))
+    for tick in range(1, 7):
+        stamp = time_from_ns(tick * TICK)
+        placed = TransformStamped(Header(stamp, "map"), "robot_0/base_footprint", Transform(Vector3(0.1 * tick)))
+        assert robot.transforms.buffer.set_transform(placed, "test") is None
+        if tick == 1:
+            ranges = np.full(1, 1.4, np.float32)
+            header = Header(stamp, "base_laser_link")
+            robot.inputs.scan = LaserScan(header, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0, ranges)
+            robot.inputs.stamps[names.BASE_SCAN] = tick * TICK
+        robot.robot.step(tick * TICK, 0.1, [0])
+        robot.inputs.stamps[names.BASE_SCAN] = -(10**10)
+    assert robot.robot._costmaps is not None
+    local = robot.robot._costmaps.local
+    assert local.cost_at(1.52, 0.02) == LETHAL_OBSTACLE
+    assert local.cost_at(1.92, 0.02) < LETHAL_OBSTACLE
 
 
 def test_a_localiser_that_is_gone_stops_it() -> None:

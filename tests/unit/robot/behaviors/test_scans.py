@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from support.flat_floor import make_scan
+from zteam.geometry import quaternion_from_rpy
 from zteam.messages import LaserScan
-from zteam.robot.behaviors.scans import beams_of, look_ahead, look_along, read_beams
+from zteam.robot.behaviors.scans import beams_of, is_seen, look_ahead, look_along, read_beams
+from zteam.transforms.lasers import turn_scan
 
 CONE = math.radians(60.0)
 
@@ -138,3 +140,21 @@ def test_ranges_that_can_be_changed_are_read_each_time() -> None:
     after = beams_of(scan)
     assert before is not None and after is not None
     assert (before.ranges[0], after.ranges[0]) == (1.0, 0.5)
+
+
+def test_a_laser_that_looks_back_sees_what_is_behind() -> None:
+    """Its angles go beyond pi; a heading is seen if beams look to both sides of it."""
+    scan = make_scan([5.0] * 181, fov=math.pi)
+    scan.angle_min += math.pi
+    seen = [is_seen(scan, math.radians(heading)) for heading in (180.0, -180.0, 100.0, -100.0, 90.0, 0.0)]
+    assert seen == [True, True, True, True, False, False]
+
+
+@pytest.mark.parametrize("angle", [math.nan, math.inf, -math.inf, 1e308])
+def test_a_scan_without_usable_angles_sees_nothing(angle: float) -> None:
+    """Whatever the message says, it ends nobody's step."""
+    scan = make_scan([5.0] * 181, fov=math.pi)
+    scan.angle_min = angle
+    assert not is_seen(scan, 0.0)
+    tilted = turn_scan(scan, quaternion_from_rpy(0.1, 0.0, 1.0))
+    assert not is_seen(tilted, 0.0)

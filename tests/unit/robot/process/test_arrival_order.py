@@ -13,6 +13,7 @@ from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, se
 from support.examples import examples
 from support.in_process_team import InProcessTeam, TeamOptions
 from support.lockstep_doubles import ScriptedSimulator
+from support.transforms import laser_on
 from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import Bus, MemoryHub, presence
@@ -28,6 +29,7 @@ from zteam.messages import (
     PoseStamped,
     RobotStatus,
     String,
+    TFMessage,
     Tick,
     Twist,
     TwistStamped,
@@ -113,6 +115,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
     node.become_present()
     base_info = simulator.bus.publisher(names.robot_key(0, names.BASE_INFO), BaseInfo, latched=True)
     base_info.put(BaseInfo(model="cart"))
+    simulator.bus.publisher(names.robot_key(0, names.TF_STATIC), TFMessage, latched=True).put(laser_on(0))
     simulator.tick(0, robots=(0,))
     statuses: list[RobotStatus] = []
     simulator.bus.subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _, status: statuses.append(status))
@@ -121,7 +124,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
         if random.random() < 0.3:
             robot._status.say_again()
         if isinstance(event, Data):
-            header = Header(time_from_ns(event.tick * TICK))
+            header = Header(time_from_ns(event.tick * TICK), names.BASE_LASER_LINK)
             put[names.ODOM](Odometry(header))
             put[names.BASE_SCAN](
                 LaserScan(header, angle_min=-1.0, angle_increment=1.0, range_max=9.0, ranges=np.full(3, 5.0))

@@ -6,7 +6,7 @@ from typing import ClassVar
 import pytest
 
 from support.lockstep_doubles import INTERVAL, ScriptedSimulator
-from support.transforms import stamped
+from support.transforms import laser_on, stamped
 from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
@@ -44,6 +44,7 @@ def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Monk
     """Robot 0, which takes part in tick 2. That is open."""
     monkeypatch.setattr(Seen, "models", [], raising=False)
     monkeypatch.setattr(Seen, "told", [], raising=False)
+    put(hub, names.TF_STATIC, laser_on(0), latched=True)
     node = ProcessNode("robot_0", hub.bus(), Stop())
     made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
@@ -80,7 +81,7 @@ def put(hub: MemoryHub, topic: str, message: Message, *, robot: int = 0, latched
 
 def put_inputs(hub: MemoryHub, tick: int) -> None:
     """Scan and odometry of a tick."""
-    header = Header(time_from_ns(tick * INTERVAL))
+    header = Header(time_from_ns(tick * INTERVAL), names.BASE_LASER_LINK)
     put(hub, names.BASE_SCAN, LaserScan(header, angle_min=-1.0, angle_increment=1.0, range_max=9.0, ranges=[5.0] * 3))
     put(hub, names.ODOM, Odometry(header))
 

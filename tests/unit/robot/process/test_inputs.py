@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.transforms import S, stamped
+from support.transforms import S, laser_on, stamped
 from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
@@ -30,6 +30,7 @@ def inputs() -> RobotInputs:
     """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
     made = RobotInputs(1)
     made.take_base(1, BaseInfo())
+    made.take_fixed(laser_on(1))
     made.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
@@ -98,6 +99,7 @@ def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
     inputs = RobotInputs(1)
     inputs.take_base(1, BaseInfo())
+    inputs.take_fixed(laser_on(1))
     give(inputs, S)
     assert inputs.complete_for(S)
     assert not inputs.complete_for(S, connected=True)
@@ -106,12 +108,17 @@ def test_a_connected_tick_needs_the_fixed_transforms() -> None:
 
 
 def test_no_tick_is_complete_without_the_base() -> None:
-    """The first step of a run must not depend on whether `base_info` or the scan is faster."""
+    """The first step of a run must not depend on whether `base_info`, the fixed frames or the scan are faster."""
     inputs = RobotInputs(1)
     give(inputs, S)
-    assert not inputs.complete_for(S)
     inputs.take_base(1, BaseInfo())
+    assert not inputs.complete_for(S)
+    inputs.take_fixed(laser_on(1))
     assert inputs.complete_for(S)
+    inputs = RobotInputs(1)
+    give(inputs, S)
+    inputs.take_fixed(laser_on(1))
+    assert not inputs.complete_for(S)
 
 
 def test_look_ups_give_the_newest_pose(inputs: RobotInputs) -> None:

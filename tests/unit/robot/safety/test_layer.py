@@ -36,7 +36,7 @@ class Drive:
         ranges += self.scan_noise * self.noise.standard_normal(ranges.size)
         scan = make_scan(np.clip(ranges, 0.01, 30.0), self.now)
         odom = make_odometry(self.pose)
-        return make_view(scan, now=self.now, base=self.base, odom=odom, lookup=lambda target, source: (LASER, 0))
+        return make_view(scan, now=self.now, base=self.base, odom=odom, laser=LASER[:2])
 
     def step(self, speed: float, turn: float = 0.0) -> float:
         """One tick; the speed that was left."""
