@@ -85,6 +85,18 @@ def check_certificate(tls: TlsFiles) -> Finding:
     return ok("certificate", f"{found.common_name}, valid for {left_text(found.expires)}")
 
 
+def check_authority(tls: TlsFiles) -> list[Finding]:
+    """A problem if certificates of the team's authority pass as the router's."""
+    from zteam.team.security.certificates import posing, posing_text
+
+    folder = Path(tls.certificate).parent
+    try:
+        found = posing(folder)
+    except ZteamError as error:
+        return [problem("authority", str(error))]
+    return [problem("authority", *posing_text(found, folder))] if found else []
+
+
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
 _SETTLE = 0.3
@@ -322,7 +334,7 @@ def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
-    certificate = [] if options.tls is None else [check_certificate(options.tls)]
+    certificate = [] if options.tls is None else [check_certificate(options.tls), *check_authority(options.tls)]
     findings = [check_versions(), *certificate, router]
     if router.good:
         with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
