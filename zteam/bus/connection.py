@@ -58,6 +58,10 @@ _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
+_LINK_LOOK = 0.5
+"""Host seconds between looks whether it is back."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 60.0
+"""Host seconds between two looks for the reason why a router does not let a process in."""
 _SEEN_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a token to reach another session."""
 _SEEN_PERIOD = 0.05
@@ -106,8 +110,39 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     return Bus(transport, options=options)
 
 
+class Reasons:
+    """Why a process has no link. Each reason is given once, and again when it has changed.
+
+    Zenoh lets in nobody else for 0.1 s after a TLS handshake that fails, and a look makes some. So the pause between
+    looks doubles: otherwise a large team that is kept out could never come in.
+    """
+
+    def __init__(self, options: BusOptions, first: float) -> None:
+        """`first` is the time to the first look, in host seconds."""
+        self._options = options
+        self._next, self._pause = monotonic() + first, _FIRST_PAUSE
+        self._given = ""
+
+    def due(self) -> bool:
+        """Whether it is time to look; the next time is then later."""
+        now = monotonic()
+        if now < self._next:
+            return False
+        self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
+        return True
+
+    def look(self) -> str:
+        """The reason, where something listens; empty if it was given before."""
+        before, self._given = self._given, ": ".join(why_refused(self._options))
+        return "" if self._given == before else self._given
+
+    def forget(self) -> None:
+        """Nothing listens: what comes next may have the same reason."""
+        self._given = ""
+
+
 def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
-    start, say, delay = monotonic(), Every(5.0), 0.05
+    start, reasons, delay = monotonic(), Reasons(options, 1.0), 0.05
     while not stopping():
         session = try_open(options)
         if session is not None and (options.tls is None or read_admin(options) is not None):
@@ -118,9 +153,13 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
         waited = monotonic() - start
         if patience is not None and waited > patience:
             raise BusError(_no_router(options))
-        if waited > 1.0 and say.due():
-            why = f": {': '.join(why_refused(options))}" if port_accepts(options.endpoint) else ""
-            log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)%s", options.endpoint, why)
+        if reasons.due():
+            place = f"{options.endpoint} (Ctrl+C to give up)"
+            if not port_accepts(options.endpoint):
+                reasons.forget()
+                log.warning("waiting for a Zenoh router at %s", place)
+            elif why := reasons.look():
+                log.warning("waiting for a Zenoh router at %s: %s", place, why)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
@@ -246,18 +285,22 @@ def _why_no_trust(endpoint: str, address: tuple[str, int], tls: TlsFiles) -> tup
 
 
 def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> None:
-    """A certificate may expire, or the router's authority change, while a process runs: Zenoh tries again for ever."""
+    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
+    ever."""
+    changes = 0
 
     def on_link(up: bool) -> None:
+        nonlocal changes
+        changes += 1
         if not up:
-            # Host time, as for a router on demand.
-            timer = threading.Timer(_LINK_PATIENCE, say)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+            threading.Thread(target=watch, args=(changes,), name="link lost", daemon=True).start()
 
-    def say() -> None:
-        if not (transport.up or transport.closed) and port_accepts(options.endpoint):
-            log.error("no link to the router: %s", ": ".join(why_refused(options)))
+    def watch(change: int) -> None:
+        reasons = Reasons(options, _LINK_PATIENCE)
+        while changes == change and not transport.closed:
+            if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
+                log.error("no link to the router: %s", why)
+            pause(_LINK_LOOK)
 
     transport.watch_link(on_link)
 
