@@ -231,8 +231,8 @@ GRANTS = 'view = ["goals", "teleop"]\noperator = ["goals", "teleop"]\n'
 
 @pytest.mark.parametrize("granted", [True, False], ids=["granted", "not granted"])
 def test_a_command_that_the_router_drops_is_refused(team: TeamFixture, tmp_path: Path, granted: bool) -> None:
-    """The page, `zteam goto` and `zteam teleop` say that the certificate may not, and the page notes no goal; with the
-    grants they are obeyed."""
+    """The page and the commands say that the certificate may not, and the page notes no goal; with the grants they are
+    obeyed."""
     (tmp_path / "team.toml").write_text(GOALS + GRANTS * granted)
     # The fixture makes certificates of the processes that it starts; this view is the test's.
     assert zteam("certs", "init", "team.toml", environment={}, cwd=tmp_path).returncode == 0
@@ -258,12 +258,19 @@ def test_a_command_that_the_router_drops_is_refused(team: TeamFixture, tmp_path:
             page.command(op="take", robot=0),
             page.command(op="initialpose", robot=0, x=place.x, y=place.y, yaw=0.0),
         ]
-    for words in (["goto", "0", str(place.x), str(place.y)], ["teleop", "--id", "0", "--script", "i*2"]):
+    (tmp_path / "goals.yaml").write_text(f"- {{robot: 0, x: {place.x}, y: {place.y}}}")
+    commands = (
+        ["goto", "0", str(place.x), str(place.y)],
+        ["teleop", "--id", "0", "--script", "i*2"],
+        ["goals", str(tmp_path / "goals.yaml")],
+        ["topic", "pub", "robot_0/cmd_vel_teleop", "geometry_msgs/msg/Twist", "--times", "3"],
+    )
+    for words in commands:
         done = team.command(*words, timeout=LIMIT)
         assert (done.returncode == 0) == granted, done.stderr
         told.append(done.stderr)
     assert bool(heard) == granted
-    topics = "goal_pose", "cmd_vel_teleop", "initialpose", "goal_pose", "cmd_vel_teleop"
+    topics = "goal_pose", "cmd_vel_teleop", "initialpose", "goal_pose", "cmd_vel_teleop", "goal_pose", "cmd_vel_teleop"
     for topic, text in zip(topics, told, strict=True):
         line = f"the router drops robot_0/{topic}: this process's certificate may not publish it"
         assert (line in text) != granted, told

@@ -133,6 +133,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         nodes=nodes,
         writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
         faults=faults,
+        dropped=_dropped(bus, nodes),
         counts=_counts(bus),
         statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
         team=team[1] if team and isinstance(team[1], TeamStatus) else None,
@@ -236,6 +237,14 @@ def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
+def _dropped(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[str]]:
+    sessions = defaultdict[str, set[str]](set)
+    for each in bus.declarations():
+        if each.dropped:
+            sessions[each.key].add(each.session)
+    return {key: writer_names(nodes, sorted(found), key) for key, found in sessions.items()}
+
+
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
     answers = bus.find(names.stats_key("*"), dict[str, KeyCount])
     return {key.removesuffix("/stats"): counts for key, counts in answers}
@@ -310,7 +319,9 @@ def _find_processes(options: BusOptions) -> list[tuple[str, str]]:
         if alive and token is not None:
             found.append(token[:2])
 
-    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=None)
+    # A certificate shows its own namespace only.
+    namespace = None if options.tls is None else options.namespace
+    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
     with closing(connect(everywhere, patience=1.0)) as bus:
         bus.watch_tokens([names.all_tokens_key()], take)
         Waiter().wait(lambda: False, _SETTLE, "")
