@@ -134,8 +134,8 @@ class RightCheck:
         return left
 
     def _find_hidden(self, tokens: Sequence[str]) -> tuple[list[str], bool]:
-        """Those of this session's tokens that no other session sees, none where the router is lost meanwhile; and whether
-        they were at the router before that look."""
+        """Those of this session's tokens that no other session sees, none where the router is lost meanwhile; and
+        whether they were at the router before that look."""
         # Random: no other session can have declared it before.
         last = checked_key(self._transport.instance, secrets.token_hex(8))
         held, deadline = self._transport.declare_token(last), monotonic() + _SEEN_WITHIN

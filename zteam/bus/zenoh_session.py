@@ -302,6 +302,7 @@ class ZenohTransport:
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
         self._before_close: list[Callable[[], None]] = []
+        self.up, self.closed = True, False
         # Answers do not wait for what a change of presence leads to.
         self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
         callback = self._presence.callback(self._on_transport)
@@ -309,7 +310,6 @@ class ZenohTransport:
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
         Declared(events, self._declared)
         self._deferred = DeferredAnswers()
-        self.up, self.closed = True, False
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
