@@ -81,6 +81,9 @@ BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
 
+PUBLISHES, ANSWERS = "publishes", "answers"
+"""What a process does with a key, in `right_key`."""
+
 # `robot_*` is not a valid key expression.
 ALL_ROBOTS = "robot_$*"
 KEYS_WITHOUT_MAPS = tuple(
@@ -258,9 +261,14 @@ def claim_key(name: str, instance: str) -> str:
     return f"{name}/claim/{instance}"
 
 
-def right_key(key: str, instance: str) -> str:
-    """Token of an instance that finds out whether it may publish on `key`: below what is kept for late subscribers."""
-    return f"{key}/@adv/right/{instance}"
+def right_key(key: str, verb: str, instance: str) -> str:
+    """Token of an instance that finds out whether it may do this with `key`: PUBLISHES or ANSWERS."""
+    return f"{key}/@adv/{verb}/{instance}"
+
+
+def checked_key(instance: str, number: str) -> str:
+    """Token of an instance that declares it after others, which are at the router when this one is."""
+    return f"@session/{instance}/checked/{number}"
 
 
 def latched_tokens_key(key_expr: str) -> str:

@@ -15,7 +15,7 @@ _DAY = datetime.timedelta(days=1)
 
 
 class Authority:
-    """Signs certificates for loopback, and keeps all files in `folder`."""
+    """Signs certificates, those of servers for loopback, and keeps all files in `folder`."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -25,13 +25,15 @@ class Authority:
         builder = self._builder(self._name, self._key, _DAY).add_extension(x509.BasicConstraints(True, 0), True)
         self._write("ca", builder.sign(self._key, hashes.SHA256()), self._key)
 
-    def issue(self, name: str, common_name: str = "", days: float = 1.0) -> TlsFiles:
-        """A certificate for `common_name`, by default `NAME.1`, that ends after `days`."""
+    def issue(self, name: str, common_name: str = "", days: float = 1.0, *, server: bool = False) -> TlsFiles:
+        """A certificate for `common_name`, by default `NAME.1`, that ends after `days`. As a rule it is a client's."""
         key = ec.generate_private_key(ec.SECP256R1())
-        place = [x509.DNSName("localhost"), x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]
-        uses = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+        uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
         builder = self._builder(_named(common_name or f"{name}.1"), key, days * _DAY)
-        builder = builder.add_extension(x509.SubjectAlternativeName(place), False)
+        if server:
+            place = [x509.DNSName("localhost"), x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]
+            builder = builder.add_extension(x509.SubjectAlternativeName(place), False)
+            uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
         builder = builder.add_extension(x509.ExtendedKeyUsage(uses), False)
         self._write(name, builder.sign(self._key, hashes.SHA256()), key)
         return TlsFiles(*(str(self._folder / file) for file in ("ca.pem", f"{name}.pem", f"{name}.key")))

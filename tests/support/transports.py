@@ -12,9 +12,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import zenoh
+
 from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
-from zteam.bus.options import TlsFiles
+from zteam.bus.options import RouterOptions, TlsFiles, router_config
+from zteam.bus.router import read_record
 from zteam.clock import monotonic, pause, wall_ns
 from zteam.team.in_process.bridge import NodeSessions
 
@@ -45,6 +48,15 @@ class RouterProcess:
         """End it at once, as a crash does."""
         self._process.kill()
         self._process.communicate(timeout=LIMIT)
+
+
+@contextmanager
+def rogue_router(tls: TlsFiles, listen: str = "tls/127.0.0.1:0") -> Iterator[str]:
+    """A router of plain Zenoh, whose certificate nothing checks and that lets everyone do everything; its endpoint."""
+    with zenoh.open(router_config(RouterOptions((listen,), tls=tls))) as session:
+        record = read_record(session, str(session.zid()))
+        assert record is not None
+        yield record.locators[0]
 
 
 class Sessions:

@@ -22,6 +22,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, Change, NoRequest, connect
 from zteam.bus.options import client_config
 from zteam.bus.presence import Claim
+from zteam.cli.doctor import collect_facts
 from zteam.errors import BusError
 from zteam.messages import (
     Clock,
@@ -328,6 +329,29 @@ def test_a_process_learns_that_its_certificate_has_another_name(secured: Secured
     bus = secured.bus("robot_1")
     with pytest.raises(BusError, match="does not let this process be robot_0: its certificate has another name"):
         Claim(bus, "robot_0").win(lambda _: None)
+
+
+def test_what_the_router_drops_is_reported_to_its_sender(secured: Secured, caplog: pytest.LogCaptureFixture) -> None:
+    """Each key and each query once, and the keys to `zteam doctor`; nothing is reported of what a process may send."""
+    near, operator, robot = secured.bus("near"), secured.bus("operator"), secured.bus("robot_0")
+    for _ in range(2):
+        for key in ("robot_0/cmd_vel", "near/cmd_vel"):
+            near.publisher(key, Twist)
+        for key in ("robot_0/set", "near/set"):
+            near.serve(key, NoRequest, lambda _: 1)
+    robot.publisher("robot_0/cmd_vel", Twist)
+    robot.serve("robot_0/set_parameters", NoRequest, lambda _: 1)
+    wait_until_true(lambda: any(each.dropped for each in operator.declarations()))
+    found = collect_facts(operator, secured.options("operator")).dropped
+    assert found == {"robot_0/cmd_vel": [f"session {near.instance}"]}
+    # The last look ends with its session.
+    near.close()
+    robot.close()
+    way_out = "'zteam certs explain near' lists what it may"
+    assert [line for line in caplog.messages if line.endswith(way_out) or "explain robot_0" in line] == [
+        f"the router drops robot_0/cmd_vel: this process's certificate may not publish it: {way_out}",
+        f"the router hides the query robot_0/set: this process's certificate may not answer it: {way_out}",
+    ]
 
 
 def test_a_certificate_without_rights_is_told(secured: Secured) -> None:

@@ -2,8 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
-from functools import partial
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
@@ -11,6 +10,7 @@ import msgspec
 from zteam.bus.held_declarations import Held, Holding
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
+from zteam.bus.rights import RightCheck, Use
 from zteam.bus.transport import (
     Closeable,
     Declaration,
@@ -24,7 +24,7 @@ from zteam.bus.transport import (
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
-from zteam.names import declarations_key, right_key, stats_key
+from zteam.names import ANSWERS, PUBLISHES, declarations_key, stats_key
 
 if TYPE_CHECKING:
     from zteam.bus.options import BusOptions
@@ -123,20 +123,22 @@ class Bus:
     def __init__(
         self,
         transport: Transport,
-        sees: Callable[[str], bool] | None = None,
+        rights: RightCheck | None = None,
         options: "BusOptions | None" = None,
     ) -> None:
-        """Where the router has an access control, `sees(token)` says whether another session sees a token."""
+        """With `rights` where the router may have an access control."""
         self.transport = transport
         self.options = options
         """How it is connected, for another process that is to join the same team; None in memory."""
-        self._sees = sees
+        self._rights = rights
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
         self.holding = Holding()
         self._declared: dict[object, Declaration] = {}
         """The open publishers and subscribers."""
-        self.serve(declarations_key(self.instance), NoRequest, lambda _: list(self._declared.values()))
+        self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
+        if rights is not None:
+            self.watch_link(self._check_rights_again)
 
     @property
     def instance(self) -> str:
@@ -152,7 +154,11 @@ class Bus:
         """
         check_message_type(key, message_type)
         check_use("publish on", key, False)
-        declare = partial(self.transport.declare_publisher, key, encoding_of(message_type), latched, to_others)
+
+        def declare() -> RawPublisher:
+            self._check_later(Use(key, PUBLISHES))
+            return self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
+
         with self._listed(key, True) as forget:
             publisher = Publisher(key, message_type, latched, declare, forget)
             self.holding.open(publisher)
@@ -230,7 +236,7 @@ class Bus:
         """
         payload = msgspec.json.encode(request if request is not None else NoRequest())
         answers = read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
-        if not answers and isinstance(request, Change) and self._sees is not None:
+        if not answers and isinstance(request, Change) and self._rights is not None:
             raise BusError(f"no answer: no process serves {key_expr}, or this process's certificate may not ask for it")
         return answers
 
@@ -260,7 +266,14 @@ class Bus:
         the handler raises. A handler that has to wait returns a `Deferred`.
         """
         handle = query_handler(key, request_type, handler, self.counters)
-        served = Held(lambda: self.transport.declare_queryable(key, handle))
+
+        def declare() -> Closeable:
+            # A claim on a name answers at once, and is refused where another process holds the name.
+            if not at_once:
+                self._check_later(Use(key, ANSWERS))
+            return self.transport.declare_queryable(key, handle)
+
+        served = Held(declare)
         served.open() if at_once else self.holding.open(served)
         return served
 
@@ -274,19 +287,31 @@ class Bus:
 
     def is_hidden(self, token: str) -> bool:
         """Whether the router's access control keeps a token of this process from all others."""
-        return self._sees is not None and not self._sees(token)
+        return self._rights is not None and self._rights.is_hidden(token)
 
-    def check_right(self, key: str) -> None:
-        """Raise BusError if the router's access control drops what this process publishes on `key`.
+    def check_right(self, *keys: str) -> None:
+        """Raise BusError if the router's access control drops what this process publishes on one of the keys.
 
-        For what people command: with certificates it opens a session, and a refusal takes seconds.
+        For what people command: with certificates it opens a session. Of every other publisher, and of queries that are
+        served, the log says so a moment after they are opened.
         """
-        if self._sees is None:
-            return
-        token = right_key(key, self.instance)
-        with closing(self.declare_token(token)):
-            if self.is_hidden(token):
-                raise BusError(f"the router drops {key}: this process's certificate may not publish it")
+        if self._rights is not None:
+            self._rights.check([Use(key, PUBLISHES) for key in keys])
+
+    def _check_later(self, use: Use) -> None:
+        if self._rights is not None:
+            self._rights.check_later(use)
+
+    def _check_rights_again(self, up: bool) -> None:
+        if up and self._rights is not None:
+            keys = [each.key for each in list(self._declared.values()) if each.publishes]
+            self._rights.check_again(Use(key, PUBLISHES) for key in keys)
+
+    def _own_declarations(self) -> list[Declaration]:
+        found, rights = list(self._declared.values()), self._rights
+        if rights is None:
+            return found
+        return [each._replace(dropped=each.publishes and rights.refuses(Use(each.key, PUBLISHES))) for each in found]
 
     def watch_tokens(self, key_exprs: Sequence[str], callback: Callable[[str, bool], None]) -> list[Closeable]:
         """Call `callback(key, alive)` for tokens that are there, come or go."""

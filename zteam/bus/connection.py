@@ -12,7 +12,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import msgspec
 import zenoh
@@ -29,7 +29,15 @@ from zteam.bus.options import (
     port_accepts,
     try_open,
 )
-from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
+from zteam.bus.rights import RightCheck
+from zteam.bus.router import (
+    ON_DEMAND_DEADLINE,
+    find_local_routers,
+    read_admin,
+    read_record,
+    router_log_path,
+    spawn_router,
+)
 from zteam.bus.sockets import Ends, cut, links_of
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import HOST_FACTOR, Every, monotonic, pause
@@ -58,10 +66,14 @@ _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
-_SEEN_WITHIN = 2.0 * HOST_FACTOR
-"""Host seconds for a token to reach another session."""
-_SEEN_PERIOD = 0.05
-"""Host seconds between two looks for a token."""
+_LINK_LOOK = 0.5
+"""Host seconds between looks whether it is back."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 60.0
+"""Host seconds between two looks for the reason why a router does not let a process in."""
+_RIGHTS_WITHIN = 2.0 * HOST_FACTOR
+"""Host seconds for a declaration to reach the router."""
+_RIGHTS_AGAIN = 0.02
+"""Host seconds between two questions whether it has."""
 _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
@@ -100,17 +112,50 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     if options.tls is not None:
         _say_why_link_stays_away(transport, options)
         transport.limit_silence(options.lease)
-        return Bus(transport, partial(_is_seen, options), options)
+        rights = RightCheck(transport, options)
+        transport.before_close(rights.close)
+        return Bus(transport, rights, options)
     if options.connect is None:
         _keep_router_alive(transport, options)
     return Bus(transport, options=options)
 
 
+class Reasons:
+    """Why a process has no link. Each reason is given once, and again when it has changed.
+
+    Zenoh lets in nobody else for 0.1 s after a TLS handshake that fails, and a look makes some. So the pause between
+    looks doubles: otherwise a large team that is kept out could never come in.
+    """
+
+    def __init__(self, options: BusOptions, first: float) -> None:
+        """`first` is the time to the first look, in host seconds."""
+        self._options = options
+        self._next, self._pause = monotonic() + first, _FIRST_PAUSE
+        self._given = ""
+
+    def due(self) -> bool:
+        """Whether it is time to look; the next time is then later."""
+        now = monotonic()
+        if now < self._next:
+            return False
+        self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
+        return True
+
+    def look(self) -> str:
+        """The reason, where something listens; empty if it was given before."""
+        before, self._given = self._given, ": ".join(why_refused(self._options))
+        return "" if self._given == before else self._given
+
+    def forget(self) -> None:
+        """Nothing listens: what comes next may have the same reason."""
+        self._given = ""
+
+
 def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
-    start, say, delay = monotonic(), Every(5.0), 0.05
+    start, reasons, delay = monotonic(), Reasons(options, 1.0), 0.05
     while not stopping():
         session = try_open(options)
-        if session is not None and (options.tls is None or read_admin(options) is not None):
+        if session is not None and (options.tls is None or _has_rights(session, options)):
             return session
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
@@ -118,12 +163,39 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
         waited = monotonic() - start
         if patience is not None and waited > patience:
             raise BusError(_no_router(options))
-        if waited > 1.0 and say.due():
-            why = f": {': '.join(why_refused(options))}" if port_accepts(options.endpoint) else ""
-            log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)%s", options.endpoint, why)
+        if reasons.due():
+            place = f"{options.endpoint} (Ctrl+C to give up)"
+            if not port_accepts(options.endpoint):
+                reasons.forget()
+                log.warning("waiting for a Zenoh router at %s", place)
+            elif why := reasons.look():
+                log.warning("waiting for a Zenoh router at %s: %s", place, why)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
+
+
+def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
+    """Whether the router lets through what a session with a certificate sends: a question to it, from another one."""
+    key, place = declarations_key(str(session.zid())), f"{options.namespace}/" if options.namespace else ""
+    other = try_open(msgspec.structs.replace(options, namespace=None))
+    if other is None:
+        return False
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, b"")
+
+    callback: Any = zenoh.handlers.Callback(answer, indirect=False)
+    with other, session.declare_queryable(key, callback):
+        if not any(read_record(other, str(zid)) for zid in other.info.routers_zid()):
+            return False
+        deadline = monotonic() + _RIGHTS_WITHIN
+        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=_LINK_TIMEOUT)):
+            if monotonic() > deadline:
+                return False
+            pause(_RIGHTS_AGAIN)
+    return True
 
 
 def _check_own_files(options: BusOptions) -> None:
@@ -213,7 +285,7 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
         if protocol != "tls":
             return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, and {_SET_VARIABLES}"
         if options.tls is not None and address is not None:
-            return _why_no_trust(endpoint, address, options.tls)
+            return _why_no_trust(options, address, options.tls)
         if options.config is None:
             return f"the router at {endpoint} takes certificates only, and this process has none", _SET_VARIABLES
         return (
@@ -234,46 +306,38 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
     )
 
 
-def _why_no_trust(endpoint: str, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
+def _why_no_trust(options: BusOptions, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
     from zteam.bus.tls import common_name, own_fault, refusal
 
+    endpoint = options.endpoint
     if fault := own_fault(tls) or refusal(address, tls):
         return f"the router at {endpoint} and this process do not trust each other", fault
-    return (
-        f"the router at {endpoint} gives the certificate {common_name(tls)} no rights",
-        "it was revoked or replaced, or is not of this team ('zteam certs list')",
-    )
+    no_rights = f"the router at {endpoint} gives the certificate {common_name(tls)} no rights"
+    if read_admin(options) is None:
+        return no_rights, "it was revoked or replaced, or is not of this team ('zteam certs list')"
+    place = f"in the namespace {options.namespace}" if options.namespace else "without a namespace"
+    return f"{no_rights} {place}", "set --namespace, or ZTEAM_NAMESPACE, as the team does"
 
 
 def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> None:
-    """A certificate may expire, or the router's authority change, while a process runs: Zenoh tries again for ever."""
+    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
+    ever."""
+    changes = 0
 
     def on_link(up: bool) -> None:
+        nonlocal changes
+        changes += 1
         if not up:
-            # Host time, as for a router on demand.
-            timer = threading.Timer(_LINK_PATIENCE, say)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+            threading.Thread(target=watch, args=(changes,), name="link lost", daemon=True).start()
 
-    def say() -> None:
-        if not (transport.up or transport.closed) and port_accepts(options.endpoint):
-            log.error("no link to the router: %s", ": ".join(why_refused(options)))
+    def watch(change: int) -> None:
+        reasons = Reasons(options, _LINK_PATIENCE)
+        while changes == change and not transport.closed:
+            if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
+                log.error("no link to the router: %s", why)
+            pause(_LINK_LOOK)
 
     transport.watch_link(on_link)
-
-
-def _is_seen(options: BusOptions, token: str) -> bool:
-    """Whether another session sees a token that has just been declared. True too where the router is lost meanwhile."""
-    deadline = monotonic() + _SEEN_WITHIN
-    try:
-        with open_session(client_config(options), "usual") as other:
-            while not any(reply.ok is not None for reply in other.liveliness().get(token, timeout=_LINK_TIMEOUT)):
-                if monotonic() > deadline:
-                    return False
-                pause(_SEEN_PERIOD)
-    except zenoh.ZError as error:
-        log.debug("token: %s", error)
-    return True
 
 
 def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:

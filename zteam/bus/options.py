@@ -280,7 +280,9 @@ def client_config(options: BusOptions) -> zenoh.Config:
         "transport/unicast/open_timeout": 2000,
     }
     if options.tls is not None:
-        settings |= options.tls.settings
+        # A router works off TLS handshakes that failed one by one, 0.1 s for each. To give up sooner adds one more: 40
+        # clients that gave up after 2 s were kept out for ever, by each other.
+        settings |= {**options.tls.settings, "transport/unicast/open_timeout": 10_000}
     if options.namespace:
         settings["namespace"] = options.namespace
     return _build(options.config, settings)

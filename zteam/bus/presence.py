@@ -130,7 +130,10 @@ class Claim:
         self._token = self._bus.declare_token(token)
         if self._bus.is_hidden(token):
             self.release()
-            raise BusError(f"the router does not let this process be {self.name}: its certificate has another name")
+            raise BusError(
+                f"the router does not let this process be {self.name}: its certificate has another name, or is of "
+                "another namespace"
+            )
         self._claim.close()
         with self._changed:
             # A token that came since the look above was not compared with one of this process.

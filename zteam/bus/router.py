@@ -112,7 +112,7 @@ class Router:
         if options.tls is not None:
             from zteam.bus.tls import own_fault
 
-            if fault := own_fault(options.tls):
+            if fault := own_fault(options.tls, routes=True):
                 raise BusError(fault)
         self._file, self._lease = options.config, options.lease
         self._version = _version_of(options.config)

@@ -11,12 +11,17 @@ _TIMEOUT = 2.0
 """Host seconds for the router's part of a handshake."""
 _EXPIRED, _NOT_YET = 10, 9
 """X509_V_ERR_CERT_HAS_EXPIRED, X509_V_ERR_CERT_NOT_YET_VALID."""
+_NO_SERVER = 26
+"""X509_V_ERR_INVALID_PURPOSE."""
 _WRONG_NAME = (62, 64)
 """X509_V_ERR_HOSTNAME_MISMATCH, X509_V_ERR_IP_ADDRESS_MISMATCH."""
 
 
-def own_fault(tls: TlsFiles) -> str:
-    """What is wrong with a process's own files, without a router; empty if nothing is."""
+def own_fault(tls: TlsFiles, *, routes: bool = False) -> str:
+    """What is wrong with a process's own files, without a router; empty if nothing is.
+
+    With `routes` the process is a router itself.
+    """
     names = dict(zip(("ca", "certificate", "key"), tls.environment, strict=True))
     try:
         server = _context(tls, ssl.PROTOCOL_TLS_SERVER)
@@ -27,8 +32,9 @@ def own_fault(tls: TlsFiles) -> str:
         return f"{tls.ca}, {tls.certificate} or {tls.key} is no PEM file of a certificate or key without a password"
     except OSError as error:
         return f"{error.filename or tls.ca}: {error.strerror}"
-    # The certificate is shown to a server that checks it as the router does.
-    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    # The certificate is shown to a server that checks it as the router does, and to a client.
+    client.check_hostname = False
+    client.verify_mode = ssl.CERT_REQUIRED if routes else ssl.CERT_NONE
     try:
         _shake_hands(client, server)
     except ssl.SSLCertVerificationError as error:
@@ -48,6 +54,9 @@ def refusal(address: tuple[str, int], tls: TlsFiles) -> str:
     except TimeoutError:
         return ""
     except ssl.SSLCertVerificationError as error:
+        if error.verify_code == _NO_SERVER:
+            shown, step = _name_at(address), "end the program that has taken the router's port"
+            return f"its certificate {shown} {_verdict(error, tls)}: {step} ('ss -ltnp' on its host names it)"
         return f"its certificate {_verdict(error, tls)}"
     except ssl.SSLError as error:
         # Such as TLSV1_ALERT_UNKNOWN_CA, SSLV3_ALERT_CERTIFICATE_EXPIRED.
@@ -68,6 +77,22 @@ def common_name(tls: TlsFiles) -> str:
     except OSError:
         return ""
     return next((value for each in shown.get("subject", ()) for key, value in each if key == "commonName"), "")
+
+
+def _name_at(address: tuple[str, int]) -> str:
+    """The common name of the certificate that is shown at an address, whatever it is worth; `?` if none is."""
+    from cryptography import x509
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with socket.create_connection(address, timeout=_TIMEOUT) as link, context.wrap_socket(link) as stream:
+            shown = x509.load_der_x509_certificate(stream.getpeercert(True) or b"")
+    except (OSError, ValueError):
+        return "?"
+    found = [str(each.value) for each in shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
+    # A stranger chose it, and it goes to a terminal.
+    return found[0] if found and found[0].isprintable() else "?"
 
 
 def _context(tls: TlsFiles, protocol: Any) -> ssl.SSLContext:
@@ -98,6 +123,8 @@ def _verdict(error: ssl.SSLCertVerificationError, tls: TlsFiles) -> str:
         return f"has expired: {_RENEW}"
     if error.verify_code == _NOT_YET:
         return "is not valid yet: compare the clocks of the machines"
+    if error.verify_code == _NO_SERVER:
+        return "is not that of a router"
     if error.verify_code in _WRONG_NAME:
         return f"is not for this address: {error.verify_message}"
     return f"is not of the authority in {tls.ca} ({error.verify_message})"

@@ -95,6 +95,8 @@ class Declaration(NamedTuple):
     """A key expression."""
     session: str
     publishes: bool
+    dropped: bool = False
+    """Whether the router's access control drops what it publishes, as far as is known."""
 
 
 class Closeable(Protocol):

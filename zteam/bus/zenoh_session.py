@@ -301,6 +301,8 @@ class ZenohTransport:
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._links = LinkCount()
+        self._before_close: list[Callable[[], None]] = []
+        self.up, self.closed = True, False
         # Answers do not wait for what a change of presence leads to.
         self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
         callback = self._presence.callback(self._on_transport)
@@ -308,7 +310,6 @@ class ZenohTransport:
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
         Declared(events, self._declared)
         self._deferred = DeferredAnswers()
-        self.up, self.closed = True, False
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
@@ -481,9 +482,15 @@ class ZenohTransport:
             for handler in list(self._link_handlers):
                 call(handler, up)
 
+    def before_close(self, call: Callable[[], None]) -> None:
+        """Call it first when the session is closed, also at the interpreter's end."""
+        self._before_close.append(call)
+
     def close(self) -> None:
         self.closed = True
         self._link_handlers.clear()
+        while self._before_close:
+            self._before_close.pop()()
         for declared in list(self._declared):
             declared.close()
         self._session.close()  # type: ignore[no-untyped-call]

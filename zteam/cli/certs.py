@@ -26,6 +26,8 @@ from zteam.team.security.certificates import (
     Issued,
     left_text,
     open_authority,
+    posing,
+    posing_text,
     read_identity,
     read_index,
 )
@@ -41,6 +43,7 @@ class Row(msgspec.Struct):
     expires_in: str
     state: str
     hosts: tuple[str, ...] = ()
+    passes_as_router: bool = False
 
 
 def build_parser() -> Parser:
@@ -67,7 +70,7 @@ def build_parser() -> Parser:
             action="append",
             default=[],
             metavar="NAME_OR_IP",
-            help=f"where {'the router' if sub is init else 'it'} is reached, besides this machine; may be repeated",
+            help="where the router is reached, besides this machine; may be repeated",
         )
         sub.add_argument(
             "--days", type=whole(1, MAX_DAYS, "days"), default=DAYS, help="valid for so long (default: %(default)s)"
@@ -94,7 +97,13 @@ def _init(args: argparse.Namespace) -> None:
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
 
 
+def _check_hosts(args: argparse.Namespace) -> None:
+    if args.host and args.names != [ROUTER]:
+        raise UsageError(f"--host {args.host[0]}: only the certificate {ROUTER} has hosts: name it alone")
+
+
 def _issue(args: argparse.Namespace) -> None:
+    _check_hosts(args)
     with open_authority(args.folder) as authority:
         revoked = [name for name in args.names if (last := authority.index.last(name)) and last.revoked]
         _issue_now(authority, revoked, args.host, args.days)
@@ -124,6 +133,7 @@ def _issue_now(authority: Authority, names: Sequence[str], hosts: Sequence[str],
 
 
 def _renew(args: argparse.Namespace) -> None:
+    _check_hosts(args)
     with open_authority(args.folder) as authority:
         for name in args.names:
             last = authority.index.last(name)
@@ -159,10 +169,13 @@ def _list(args: argparse.Namespace) -> None:
         return
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state) for row in rows]
     print(format_table(("name", "serial", "expires in", "state"), cells))
+    if older := posing(args.folder):
+        print(": ".join(posing_text(older, args.folder)))
 
 
 def _row(name: str, issued: Issued) -> Row:
-    return Row(name, issued.serial, issued.expires.isoformat(), left_text(issued.expires), issued.state, issued.hosts)
+    end, left = issued.expires.isoformat(), left_text(issued.expires)
+    return Row(name, issued.serial, end, left, issued.state, issued.hosts, issued.passes_as_router)
 
 
 def _explain(args: argparse.Namespace) -> None:

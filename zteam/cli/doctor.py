@@ -99,6 +99,18 @@ def check_certificate(tls: TlsFiles) -> Finding:
     return ok("certificate", f"{found.common_name}, valid for {left_text(found.expires)}")
 
 
+def check_authority(tls: TlsFiles) -> list[Finding]:
+    """A problem if certificates of the team's authority pass as the router's."""
+    from zteam.team.security.certificates import posing, posing_text
+
+    folder = Path(tls.certificate).parent
+    try:
+        found = posing(folder)
+    except ZteamError as error:
+        return [problem("authority", str(error))]
+    return [problem("authority", *posing_text(found, folder))] if found else []
+
+
 LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
 _SETTLE = 0.3
@@ -136,6 +148,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         nodes=nodes,
         writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
         faults=faults,
+        dropped=_dropped(bus, nodes),
         counts=_counts(bus),
         statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
         team=team[1] if team and isinstance(team[1], TeamStatus) else None,
@@ -238,6 +251,14 @@ def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     error = 0.5 * (monotonic() - asked)
     times = [info.now for _, info in answers if info.host == host]
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
+
+
+def _dropped(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[str]]:
+    sessions = defaultdict[str, set[str]](set)
+    for each in bus.declarations():
+        if each.dropped:
+            sessions[each.key].add(each.session)
+    return {key: writer_names(nodes, sorted(found), key) for key, found in sessions.items()}
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
@@ -351,7 +372,9 @@ def _find_processes(options: BusOptions) -> list[tuple[str, str]]:
         if alive and token is not None:
             found.append(token[:2])
 
-    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=None)
+    # A certificate shows its own namespace only.
+    namespace = None if options.tls is None else options.namespace
+    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
     with closing(connect(everywhere, patience=1.0)) as bus:
         bus.watch_tokens([names.all_tokens_key()], take)
         Waiter().wait(lambda: False, _SETTLE, "")
@@ -375,7 +398,7 @@ def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
-    certificate = [] if options.tls is None else [check_certificate(options.tls)]
+    certificate = [] if options.tls is None else [check_certificate(options.tls), *check_authority(options.tls)]
     findings = [check_versions(), *certificate, router]
     if router.good:
         with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:

@@ -119,6 +119,7 @@ def _send(args: argparse.Namespace) -> int:
     made: list[Dispatcher] = []
 
     def body(node: Node) -> None:
+        node.bus.check_right(*(names.robot_key(robot_id, names.GOAL_POSE) for robot_id in rounds.robots))
         dispatcher = Dispatcher(node, rounds)
         made.append(dispatcher)
         with open_display(dispatcher, as_json=args.json):

@@ -119,6 +119,7 @@ def publish(args: argparse.Namespace) -> int:
     words = _Words(kind, args.values)
     times = 1 if args.once else args.times
     with closing(open_bus(bus_options(args))) as bus:
+        bus.check_right(key)
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
         users = find_key_users(bus)

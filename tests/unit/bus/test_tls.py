@@ -8,9 +8,9 @@ import msgspec
 import pytest
 
 from support.certificates import Authority
-from support.transports import RouterProcess
+from support.transports import RouterProcess, rogue_router
 from zteam.bus.connection import connect
-from zteam.bus.options import BusOptions, RouterOptions, TlsFiles
+from zteam.bus.options import BusOptions, RouterOptions, TlsFiles, try_open
 from zteam.bus.router import Router
 from zteam.bus.tls import own_fault
 from zteam.errors import BusError, ZteamError
@@ -32,7 +32,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("certificates")
     team, other = Authority(folder / "team"), Authority(folder / "other")
     return Files(
-        team.issue("router"), team.issue("robot_1"), team.issue("old", "robot_1.1", days=-1.0), other.issue("robot_1")
+        team.issue("router", server=True),
+        team.issue("robot_1"),
+        team.issue("old", "robot_1.1", days=-1.0, server=True),
+        other.issue("robot_1", server=True),
     )
 
 
@@ -58,12 +61,27 @@ def test_each_fault_of_the_files_has_its_line(files: Files, tmp_path: Path) -> N
         assert "is no PEM file" in fault
 
 
-@pytest.mark.parametrize("which", ["expired", "stranger"])
-def test_a_router_does_not_start_with_a_faulty_certificate(files: Files, which: str) -> None:
-    """No client would take it."""
+@pytest.mark.parametrize(
+    ("which", "text"),
+    [("expired", "has expired"), ("stranger", "is not of the authority"), ("good", "is not that of a router")],
+)
+def test_a_router_does_not_start_with_a_faulty_certificate(files: Files, which: str, text: str) -> None:
+    """No client would accept it."""
     faulty = msgspec.structs.replace(getattr(files, which), ca=files.router.ca)
-    with pytest.raises(BusError, match="ZTEAM_TLS_CERT"):
+    with pytest.raises(BusError, match=rf"ZTEAM_TLS_CERT \S+ {text}"):
         Router(RouterOptions(("tls/127.0.0.1:0",), tls=faulty))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_no_process_joins_a_router_with_the_certificate_of_another_process(files: Files, host: str) -> None:
+    """Whether it names the router by address or by name; the line names the certificate, and the way out."""
+    with rogue_router(files.good) as endpoint:
+        endpoint = endpoint.replace("127.0.0.1", host)
+        assert try_open(BusOptions(connect=endpoint, tls=files.good)) is None
+        assert refusal(endpoint, files.good) == (
+            f"the router at {endpoint} and this process do not trust each other: its certificate robot_1.1 is not that "
+            "of a router: end the program that has taken the router's port ('ss -ltnp' on its host names it)"
+        )
 
 
 @pytest.fixture(scope="module")

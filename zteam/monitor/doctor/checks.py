@@ -299,7 +299,10 @@ def check_refusals(facts: Facts) -> Iterator[Finding]:
         for key, count in per_key.items()
         if count.dropped
     ]
-    if not rows and not facts.faults:
+    for key, writers in sorted(facts.dropped.items()):
+        text = f"the router drops {key}, which {', '.join(writers)} publishes: the certificate may not publish it"
+        yield problem("refusals", text, "'zteam certs explain NAME' lists what it may (docs/security.md)")
+    if not rows and not facts.faults and not facts.dropped:
         yield ok("refusals", "no message was refused")
     recent = [row for row in rows if is_recent(row[2]) and not _lacks_its_robot(facts, row[0])]
     faults = {fault.key: fault for fault in reversed(facts.faults)}

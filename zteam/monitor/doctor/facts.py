@@ -89,6 +89,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     writers: Mapping[str, Sequence[str]] = {}
     """The processes that published on each key, by name."""
     faults: Sequence[UnusableMessages] = ()
+    dropped: Mapping[str, Sequence[str]] = {}
+    """The processes, by name, that publish on a key on which the router drops what they send, by key."""
     counts: Mapping[str, Mapping[str, KeyCount]] = {}
     """What each process received and refused, by process and key."""
     statuses: Mapping[int, RobotStatus] = {}

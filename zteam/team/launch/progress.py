@@ -67,9 +67,19 @@ class Progress:
         """Raise ZteamError without GO, or if lock-step still holds its first tick: it waits for nodes too."""
         if self.go_after is None:
             raise ZteamError(f"no GO within {seconds:g} s: waiting for {self._waiting_for}")
+        if holders := self._holders_of_first_tick():
+            raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {holders}")
+
+    @property
+    def first_tick_is_held(self) -> bool:
+        """Whether lock-step still holds its first tick, by a question to the simulator."""
+        return bool(self._holders_of_first_tick())
+
+    def _holders_of_first_tick(self) -> str:
         status = find_status(self._bus)
-        if status is not None and status.lockstep and status.tick <= 1 and status.waiting_for:
-            raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {status.waiting_for}")
+        if status is None or not status.lockstep or status.tick > 1:
+            return ""
+        return status.waiting_for
 
 
 class Overview(msgspec.Struct, frozen=True, kw_only=True):

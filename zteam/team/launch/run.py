@@ -288,11 +288,14 @@ class TeamRun:
 
         if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
             progress.check_begun(go_timeout)
-        while not supervisor.wait(is_over, 1.0):
-            pass
-        if missing:
-            told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing)
-            raise ZteamError(f"{told}: the run cannot {'begin' if progress.go_after is None else 'be finished'}")
+        holders = list[str]()
+        while not (supervisor.wait(is_over, 1.0) or holders):
+            gone = [name for name in self._missing(False) if name in self.plan.nodes]
+            holders = gone if gone and progress.first_tick_is_held else []
+        if missing or holders:
+            told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)
+            begun = missing and progress.go_after is not None
+            raise ZteamError(f"{told}: the run cannot {'be finished' if begun else 'begin'}")
 
     def _missing(self, begun: bool) -> list[str]:
         """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""

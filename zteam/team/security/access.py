@@ -126,6 +126,18 @@ _GRANTED = {
 """By the words of GRANTS."""
 
 
+_BY_COMMAND = {
+    "chaos": "simulation",
+    "goals": "goals",
+    "goto": "goals",
+    "param": "parameters",
+    "sim": "simulation",
+    "stop": "release",
+    "teleop": "teleop",
+}
+"""The words for commands of zteam that are nodes of a team: what they are for, they may do."""
+
+
 CHANGES = tuple(key for word in GRANTS for key in _filled(_GRANTED[word]).asks if key != _STOP)
 """All queries that change something (docs/keys.md) but the stop: a certificate may ask them if the team file grants it.
 """
@@ -145,6 +157,10 @@ def rights_of(team: Team) -> dict[str, Rights]:
     processes += [*map(names.navigation_name, navigated), *(node.name for node in team.nodes)]
     granted = team.security.grants
     found = {name: _part_of(name, navigated, simulated) for name in (*processes, *granted)}
+    for node in team.nodes:
+        program, verb = (*node.command, "")[:2]
+        if program == "zteam" and verb in _BY_COMMAND:
+            found[node.name] |= _filled(_GRANTED[_BY_COMMAND[verb]])
     for name, words in granted.items():
         for word in words:
             found[name] |= _filled(_GRANTED[word])
@@ -175,10 +191,11 @@ _BY_ROBOT: dict[str, Callable[[str], int | None]] = {
 """The kinds with one process a robot: the robot's id in a name, None in the name of another kind."""
 
 
-_LATCH = "@adv/**"
+_LATCH = "@adv/pub/**"
 """Below a key: what a latched topic's publisher holds and answers. No wildcard means a part of a key with @."""
-_EVERYTHING = ("**", f"**/{_LATCH}")
+_EVERYTHING = ("**", "**/@adv/**")
 _DECLARATIONS = names.declarations_key("*")
+_CHECKED = names.checked_key("*", "*")
 _ROUTER_RECORD = "@/*/router"
 _WATCH = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
 _ANSWER = ("declare_queryable", "reply")
@@ -209,10 +226,11 @@ def access_control(
 
     # All within the namespace: a wildcard in its place would reach it too, and pass the rules that deny.
     rule("receive", _ALL, [*here((*_EVERYTHING, "@session/**")), "@/**"], "egress")
-    rule("watch", _WATCH, here(_EVERYTHING), "ingress")
+    rule("watch", _WATCH, here((*_EVERYTHING, _CHECKED)), "ingress")
     rule("ask", _ASK, [*here((*_EVERYTHING, _DECLARATIONS)), _ROUTER_RECORD], "ingress")
     rule("tell", _ANSWER, here([_DECLARATIONS]), "ingress")
-    rule("link", _ALL, ["**", f"**/{_LATCH}", "**/@session/**", "@/**"], "ingress", "egress")
+    rule("check", _HOLD, here([_CHECKED]), "ingress")
+    rule("link", _ALL, ["**", "**/@adv/**", "**/@session/**", "@/**"], "ingress", "egress")
     common = [each["id"] for each in rules if each["id"] != "link"]
     policies = []
     subjects = []
@@ -230,7 +248,9 @@ def access_control(
         rule(f"{name} publishes", _PUBLISH, here(each.publishes), "ingress")
         rule(f"{name} keeps", (*_ANSWER, *_HOLD), here(latches), "ingress")
         rule(f"{name} answers", _ANSWER, here(each.answers), "ingress")
-        rule(f"{name} holds", _HOLD, here(each.holds), "ingress")
+        proofs = [names.right_key(key, names.PUBLISHES, "*") for key in each.publishes]
+        proofs += [names.right_key(key, names.ANSWERS, "*") for key in each.answers]
+        rule(f"{name} holds", _HOLD, here([*each.holds, *proofs]), "ingress")
         denied = [key for key in CHANGES if key not in each.asks]
         if denied:
             rule(f"{name} changes nothing by", _ASK, here(denied), "ingress", permission="deny")

@@ -6,11 +6,10 @@ interruption leaves a certificate that the index knows and the folder lacks, whi
 """
 
 import fcntl
-import ipaddress
 import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -20,11 +19,23 @@ import msgspec
 from zteam.bus.options import TlsFiles
 from zteam.clock import wall_ns
 from zteam.errors import UsageError, ZteamError, did_you_mean
+from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
+from zteam.team.security.signing import (
+    is_of_server,
+    key_bytes,
+    load_certificate,
+    name_in,
+    new_key,
+    places_of,
+    sign_authority,
+    sign_process,
+    unreadable,
+)
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
+    from cryptography.x509 import Certificate
 
 FOLDER = "certs"
 DAYS = 365
@@ -40,6 +51,8 @@ _MAX_NAME = 50
 
 CA, CA_KEY, ACCESS, INDEX = "ca.pem", "ca.key", "access.json5", "index.json"
 _LOOPBACK = ("localhost", "127.0.0.1")
+_SHOWN = 3
+"""Of many certificates, those that a line names."""
 
 State = Literal["valid", "expires soon", "expired", "revoked"]
 
@@ -50,8 +63,10 @@ class Issued(msgspec.Struct):
     serial: int
     expires: datetime
     hosts: tuple[str, ...] = ()
-    """Names and addresses of machines for which it stands, besides loopback."""
+    """Names and addresses of machines for which it stands, besides loopback. Only the router's has any."""
     revoked: bool = False
+    passes_as_router: bool = True
+    """Whether clients accept a router that has it. An older zteam issued only certificates that pass."""
 
     @property
     def state(self) -> State:
@@ -81,6 +96,7 @@ class Identity(NamedTuple):
 
     common_name: str
     expires: datetime
+    passes_as_router: bool
 
     @property
     def state(self) -> State:
@@ -115,8 +131,8 @@ def files_of(folder: Path, name: str) -> TlsFiles:
 
 def read_identity(path: Path) -> Identity:
     """What the certificate in a PEM file says. Raises ZteamError."""
-    certificate = _load_certificate(path)
-    return Identity(_common_name(certificate), certificate.not_valid_after_utc)
+    certificate = load_certificate(path)
+    return Identity(name_in(certificate), certificate.not_valid_after_utc, is_of_server(certificate))
 
 
 def read_index(folder: Path) -> Index:
@@ -133,18 +149,42 @@ def _read_index(folder: Path) -> Index:
     except FileNotFoundError:
         return Index()
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None
     except msgspec.DecodeError as error:
         text = f"{path}: {error}: restore it, or make a new folder with 'zteam certs init --folder NEW'"
         raise ZteamError(text) from None
 
 
+def posing(folder: Path) -> list[str]:
+    """The common names of this authority's certificates, as far as they are known here, that are not the router's but
+    pass as it, and have not expired.
+
+    To revoke or renew one changes nothing: clients ask for a signature of the authority only.
+    """
+    index = _read_index(folder) if (folder / INDEX).exists() else Index()
+    found = {
+        f"{name}.{each.serial}": each.expires
+        for name, issued in index.certificates.items()
+        for each in issued
+        if each.passes_as_router
+    }
+    for path in folder.glob("*.pem"):
+        with suppress(ZteamError):
+            own = read_identity(path)
+            if own.passes_as_router:
+                found[own.common_name] = own.expires
+    return [name for name, expires in found.items() if name.rpartition(".")[0] != ROUTER and expires > now()]
+
+
+def posing_text(posing: Sequence[str], folder: Path) -> tuple[str, str]:
+    """That the certificates `posing` of a folder pass as the router's, and what to do."""
+    more = f" and {len(posing) - _SHOWN} more" if len(posing) > _SHOWN else ""
+    text = f"the certificates {', '.join(posing[:_SHOWN])}{more} pass as the router's: an older zteam issued them"
+    return text, _anew(folder)
+
+
 def _option(folder: Path) -> str:
     return "" if folder == Path(FOLDER) else f" --folder {folder}"
-
-
-def _unreadable(path: Path, error: OSError) -> ZteamError:
-    return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
 
 
 class Authority:
@@ -161,11 +201,10 @@ class Authority:
 
     def make(self) -> datetime:
         """Make the authority's own key and certificate; when that ends."""
-        key, expires = _new_key(), now() + timedelta(days=MAX_DAYS)
+        key, expires = new_key(), now() + timedelta(days=MAX_DAYS)
         name = f"zteam {secrets.token_hex(4)}"
-        builder = _builder(name, name, key, expires, is_authority=True)
-        self._write(CA_KEY, _key_bytes(key))
-        self._write(CA, _signed(builder, key))
+        self._write(CA_KEY, key_bytes(key))
+        self._write(CA, sign_authority(name, key, (now() - _MARGIN, expires)))
         self._save_index()
         return expires
 
@@ -175,26 +214,28 @@ class Authority:
         self._save_index()
 
     def issue(self, names: Sequence[str], hosts: Sequence[str] = (), days: int = DAYS) -> list[Issued]:
-        """The next certificate of each name; none of them outlives the authority. Raises ZteamError."""
+        """The next certificate of each name; none of them outlives the authority. Raises ZteamError.
+
+        That of the router stands for loopback and `hosts`; all others stand for no host.
+        """
         for name in names:
             self._check_name(name)
-        alternatives = _alternatives(hosts)
-        key, own = self._load_authority()
-        expires = min(now() + timedelta(days=days), own.not_valid_after_utc).replace(microsecond=0)
+        places, own = places_of([*_LOOPBACK, ROUTER, *hosts]), self._load_authority()
+        expires = min(now() + timedelta(days=days), own[1].not_valid_after_utc).replace(microsecond=0)
         found = []
         for name in names:
             earlier = self.index.certificates.setdefault(name, [])
-            found.append(Issued(len(earlier) + 1, expires, tuple(hosts)))
+            is_router = name == ROUTER
+            number = len(earlier) + 1
+            found.append(Issued(number, expires, tuple(hosts) if is_router else (), passes_as_router=is_router))
             earlier.append(found[-1])
         # Before the files: a certificate in the folder is one that the index knows.
         self._save_index()
         for name, issued in zip(names, found, strict=True):
-            leaf = _new_key()
-            common_name = f"{name}.{issued.serial}"
-            builder = _builder(common_name, _common_name(own), leaf, expires, issuer=own)
-            builder = _for_process(builder, [*_alternatives([name]), *alternatives])
-            self._write(f"{name}.key", _key_bytes(leaf))
-            self._write(f"{name}.pem", _signed(builder, key))
+            key, span = new_key(), (now() - _MARGIN, expires)
+            content = sign_process(f"{name}.{issued.serial}", key, span, own, places if name == ROUTER else ())
+            self._write(f"{name}.key", key_bytes(key))
+            self._write(f"{name}.pem", content)
         return found
 
     def revoke(self, name: str, serial: int | None = None) -> list[int]:
@@ -241,15 +282,15 @@ class Authority:
         try:
             key = serialization.load_pem_private_key(path.read_bytes(), None)
         except OSError as error:
-            raise _unreadable(path, error) from None
+            raise unreadable(path, error) from None
         except (ValueError, TypeError):
             key = None
-        own = _load_certificate(self.folder / CA)
+        own = load_certificate(self.folder / CA)
         if not isinstance(key, EllipticCurvePrivateKey) or key.public_key() != own.public_key():
-            raise ZteamError(f"{path}: this is not the key of {CA}: restore it{_anew(self.folder)}")
+            raise ZteamError(f"{path}: this is not the key of {CA}: restore it, or {_anew(self.folder)}")
         if own.not_valid_after_utc <= now():
             raise ZteamError(
-                f"{self.folder / CA} has expired on {own.not_valid_after_utc:%Y-%m-%d}{_anew(self.folder)}"
+                f"{self.folder / CA} has expired on {own.not_valid_after_utc:%Y-%m-%d}: {_anew(self.folder)}"
             )
         return key, own
 
@@ -283,7 +324,7 @@ def _json(content: object) -> bytes:
 
 
 def _anew(folder: Path) -> str:
-    return f", or remove the folder {folder}, make a new authority with 'zteam certs init', and give out what it makes"
+    return f"remove the folder {folder}, make a new authority with 'zteam certs init', and give out what it makes"
 
 
 @contextmanager
@@ -337,7 +378,8 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
                     f"'zteam certs issue {revoked[0]}{_option(folder)}'"
                 )
             authority.issue([name for name in names if not authority.is_complete(name)])
-    return [*_expiries(folder, names)]
+    found = posing(folder)
+    return [*_expiries(folder, names), *([": ".join(posing_text(found, folder))] if found else [])]
 
 
 def _has_files(folder: Path, name: str) -> bool:
@@ -360,111 +402,3 @@ def expiry_text(identity: Identity, folder: Path = Path(FOLDER)) -> str:
     word = "has expired" if identity.state == "expired" else "expires"
     step = f"zteam certs renew {identity.common_name.rpartition('.')[0]}{_option(folder)}"
     return f"the certificate {identity.common_name} {word} on {identity.expires:%Y-%m-%d %H:%M} UTC: '{step}'"
-
-
-def _new_key() -> "EllipticCurvePrivateKey":
-    from cryptography.hazmat.primitives.asymmetric import ec
-
-    return ec.generate_private_key(ec.SECP256R1())
-
-
-def _key_bytes(key: "EllipticCurvePrivateKey") -> bytes:
-    from cryptography.hazmat.primitives import serialization
-
-    encoding, kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
-    return key.private_bytes(encoding, kind, serialization.NoEncryption())
-
-
-def _builder(
-    common_name: str,
-    issuer_name: str,
-    key: "EllipticCurvePrivateKey",
-    expires: datetime,
-    *,
-    issuer: "Certificate | None" = None,
-    is_authority: bool = False,
-) -> "CertificateBuilder":
-    """A certificate, but for what a process's own has. Without `issuer` it is signed by itself."""
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
-
-    def named(text: str) -> x509.Name:
-        return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, text)])
-
-    public = key.public_key()
-    signer = public if issuer is None else issuer.public_key()
-    assert isinstance(signer, EllipticCurvePublicKey)
-    usage = x509.KeyUsage(
-        digital_signature=not is_authority,
-        key_cert_sign=is_authority,
-        crl_sign=is_authority,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        encipher_only=False,
-        decipher_only=False,
-    )
-    return (
-        x509.CertificateBuilder()
-        .subject_name(named(common_name))
-        .issuer_name(named(issuer_name))
-        .public_key(public)
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now() - _MARGIN)
-        .not_valid_after(expires)
-        .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
-        .add_extension(usage, critical=True)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
-        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer), critical=False)
-    )
-
-
-def _for_process(builder: "CertificateBuilder", alternatives: Sequence["GeneralName"]) -> "CertificateBuilder":
-    """The same for a process, which is a client, and may be a router."""
-    from cryptography import x509
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
-    uses = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH])
-    names = [*_alternatives(_LOOPBACK), *alternatives]
-    builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(names)), critical=False)
-    return builder.add_extension(uses, critical=False)
-
-
-def _alternatives(hosts: Iterable[str]) -> "list[GeneralName]":
-    """Hosts as a certificate names them. Raises UsageError."""
-    from cryptography import x509
-
-    found: list[GeneralName] = []
-    for host in hosts:
-        try:
-            found.append(x509.IPAddress(ipaddress.ip_address(host)))
-        except ValueError:
-            if not host or not host.isascii() or any(c.isspace() or c in "/:*" for c in host):
-                raise UsageError(f"host {host!r}: give the name or the IP address of a machine") from None
-            found.append(x509.DNSName(host))
-    return found
-
-
-def _signed(builder: "CertificateBuilder", key: "EllipticCurvePrivateKey") -> bytes:
-    from cryptography.hazmat.primitives import hashes, serialization
-
-    return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
-
-
-def _load_certificate(path: Path) -> "Certificate":
-    from cryptography import x509
-
-    try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
-    except OSError as error:
-        raise _unreadable(path, error) from None
-    except ValueError:
-        raise ZteamError(f"{path}: this is no certificate in PEM form: restore it, or issue the next one") from None
-
-
-def _common_name(certificate: "Certificate") -> str:
-    from cryptography.x509.oid import NameOID
-
-    found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    return str(found[0].value) if found else ""

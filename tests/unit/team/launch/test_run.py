@@ -15,12 +15,13 @@ from support.limits import LIMIT
 from support.lockstep_doubles import ScriptedMonitor
 from support.log_capture import captured_log
 from zteam import names
-from zteam.bus import BusOptions
+from zteam.bus import BusOptions, NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.node.shutdown import Stop
+from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch import run as running
 from zteam.team.launch.process import Process
@@ -251,6 +252,22 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monke
         assert run.supervisor.wait(lambda: bool(run.supervisor.failures), LIMIT)
         stop_once_watched(run, pretend.stop, monkeypatch)
         run.watch()
+
+
+def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend: Pretend) -> None:
+    """GO does not wait for it, so it may end a moment later than that: the run would stand for ever."""
+    held = SimStatus("", [0], 1, 1, 0, tick=1, real_time_factor=0.0, lockstep=True, waiting_for="goals")
+    pretend.hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: held)
+    with pretend.run(run_for=1.0) as run:
+        run.plan.nodes["goals"] = Job(python(WAIT))
+        run.start()
+        ScriptedMonitor(pretend.hub).give_go()
+        progress = run._progress
+        assert progress is not None
+        assert run.supervisor.wait(lambda: progress.go_after is not None, LIMIT)
+        run.supervisor.processes["goals"].kill()
+        with pytest.raises(ZteamError, match=r"goals ended \(.*\): the run cannot begin"):
+            run.watch()
 
 
 @pytest.mark.parametrize("gone", [False, True])

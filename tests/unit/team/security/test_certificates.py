@@ -21,23 +21,25 @@ from zteam.team.security.certificates import (
     ACCESS,
     CA,
     CA_KEY,
+    DAYS,
     INDEX,
     MAX_DAYS,
     files_of,
     now,
     open_authority,
+    posing,
     prepare,
     read_identity,
     read_index,
 )
 
-RIGHTS = {name: Rights(publishes=(f"{name}/**",)) for name in ("robot_1", "robot_2", "operator")}
+RIGHTS = {name: Rights(publishes=(f"{name}/**",)) for name in ("router", "robot_1", "robot_2", "operator")}
 DAY_NS = 86_400 * 10**9
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Certificates of a team of three."""
+    """Certificates of a router and three others."""
     place = tmp_path / "certs"
     assert prepare(place, "mine.toml", RIGHTS, "", RIGHTS) == []
     return place
@@ -71,25 +73,61 @@ def load(folder: Path, name: str) -> x509.Certificate:
     return found
 
 
-def test_a_certificate_says_which_process_it_is_and_where_it_stands(folder: Path) -> None:
-    """Its common name has the serial; it is for server and client, on loopback and the hosts that were named."""
+def uses_and_names(folder: Path, name: str) -> tuple[set[str], list[str]]:
+    """The extended key usages of a certificate, and the names and addresses for which it stands."""
+    extensions, names = load(folder, name).extensions, list[str]()
+    uses = extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    for each in extensions:
+        if isinstance(each.value, x509.SubjectAlternativeName):
+            addresses = map(str, each.value.get_values_for_type(x509.IPAddress))
+            names += [*each.value.get_values_for_type(x509.DNSName), *addresses]
+    return {use.dotted_string for use in uses}, names
+
+
+SERVER, CLIENT = "1.3.6.1.5.5.7.3.1", "1.3.6.1.5.5.7.3.2"
+
+
+def test_only_the_router_has_a_certificate_of_a_server(folder: Path) -> None:
+    """It stands for loopback and the hosts that were named; all others are clients, and stand for no host."""
     with open_authority(folder) as authority:
-        authority.issue(["robot_1"], ["machine-b", "10.0.0.2", "::1"])
-    found = load(folder, "robot_1")
+        authority.issue(["router", "robot_1"], ["machine-b", "10.0.0.2", "::1"])
     assert read_identity(folder / "robot_1.pem").common_name == "robot_1.2"
-    alternatives = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    names = alternatives.get_values_for_type(x509.DNSName)
-    assert names == ["localhost", "robot_1", "machine-b"]
-    assert [str(ip) for ip in alternatives.get_values_for_type(x509.IPAddress)] == ["127.0.0.1", "10.0.0.2", "::1"]
-    uses = found.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
-    assert {use.dotted_string for use in uses} == {"1.3.6.1.5.5.7.3.1", "1.3.6.1.5.5.7.3.2"}
+    hosts = ["localhost", "router", "machine-b", "127.0.0.1", "10.0.0.2", "::1"]
+    assert uses_and_names(folder, "router") == ({SERVER, CLIENT}, hosts)
+    for name in ("robot_1", "robot_2", "operator"):
+        assert uses_and_names(folder, name) == ({CLIENT}, [])
+    assert posing(folder) == []
+
+
+@pytest.fixture
+def older(folder: Path) -> Path:
+    """A folder of a zteam that made each certificate one of a server; one was revoked."""
+    with open_authority(folder) as authority:
+        authority.revoke("robot_2")
+    index = json.loads((folder / INDEX).read_text())
+    for issued in index["certificates"].values():
+        del issued[0]["passes_as_router"]
+    (folder / INDEX).write_text(json.dumps(index))
+    return folder
+
+
+def test_certificates_that_pass_as_the_routers_are_named(older: Path, later: Callable[[float], None]) -> None:
+    """Those of an older zteam, also after they were renewed or revoked, until they expire."""
+    with open_authority(older) as authority:
+        authority.issue(["robot_1"])
+    assert posing(older) == ["robot_1.1", "robot_2.1", "operator.1"]
+    (line,) = prepare(older, "", RIGHTS, "", ["robot_1"])
+    assert "robot_1.1, robot_2.1, operator.1 pass as the router's" in line
+    assert f"remove the folder {older}, make a new authority with 'zteam certs init'" in line
+    later(DAYS + 1)
+    assert posing(older) == []
 
 
 def test_a_strict_client_takes_the_certificates(folder: Path) -> None:
-    """OpenSSL, asked for all that RFC 5280 demands, agrees with a link between two of them."""
+    """OpenSSL, asked for all that RFC 5280 demands, agrees with a link between the router and another process."""
     server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     server.verify_mode = ssl.CERT_REQUIRED
-    for context, name in ((server, "robot_1"), (client, "robot_2")):
+    for context, name in ((server, "router"), (client, "robot_2")):
         files = files_of(folder, name)
         context.verify_flags |= ssl.VERIFY_X509_STRICT
         context.load_verify_locations(files.ca)
@@ -106,7 +144,7 @@ def test_a_strict_client_takes_the_certificates(folder: Path) -> None:
             # The other end has its turn.
             continue
     subjects = [dict(pair for (pair,) in end.getpeercert()["subject"])["commonName"] for end in ends]  # type: ignore[index]
-    assert subjects == ["robot_1.1", "robot_2.1"]
+    assert subjects == ["router.1", "robot_2.1"]
 
 
 def test_only_the_owner_reads_the_folder(folder: Path) -> None:
@@ -243,7 +281,7 @@ def test_a_folder_of_copies_is_enough_to_start(folder: Path) -> None:
         (
             "robot_9",
             (),
-            r"robot_9: the team 'mine.toml' gives this name no rights.*; known: robot_1, robot_2, operator;",
+            r"robot_9: the team 'mine.toml' gives this name no rights.*; known: router, robot_1, robot_2, operator;",
         ),
         ("robots_1", (), r"did you mean robot_1\?"),
         ("robot_1", ("a b",), r"host 'a b': give the name or the IP address"),
