@@ -129,11 +129,15 @@ def test_no_path_is_an_error_of_the_server(caplog: pytest.LogCaptureFixture) -> 
     with open_view(MemoryHub().bus()) as view:
 
         @examples(500)
-        @given(st.sampled_from([b"/", b"/page/"]), st.lists(st.sampled_from(_PARTS) | st.binary(max_size=8), max_size=5))
+        @given(
+            st.sampled_from([b"/", b"/page/"]), st.lists(st.sampled_from(_PARTS) | st.binary(max_size=8), max_size=5)
+        )
         def ask(begin: bytes, parts: list[bytes]) -> None:
             target = begin + b"/".join(parts).replace(b"\r", b"").replace(b"\n", b"")
             with socket.create_connection(("127.0.0.1", view.port), LIMIT) as client:
-                client.sendall(b"GET %b HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nConnection: close\r\n\r\n" % (target, view.port))
+                client.sendall(
+                    b"GET %b HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nConnection: close\r\n\r\n" % (target, view.port)
+                )
                 version, status = client.makefile("rb").readline().split(b" ")[:2]
             assert (version, status < b"500") == (b"HTTP/1.1", True)
 

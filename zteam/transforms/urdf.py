@@ -118,8 +118,9 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if not parent or not child:
         raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
-    if max(map(len, (name, parent, child))) > MAX_NAME:
-        raise ConfigError(f"{place}: a name of more than {MAX_NAME} characters, {max((name, parent, child), key=len):.40}…")
+    longest = max((name, parent, child), key=len)
+    if len(longest) > MAX_NAME:
+        raise ConfigError(f"{place}: a name of more than {MAX_NAME} characters, {longest:.40}…")
     x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
     roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
     ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")
