@@ -119,8 +119,10 @@ def test_each_robot_gets_a_goal_of_its_own(goal: Pose2, robots: dict[int, Pose2]
     assert len({(round(each.x, 6), round(each.y, 6)) for each in goals.values()}) == len(robots)
 
 
-_PARTS = (b"page", b"js", b"main.js", b"layout.json", b"ws", b"..", b"%2e%2e", b"%00.js", b"%ed%a0%80.js", b"%ff", b"%",
-          b"x" * 256 + b".js", b"a/" * 2000 + b"a.js", b"?", b"#", b"*", b"", b"http://127.0.0.1", b"\xe9.js")  # fmt: skip
+_PARTS = (
+    b"page", b"js", b"main.js", b"layout.json", b"ws", b"..", b"%2e%2e", b"%00.js", b"%ed%a0%80.js", b"%ff", b"%",
+    b"x" * 256 + b".js", b"a/" * 2000 + b"a.js", b"?", b"#", b"*", b"", b"http://127.0.0.1", b"\xe9.js",
+)  # fmt: skip
 """Parts of a request's target, and what stands in none."""
 
 
@@ -129,15 +131,11 @@ def test_no_path_is_an_error_of_the_server(caplog: pytest.LogCaptureFixture) -> 
     with open_view(MemoryHub().bus()) as view:
 
         @examples(500)
-        @given(
-            st.sampled_from([b"/", b"/page/"]), st.lists(st.sampled_from(_PARTS) | st.binary(max_size=8), max_size=5)
-        )
+        @given(st.sampled_from([b"/", b"/page/"]), st.lists(st.sampled_from(_PARTS) | st.binary(max_size=8)))
         def ask(begin: bytes, parts: list[bytes]) -> None:
-            target = begin + b"/".join(parts).replace(b"\r", b"").replace(b"\n", b"")
+            target = (begin + b"/".join(parts)).replace(b"\r", b"").replace(b"\n", b"")
             with socket.create_connection(("127.0.0.1", view.port), LIMIT) as client:
-                client.sendall(
-                    b"GET %b HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nConnection: close\r\n\r\n" % (target, view.port)
-                )
+                client.sendall(b"GET %b HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n" % target)
                 version, status = client.makefile("rb").readline().split(b" ")[:2]
             assert (version, status < b"500") == (b"HTTP/1.1", True)
 
