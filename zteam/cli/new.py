@@ -41,8 +41,6 @@ KINDS = {
 """What an example shows, and what to do with it next, as (command, what it does), by the word on the command line.
 
 `templates/` has a file `KIND.txt` and `test_KIND.txt` for each."""
-_RESERVED = {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.STATIC_CALLER}
-"""Names of zteam's own processes."""
 
 
 def build_parser() -> Parser:
@@ -102,7 +100,9 @@ def _check_name(word: str, name: str) -> None:
         raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
     if _is_taken(name):
         raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
-    if word == "node" and (name in _RESERVED or names.robot_id_of(name) is not None):
+    if word == "node" and (problem := names.name_problem(name)):
+        raise UsageError(problem)
+    if word == "node" and (names.is_taken(name) or names.robot_id_of(name) is not None):
         raise UsageError(f"{name!r} is the name of a process of every team; choose another one")
     kind = class_name(name)
     example = (TEMPLATES / f"{word}.txt").read_text("utf-8")

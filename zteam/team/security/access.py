@@ -14,8 +14,7 @@ from zteam.messages.topics import SENSORS
 from zteam.node import kinds
 from zteam.team.file.entries import GRANTS, NO_WORLD, Team, navigation_of
 
-OPERATOR = "operator"
-"""The certificate of people's tools."""
+OPERATOR = names.OPERATOR
 TITLES = {
     "publishes": "publishes",
     "answers": "answers queries",
