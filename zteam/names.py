@@ -43,6 +43,8 @@ START = "start"
 """Query of the launcher that starts the process of a robot."""
 LINKS = "links"
 """Query of the launcher that makes the link of a process bad, or good."""
+SIGNAL = "signal"
+"""Query of the launcher that kills or freezes a process which it has started."""
 LACKING = "lacking"
 """Lock-step: query for the inputs of the open tick that a participant waits for."""
 

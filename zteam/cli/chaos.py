@@ -77,8 +77,7 @@ def _work(args: argparse.Namespace) -> int:
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
     from zteam.team.chaos.run import carry_out
 
-    options = bus_options(args)
-    with closing(open_bus(options)) as bus:
+    with closing(open_bus(bus_options(args))) as bus:
         status = find_status(bus)
         lockstep = status is not None and status.lockstep
         if args.fault is not None:
@@ -93,7 +92,7 @@ def _work(args: argparse.Namespace) -> int:
         report = carry_out(
             plan,
             Observer(bus, lockstep=lockstep, simulated=status is not None),
-            means_on_bus(bus, options, lockstep=lockstep),
+            means_on_bus(bus, lockstep=lockstep),
             say=lambda line: print(line, file=sys.stderr, flush=True),
         )
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
@@ -105,11 +104,11 @@ def _work(args: argparse.Namespace) -> int:
 
 def _processes(bus: "Bus") -> list[str]:
     """The processes of the team: those that hold a name, but for launchers, views and static frames; and the router."""
-    from zteam.bus.presence import ProcessInfo
+    from zteam.bus.presence import find_processes
     from zteam.node.kinds import ROUTER
 
     beside = (names.LAUNCHER, names.STATIC_CALLER, names.GOALS)
-    found = {info.name for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    found = {info.name for info in find_processes(bus)}
     return [*sorted(name for name in found if name not in beside and not names.is_view(name)), ROUTER]
 
 

@@ -19,7 +19,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import why_refused
 from zteam.bus.options import TlsFiles, port_accepts
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
 from zteam.bus.strangers import find_strangers
@@ -218,9 +218,9 @@ def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClo
 
 def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     begin, asked = wall_ns(), monotonic()
-    answers = bus.find(names.info_key(name), ProcessInfo)
+    answers = find_processes(bus, name)
     error = 0.5 * (monotonic() - asked)
-    times = [info.now for _, info in answers if info.host == host]
+    times = [info.now for info in answers if info.host == host]
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
+from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
 from zteam.bus.transport import Declaration, RawSample, matches, problem_of
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
@@ -62,8 +62,7 @@ class KeyUsers(NamedTuple):
 def find_key_users(bus: Bus) -> KeyUsers:
     """The users of all keys now."""
     declarations = bus.declarations()
-    infos = bus.find(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
-    return KeyUsers(declarations, [info for _, info in infos])
+    return KeyUsers(declarations, find_processes(bus, timeout=_PATIENCE))
 
 
 NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"

@@ -27,6 +27,7 @@ from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.chaos.links import Links
+from zteam.team.chaos.signals import Signals
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls
 from zteam.team.launch.plan import stop_order
@@ -81,6 +82,7 @@ class TeamProcesses:
         self.log: list[tuple[str, str]] = []
         """(process, line) in the order of arrival, for the report of a failed test."""
         self._supervisor = Supervisor(lambda *line: self.log.append(line), lambda *_: None, WARM_PARENT.start)
+        self._signals = Signals(lambda: self._supervisor.processes)
         self._bus: Bus | None = None
         """None until the router runs or the team in this process is made."""
         self._endpoint = ""
@@ -128,6 +130,7 @@ class TeamProcesses:
         tls = None if self._certificates is None else files_of(self._certificates, TEST)
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
+        self._signals.serve(self._bus)
         self._seen = ObservedTeam(self._bus, self._repeat)
 
     def expect_end(self, *processes: str) -> None:
