@@ -228,12 +228,12 @@ def run_process(
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if words == [FROM_STDIN]:
-        from zteam.node.process_options import from_line
+        from zteam.node.process_options import MAX_LINE, from_line
 
         parser = Parser(prog=command)
         add_bus_options(parser)
         args = parser.parse_args([])
-        name, told = from_line(sys.stdin.readline(), kind)
+        name, told = checked(args, lambda: from_line(sys.stdin.readline(MAX_LINE), kind))
         return run(name, args, lambda: _be(name, args, told), needs_output=needs_output)
     args = build_parser().parse_args(words)
     name, make_options = checked(args, lambda: read(args))
