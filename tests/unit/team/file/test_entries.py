@@ -53,7 +53,9 @@ def test_children_are_told_the_same_parameters(tmp_path: Path) -> None:
     assert dict(map(parse_param, typed)) == robot.params
 
 
-@pytest.mark.parametrize("line", ["", "garbage{", "\0" * 1000, "[" * 10_000, "3", '["a"]', '["a", {}]', '["a", {"robot_id": "x"}]'])
+@pytest.mark.parametrize(
+    "line", ["", "garbage{", "\0" * 1000, "[" * 10_000, "3", '["a"]', '["a", {}]', '["a", {"robot_id": "x"}]']
+)
 def test_a_line_of_no_launcher_is_refused(line: str) -> None:
     """What a user pipes into `zteam-robot -` ends it with one line."""
     with pytest.raises(UsageError, match=r"standard input: no line of a launcher: .+"):
