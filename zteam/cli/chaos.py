@@ -11,6 +11,7 @@ from zteam import names
 from zteam.cli.arguments import number
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
@@ -86,14 +87,14 @@ def _work(args: argparse.Namespace) -> int:
             plan = choose_plan(args.plan or args.random, args.seconds, _processes(bus), lockstep=lockstep)
         if args.random is not None:
             text = plan_text(plan, f"zteam chaos --random {args.random} --for {args.seconds:g}: {describe(plan)}")
-            print(text, file=sys.stdout if args.print else sys.stderr)
+            print_block(text, file=sys.stdout if args.print else sys.stderr)
         if args.print:
             return 0
         report = carry_out(
             plan,
             Observer(bus, lockstep=lockstep, simulated=status is not None),
             means_on_bus(bus, lockstep=lockstep),
-            say=lambda line: print(line, file=sys.stderr, flush=True),
+            say=lambda line: print_line(line, file=sys.stderr),
         )
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
     if problem and not report.violations:
@@ -114,16 +115,15 @@ def _processes(bus: "Bus") -> list[str]:
 
 def print_report(report: "ChaosReport", *, as_json: bool = False) -> None:
     """Print the recoveries as a table, or as one line of JSON."""
-    import msgspec
 
     from zteam.team.chaos.run import HEADER, rows, summary
 
     if as_json:
-        print(msgspec.json.encode(report).decode())
+        print_json(report)
         return
     if report.faults:
-        print(format_table(HEADER, rows(report)))
-    print(summary(report))
+        print_block(format_table(HEADER, rows(report)))
+    print_block(summary(report))
 
 
 main = partial(run_tool, build_parser, _work, read=_read)

@@ -13,6 +13,7 @@ from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_o
 from zteam.bus.transport import Declaration, RawSample, matches, problem_of
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
+from zteam.cli.output import print_line
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError
@@ -167,7 +168,7 @@ class Waiter:
                     return False
                 if what and waited >= 2.0 and not reported:
                     reported = True
-                    print(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
+                    print_line(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
                 left = 0.5 if timeout is None else min(0.5, timeout - waited)
                 wait_until(self.changed, ready, max(0.0, left))
         return True
@@ -184,7 +185,7 @@ def wait_for_message(
         return waiter.wait(ready, timeout, "")
     if waiter.wait(ready, SURVEY, ""):
         return True
-    print(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
+    print_line(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
     return waiter.wait(ready, None if timeout is None else timeout - SURVEY, "")
 
 

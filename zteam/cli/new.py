@@ -11,8 +11,9 @@ from pathlib import Path
 
 from zteam import names
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block
 from zteam.cli.tables import format_table
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, printable
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -82,9 +83,9 @@ def _write(word: str, name: str) -> int:
         # Never over a file that has just come.
         with path.open("x", encoding="utf-8") as file:
             file.write(content)
-    print(f"wrote {' and '.join(map(str, contents))}\n")
+    print_block(f"wrote {printable(' and '.join(map(str, contents)))}\n")
     rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
-    print(format_table(("next", "does"), rows))
+    print_block(format_table(("next", "does"), rows))
     return 0
 
 

@@ -55,11 +55,6 @@ def level_name(level: int) -> str:
     return logging.getLevelName(next((bound for bound in known if level >= bound), logging.DEBUG)).lower()
 
 
-def printable(text: str) -> str:
-    """A process's own text without what would command a terminal or break a line."""
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)
-
-
 class LogOrder:
     """Puts the lines of many processes in order of time, each once. Pure: the caller passes the host's time.
 
