@@ -43,10 +43,20 @@ def print_block(text: str, file: TextIO | None = None) -> None:
 
 def print_json(*values: object) -> None:
     """Print each value as one line of JSON, bytes as the JSON that they are; it commands no terminal."""
+    texts = [each.decode() if isinstance(each, bytes) else _json(each) for each in values]
+    print_line(*(Clean(printable_json(text)) for text in texts))
+
+
+def _json(value: object) -> str:
     import msgspec
 
-    texts = [(each if isinstance(each, bytes) else msgspec.json.encode(each)).decode() for each in values]
-    print_line(*(Clean(printable_json(text)) for text in texts))
+    try:
+        return msgspec.json.encode(value).decode()
+    except UnicodeEncodeError:
+        import json
+
+        # A file name that is no UTF-8 has a lone surrogate, which JSON carries as an escape alone.
+        return json.dumps(msgspec.to_builtins(value, str_keys=True))
 
 
 class OutputError(ZteamError):
