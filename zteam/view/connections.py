@@ -81,15 +81,15 @@ class Connections:
             self._wait(transport)
 
     def keep(self, transport: asyncio.Transport | None, *, trusted: bool) -> bool:
-        """Never end it by itself from now on; False if there are too many of these.
+        """Never end it by itself from now on, unless too many come; False if there are too many that are trusted.
 
-        One that is trusted takes the place of one that is not.
+        It takes the place of the oldest one that is not.
         """
         if transport is None:
             return False
         if transport not in self._kept and len(self._kept) >= self._most // 2:
             stranger = next((each for each, is_trusted in self._kept.items() if not is_trusted), None)
-            if not trusted or stranger is None:
+            if stranger is None:
                 return False
             self._end(stranger)
         if timer := self._timers.pop(transport, None):
@@ -106,6 +106,11 @@ class Connections:
         self._kept.pop(transport, None)
         if self._by_address.get(address := _address(transport)) is transport:
             del self._by_address[address]
+
+    def end_all(self) -> None:
+        """End all of them."""
+        for transport in [*self._timers, *self._busy, *self._kept]:
+            self._end(transport)
 
     def _end(self, transport: asyncio.Transport) -> None:
         transport.abort()

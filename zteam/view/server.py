@@ -163,7 +163,7 @@ class Page:
         return viewer
 
     def _keep(self, viewer: Viewer) -> bool:
-        """Whether the connection may stay: a page with the token takes the place of one that only watches."""
+        """Whether the connection may stay: if too many are open, it takes the place of a page that only watches."""
         connections = self._pages.connections
         return connections.keep(connections.find(self._socket.client), trusted=viewer.may_command)
 
