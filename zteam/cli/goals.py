@@ -105,9 +105,9 @@ def _pause(args: argparse.Namespace) -> int:
     if absent or not done:
         raise BusError(f"no list of goals for {', '.join(map(names.robot_name, absent)) or 'any robot'}")
     if args.json:
-        print(msgspec.json.encode({"robots": done, "is_paused": paused}).decode())
+        print_json({"robots": done, "is_paused": paused})
     else:
-        print(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
+        print_line(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
     return 0
 
 
