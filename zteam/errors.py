@@ -1,4 +1,4 @@
-"""Errors that a user may see. Each is one line that names the place and the fix."""
+"""Errors that a user may see: each is one line that names the place and the fix. And texts that may be printed."""
 
 from collections import abc
 
@@ -49,3 +49,22 @@ def did_you_mean(word: str, known: abc.Iterable[str], *, most: int = 1, form: st
 
     near = difflib.get_close_matches(word.lower()[:60], known, n=most, cutoff=0.75)
     return form.format(" or ".join(near)) if near else ""
+
+
+def printable(text: str, kept: str = "") -> str:
+    """The text without what would command a terminal or break a line; characters in `kept` stay.
+
+    Control characters, those that change the direction of writing, invisible ones and lone surrogates become U+FFFD.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in kept else "\ufffd" for c in text)
+
+
+def printable_json(text: str) -> str:
+    """The same JSON, with escapes for what a terminal must not get. It has no line breaks between its texts."""
+    if text.isprintable():
+        return text
+    import json
+
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)

@@ -27,6 +27,11 @@ MAP_SERVER = "map"
 LAUNCHER = "up"
 VIEW = "view"
 GOALS = "goals"
+ROUTER = "router"
+OPERATOR = "operator"
+"""Name of the certificate of people's tools."""
+AUTHORITY = "ca"
+"""Name of the files of the authority that makes a team's certificates."""
 
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
@@ -38,6 +43,8 @@ START = "start"
 """Query of the launcher that starts the process of a robot."""
 LINKS = "links"
 """Query of the launcher that makes the link of a process bad, or good."""
+SIGNAL = "signal"
+"""Query of the launcher that kills or freezes a process which it has started."""
 LACKING = "lacking"
 """Lock-step: query for the inputs of the open tick that a participant waits for."""
 
@@ -121,6 +128,31 @@ def robot_id_of(name: str) -> int | None:
     if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
         return None
     return int(match[1])
+
+
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
+_TOPICS = frozenset({CLOCK, MAP, TF, TF_STATIC, TEAM_STATUS})
+_PROCESSES = frozenset({SIMULATOR, AGGREGATOR, MONITOR, MAP_SERVER, LAUNCHER, VIEW, ROUTER, OPERATOR})
+
+
+def name_problem(name: str) -> str:
+    """Why no process and no certificate may have this name, in one line; empty if one may.
+
+    A name is one part of a key. What is below a name is its process's own, and in Zenoh `clock/**` includes `clock`.
+    """
+    if not _NAME.fullmatch(name):
+        return f"{name!r:.60} cannot be a name; use letters, digits, '_', '-' and '.', at most 100 of them"
+    if name in _TOPICS - _PROCESSES:
+        return f"{name} is a topic of the team; choose another name"
+    # Files of the authority have this name, on some systems in any case.
+    if name == STATIC_CALLER or name.lower() == AUTHORITY:
+        return f"{name} is a name that zteam uses itself; choose another name"
+    return ""
+
+
+def is_taken(name: str) -> bool:
+    """Whether a process of zteam, or people's tools, have this name in every team: no node of a user may."""
+    return name in _PROCESSES or is_view(name)
 
 
 def view_name() -> str:

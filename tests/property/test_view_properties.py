@@ -1,14 +1,19 @@
 """The view's wire, for whatever comes."""
 
 import math
+import socket
 
 import msgspec
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from studies.view.frames import decode_frame
 from support.examples import examples
+from support.limits import LIMIT
+from support.web_view import open_view
+from zteam.bus import MemoryHub
 from zteam.errors import DecodeError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
@@ -112,3 +117,28 @@ def test_each_robot_gets_a_goal_of_its_own(goal: Pose2, robots: dict[int, Pose2]
     goals = spread(goal, robots, lambda x, y: hash((round(x, 3), round(y, 3), walls)) % 3 > 0)
     assert goals.keys() == robots.keys()
     assert len({(round(each.x, 6), round(each.y, 6)) for each in goals.values()}) == len(robots)
+
+
+_PARTS = (
+    b"page", b"js", b"main.js", b"layout.json", b"ws", b"..", b"%2e%2e", b"%00.js", b"%ed%a0%80.js", b"%ff", b"%",
+    b"x" * 256 + b".js", b"a/" * 2000 + b"a.js", b"?", b"#", b"*", b"", b"http://127.0.0.1", b"\xe9.js",
+)  # fmt: skip
+"""Parts of a request's target, and what stands in none."""
+
+
+def test_no_path_is_an_error_of_the_server(caplog: pytest.LogCaptureFixture) -> None:
+    """Whatever a client asks for: an answer below 500, no traceback in the log, and the next client is served."""
+    with open_view(MemoryHub().bus()) as view:
+
+        @examples(500)
+        @given(st.sampled_from([b"/", b"/page/"]), st.lists(st.sampled_from(_PARTS) | st.binary(max_size=8)))
+        def ask(begin: bytes, parts: list[bytes]) -> None:
+            target = (begin + b"/".join(parts)).replace(b"\r", b"").replace(b"\n", b"")
+            with socket.create_connection(("127.0.0.1", view.port), LIMIT) as client:
+                client.sendall(b"GET %b HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n" % target)
+                version, status = client.makefile("rb").readline().split(b" ")[:2]
+            assert (version, status < b"500") == (b"HTTP/1.1", True)
+
+        ask()
+        assert view.get("/").status == 200
+    assert not [record for record in caplog.records if record.exc_info]

@@ -1,6 +1,7 @@
 """Faults on purpose, with real processes."""
 
 import json
+import socket
 import subprocess
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 from support.limits import LIMIT
 from support.pairs import PAIR
+from zteam import names
+from zteam.bus import NoRequest
 from zteam.config.fault import Fault
 from zteam.node.kinds import ROUTER
 from zteam.team.chaos.plan import plan_text
@@ -69,14 +72,21 @@ def test_a_team_recovers_from_each_fault(team: TeamFixture, tmp_path: Path) -> N
 
 @pytest.mark.real_time
 def test_the_command_does_it_to_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
-    """`zteam chaos` pauses a process of this host and reports; a link can be cut only where there is one."""
+    """`zteam chaos` has a process paused and reports, also the router; a link can be cut only where there is one. What
+    a stranger answers in a robot's name changes nothing."""
     team.start("office", robots=2, follow={1: 0}, lockstep=False)
     team.wait_for_go()
-    done = team.command("chaos", "pause", "robot_1", "--for", "0.5", "--json")
-    assert done.returncode == 0, done.stderr
-    report = json.loads(done.stdout)
-    assert [row["name"] for row in report["faults"]] == ["robot_1"] and report["faults"][0]["recovery"] >= 0.0
-    assert report["violations"] == []
+    # No system has a process of this id: to signal it would be an error.
+    forged = {"name": "robot_1", "host": socket.gethostname(), "pid": 2**22 + 1, "start": 1, "instance": "0"}
+    team.bus.serve(names.info_key("robot_1"), NoRequest, lambda _: forged)
+    for name in ("robot_1", "router"):
+        done = team.command("chaos", "pause", name, "--for", "0.5", "--json")
+        assert done.returncode == 0, done.stderr
+        report = json.loads(done.stdout)
+        assert [row["name"] for row in report["faults"]] == [name] and report["faults"][0]["recovery"] >= 0.0
+        assert report["violations"] == []
+    done = team.command("chaos", "kill", "robot_7")
+    assert done.returncode == 1 and "runs no process robot_7: if robot_7 was started by hand" in done.stderr
     done = team.command("chaos", "cut", "robot_1")
     assert done.returncode == 1 and "start the team with 'zteam up --chaos'" in done.stdout + done.stderr
     printed = team.command("chaos", "--random", "5", "--for", "60", "--print")

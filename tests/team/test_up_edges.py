@@ -21,7 +21,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
-from zteam.team.launch.process import zteam_command
+from zteam.team.launch.process import MAX_LINE, zteam_command
 from zteam.team.launch.warm_parent import can_fork
 from zteam.team.testing.team import TeamFixture
 
@@ -252,3 +252,13 @@ def test_output_without_a_reader_causes_no_traceback(team: TeamFixture) -> None:
         launcher.kill()
         launcher.wait()
     assert "Traceback" not in errors
+
+
+def test_a_node_that_writes_without_end_ends_with_the_run(team: TeamFixture, tmp_path: Path) -> None:
+    """A line that never ends is shown once, cut, and the run ends at its time with exit code 0."""
+    (tmp_path / "team.toml").write_text(
+        '[team]\nworld = "arena"\n[[robots]]\nid = 0\n[[nodes]]\nname = "flood"\ncommand = ["cat", "/dev/zero"]\n'
+    )
+    code, output = finish(launch(team, str(tmp_path / "team.toml"), "--for", "2"))
+    assert (code, output.count("[flood]")) == (0, 1)
+    assert "… (the line is longer)\n" in output and len(output) < 2 * MAX_LINE

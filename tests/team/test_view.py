@@ -1,11 +1,16 @@
 """The view of a real team: what pages see, what they may do, and that the team takes no notice of it."""
 
 import math
+import resource
+import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
+from support.limits import LIMIT
 from support.web_view import TOKEN, Page, open_page
 from zteam import names
 from zteam.messages import PoseStamped, Twist
@@ -14,10 +19,12 @@ from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]
 
+FOXGLOVE = Subprotocol("foxglove.sdk.v1")
 
-def start_view(team: TeamFixture, name: str = names.VIEW) -> int:
+
+def start_view(team: TeamFixture, *further: str, name: str = names.VIEW) -> int:
     """Start a view of the team; the port of its page."""
-    arguments = ("--port", "0", "--token", TOKEN, "--no-browser", "--name", name)
+    arguments = ("--port", "0", "--token", TOKEN, "--no-browser", "--name", name, *further)
     team.spawn("zteam-view", *arguments, name=name)
     team.wait_for_processes(name)
     team.wait_for_line(name, "the view is at http")
@@ -235,7 +242,7 @@ def test_a_run_repeats_with_and_without_a_view(team: TeamFixture) -> None:
 def test_ten_viewers_at_once_in_two_views(team: TeamFixture) -> None:
     """All get poses and scans, beside one that takes no frame at all."""
     team.start("arena", 2, lockstep=False)
-    ports = [start_view(team, name) for name in (names.VIEW, "view_two")]
+    ports = [start_view(team, name=name) for name in (names.VIEW, "view_two")]
     with open_page(ports[0], acknowledges=False) as stuck:
         look(stuck, "scans")
 
@@ -275,3 +282,26 @@ def test_a_page_comes_before_the_team_and_stays_after_it(team: TeamFixture) -> N
         page.wait(lambda: robots(page).get(0, {}).get("state") in ("lost", "absent"))
         team.kill(names.SIMULATOR)
         page.wait(lambda: page.docs["team"]["sim"]["present"] is False)
+
+
+@pytest.mark.parametrize("descriptors", [1024, 200])
+def test_a_page_opens_beside_more_connections_than_a_process_can_have(team: TeamFixture, descriptors: int) -> None:
+    """1150 that say nothing at the page's port, then at Foxglove's: pages still open, and the log has a line at most;
+    also where the process has fewer descriptors than it knows."""
+    port = start_view(team, "--foxglove", "--foxglove-port", "0")
+    team.wait_for_line(names.VIEW, "find the team at ws://")
+    line = next(line for line in team.lines(names.VIEW) if "find the team at ws://" in line)
+    other, pid, before = int(line.rpartition(":")[2]), team.pid(names.VIEW), len(team.lines(names.VIEW))
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (descriptors, 4096))
+    own = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, own[1]), own[1]))
+    try:
+        for flooded in (port, other):
+            with ExitStack() as ends:
+                for _ in range(1150):
+                    ends.enter_context(socket.create_connection(("127.0.0.1", flooded), LIMIT))
+                with open_page(port) as page, connect(f"ws://127.0.0.1:{other}", subprotocols=[FOXGLOVE]) as viewer:
+                    assert page.welcome["may_command"] and "serverInfo" in str(viewer.recv(LIMIT))
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, own)
+    assert len(team.lines(names.VIEW)) - before <= 2, team.lines(names.VIEW)[before:]

@@ -80,12 +80,16 @@ _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
 
 
+_MAX_ENDPOINT = 1024
+"""Characters of an endpoint on standard input."""
+
+
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
     # Host time: the read of an endpoint must notice a request to stop.
     while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:  # noqa: TID251
         # Nothing yet; a read would not see the request to stop.
         continue
-    line = "" if stopping() else sys.stdin.readline().strip()
+    line = "" if stopping() else sys.stdin.readline(_MAX_ENDPOINT).strip()
     if not line:
         raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
     return line

@@ -9,6 +9,7 @@ import os
 import socket
 import threading
 from collections.abc import Callable, Iterable
+from typing import Annotated
 
 import msgspec
 
@@ -26,17 +27,21 @@ ASK_AGAIN = 1.0
 """Host seconds until another holder of the name that did not answer is asked again."""
 
 
-class ProcessInfo(msgspec.Struct):
-    """Answer to `<name>/info`: which process this is."""
+_Text = Annotated[str, msgspec.Meta(max_length=255)]
+_Moment = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 
-    name: str
-    host: str
-    pid: int
-    start: int
+
+class ProcessInfo(msgspec.Struct):
+    """Answer to `<name>/info`: which process this is, as it says. Nothing signals a process by this id."""
+
+    name: _Text
+    host: _Text
+    pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+    start: _Moment
     """Nanoseconds since the Unix epoch."""
-    instance: str
-    version: str = ""
-    now: int = 0
+    instance: _Text
+    version: _Text = ""
+    now: _Moment = 0
     """The host's clock when it answered, in nanoseconds since the Unix epoch."""
 
     @property
@@ -68,6 +73,15 @@ def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[s
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
     """This process's answer, now."""
     return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns())
+
+
+def find_processes(bus: Bus, name: str = "*", *, timeout: float = 2.0) -> list[ProcessInfo]:
+    """The processes that answer under `name`, by default all, in the order of their names.
+
+    An answer that names another process than its key is left out: the key is what access control protects.
+    """
+    found = bus.find(names.info_key(name), ProcessInfo, timeout=timeout)
+    return [info for key, info in found if key == names.info_key(info.name)]
 
 
 class Claim:
@@ -168,8 +182,8 @@ class Claim:
 
     def _others(self) -> list[ProcessInfo]:
         """The other processes that answer under this name."""
-        found = self._bus.find(names.info_key(self.name), ProcessInfo, timeout=1.0)
-        return [info for _, info in found if info.instance != self._bus.instance]
+        found = find_processes(self._bus, self.name, timeout=1.0)
+        return [info for info in found if info.instance != self._bus.instance]
 
     def _meet_aside(self, instance: str) -> None:
         threading.Thread(target=self._meet_rival, args=(instance,), name="rival", daemon=True).start()

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import zenoh
@@ -47,7 +47,7 @@ class RouterMetadata(msgspec.Struct):
 
     name: str | None = None
     uid: int | None = None
-    pid: int | None = None
+    pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] | None = None
 
 
 class RouterLink(msgspec.Struct):

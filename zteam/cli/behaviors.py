@@ -5,10 +5,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block, print_json
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
 from zteam.robot.behaviors.registry import BehaviorInfo, Parameter, behavior_names, describe_behavior, look_in
@@ -45,7 +44,7 @@ def _show(args: argparse.Namespace) -> int:
     if args.name is None:
         return _list(as_json=args.json)
     info = describe_behavior(args.name)
-    print(msgspec.json.encode(info).decode() if args.json else format_behavior(info))
+    print_json(info) if args.json else print_block(format_behavior(info))
     return 0
 
 
@@ -58,11 +57,11 @@ def _list(*, as_json: bool) -> int:
         except UsageError as error:
             broken.append(str(error))
     if as_json:
-        print(msgspec.json.encode(found).decode())
+        print_json(found)
     else:
         rows = [(info.name, info.summary) for info in found]
-        print(format_table(("behaviour", "does"), rows, width=terminal_width()))
-        print("\nParameters: zteam behaviors NAME. A class of your own: zteam behaviors module:Class")
+        print_block(format_table(("behaviour", "does"), rows, width=terminal_width()))
+        print_block("\nParameters: zteam behaviors NAME. A class of your own: zteam behaviors module:Class")
     if broken:
         raise UsageError("\n".join(broken))
     return 0

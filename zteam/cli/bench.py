@@ -10,6 +10,7 @@ import msgspec
 from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block, print_json
 from zteam.cli.tables import format_table
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.config.resources import find_world
@@ -60,7 +61,7 @@ def _bench(args: argparse.Namespace) -> int:
     # The processes started here have to be ended.
     raise_from_now()
     figures, text = (_measure_team if args.verb == "team" else _measure_core)(args)
-    print(msgspec.json.encode(figures).decode() if args.json else text)
+    print_json(figures) if args.json else print_block(text)
     return 0
 
 

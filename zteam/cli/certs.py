@@ -10,6 +10,7 @@ import msgspec
 
 from zteam.cli.arguments import whole
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table, terminal_width
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, did_you_mean
@@ -91,7 +92,7 @@ def _init(args: argparse.Namespace) -> None:
     rights = rights_of(read_team_file(find_team(args.team), parse_arguments(args.arguments)).team)
     with open_authority(args.folder, make=True) as authority:
         if not authority.has_key:
-            print(f"{args.folder / CA}: a new authority, valid until {authority.make():%Y-%m-%d}")
+            print_line(f"{args.folder / CA}: a new authority, valid until {authority.make():%Y-%m-%d}")
         authority.take_team(args.team, rights, strip_slash(args.namespace or ""))
         _issue_missing(authority, [ROUTER], args.host, args.days)
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
@@ -117,19 +118,19 @@ def _issue_missing(authority: Authority, names: Sequence[str], hosts: Sequence[s
         if last is None or last.state == "expired" or not (last.revoked or authority.is_complete(name)):
             missing.append(name)
         elif last.revoked:
-            print(f"{name} is revoked: 'zteam certs issue {name}' makes the next certificate")
+            print_line(f"{name} is revoked: 'zteam certs issue {name}' makes the next certificate")
         elif lacking := [host for host in hosts if host not in last.hosts]:
             words = " ".join(f"--host {host}" for host in (*last.hosts, *lacking))
             text = f"{name}.{last.serial} is valid, but not for {lacking[0]}: 'zteam certs renew {name} {words}'"
             raise UsageError(text)
         else:
-            print(f"{name}.{last.serial} is valid for {left_text(last.expires)} still")
+            print_line(f"{name}.{last.serial} is valid for {left_text(last.expires)} still")
     _issue_now(authority, missing, hosts, days)
 
 
 def _issue_now(authority: Authority, names: Sequence[str], hosts: Sequence[str], days: int) -> None:
     for name, made in zip(names, authority.issue(names, hosts, days), strict=True):
-        print(f"{authority.folder / name}.pem, .key: {name}.{made.serial}, valid until {made.expires:%Y-%m-%d}")
+        print_line(f"{authority.folder / name}.pem, .key: {name}.{made.serial}, valid until {made.expires:%Y-%m-%d}")
 
 
 def _renew(args: argparse.Namespace) -> None:
@@ -139,7 +140,7 @@ def _renew(args: argparse.Namespace) -> None:
             last = authority.index.last(name)
             _issue_now(authority, [name], args.host or (last.hosts if last else ()), args.days)
             if last is not None and last.state in ("valid", "expires soon"):
-                print(
+                print_line(
                     f"{name}.{last.serial} stays valid until {last.expires:%Y-%m-%d}, or until "
                     f"'zteam certs revoke {name}.{last.serial}'"
                 )
@@ -153,7 +154,7 @@ def _revoke(args: argparse.Namespace) -> None:
             one = bool(dot) and number.isdecimal() and word not in authority.index.certificates
             taken = authority.revoke(name, int(number)) if one else authority.revoke(word)
             listed = ", ".join(f"{name if one else word}.{serial}" for serial in taken)
-            print(
+            print_line(
                 f"revoked: {listed}; a router has it out 2 s after it has {ACCESS}" if taken else f"{word} was revoked"
             )
 
@@ -165,12 +166,12 @@ def _list(args: argparse.Namespace) -> None:
     for name, found in sorted(index.certificates.items()):
         rows += [_row(name, each) for each in found]
     if args.json:
-        print(msgspec.json.encode(rows).decode())
+        print_json(rows)
         return
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state) for row in rows]
-    print(format_table(("name", "serial", "expires in", "state"), cells))
+    print_block(format_table(("name", "serial", "expires in", "state"), cells))
     if older := posing(args.folder):
-        print(": ".join(posing_text(older, args.folder)))
+        print_line(": ".join(posing_text(older, args.folder)))
 
 
 def _row(name: str, issued: Issued) -> Row:
@@ -183,8 +184,8 @@ def _explain(args: argparse.Namespace) -> None:
     if args.name not in rights:
         raise UsageError(f"{args.name}: no such name{did_you_mean(args.name, rights)}; known: {', '.join(rights)}")
     last = read_index(args.folder).last(args.name)
-    print(f"{args.name}: {f'{args.name}.{last.serial}, {last.state}' if last else 'no certificate yet'}")
-    print(format_table(("may", "key"), explain(rights[args.name]), width=terminal_width()))
+    print_line(f"{args.name}: {f'{args.name}.{last.serial}, {last.state}' if last else 'no certificate yet'}")
+    print_block(format_table(("may", "key"), explain(rights[args.name]), width=terminal_width()))
 
 
 _VERBS = {

@@ -11,6 +11,7 @@ from zteam import names
 from zteam.cli.arguments import number
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
@@ -77,8 +78,7 @@ def _work(args: argparse.Namespace) -> int:
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
     from zteam.team.chaos.run import carry_out
 
-    options = bus_options(args)
-    with closing(open_bus(options)) as bus:
+    with closing(open_bus(bus_options(args))) as bus:
         status = find_status(bus)
         lockstep = status is not None and status.lockstep
         if args.fault is not None:
@@ -87,14 +87,14 @@ def _work(args: argparse.Namespace) -> int:
             plan = choose_plan(args.plan or args.random, args.seconds, _processes(bus), lockstep=lockstep)
         if args.random is not None:
             text = plan_text(plan, f"zteam chaos --random {args.random} --for {args.seconds:g}: {describe(plan)}")
-            print(text, file=sys.stdout if args.print else sys.stderr)
+            print_block(text, file=sys.stdout if args.print else sys.stderr)
         if args.print:
             return 0
         report = carry_out(
             plan,
             Observer(bus, lockstep=lockstep, simulated=status is not None),
-            means_on_bus(bus, options, lockstep=lockstep),
-            say=lambda line: print(line, file=sys.stderr, flush=True),
+            means_on_bus(bus, lockstep=lockstep),
+            say=lambda line: print_line(line, file=sys.stderr),
         )
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
     if problem and not report.violations:
@@ -105,26 +105,25 @@ def _work(args: argparse.Namespace) -> int:
 
 def _processes(bus: "Bus") -> list[str]:
     """The processes of the team: those that hold a name, but for launchers, views and static frames; and the router."""
-    from zteam.bus.presence import ProcessInfo
+    from zteam.bus.presence import find_processes
     from zteam.node.kinds import ROUTER
 
     beside = (names.LAUNCHER, names.STATIC_CALLER, names.GOALS)
-    found = {info.name for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    found = {info.name for info in find_processes(bus)}
     return [*sorted(name for name in found if name not in beside and not names.is_view(name)), ROUTER]
 
 
 def print_report(report: "ChaosReport", *, as_json: bool = False) -> None:
     """Print the recoveries as a table, or as one line of JSON."""
-    import msgspec
 
     from zteam.team.chaos.run import HEADER, rows, summary
 
     if as_json:
-        print(msgspec.json.encode(report).decode())
+        print_json(report)
         return
     if report.faults:
-        print(format_table(HEADER, rows(report)))
-    print(summary(report))
+        print_block(format_table(HEADER, rows(report)))
+    print_block(summary(report))
 
 
 main = partial(run_tool, build_parser, _work, read=_read)

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-import msgspec
-
 from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.zteam_robot import add_param_option
 from zteam.robot.behaviors.registry import find_behavior, look_in
 
@@ -48,15 +47,15 @@ def _check(args: argparse.Namespace) -> int:
         for result in run_trials(args.name, kind, dict(args.param)):
             results.append(result)
             if not args.json:
-                print(_row(result), file=out, flush=True)
+                print_line(_row(result), file=out)
     is_good = all(result.is_good for result in results)
     if args.json:
-        print(msgspec.json.encode({"behavior": args.name, "good": is_good, "trials": results}).decode())
+        print_json({"behavior": args.name, "good": is_good, "trials": results})
     else:
         left = len(trial_names(kind)) - len(results)
         if left:
-            print(f"(the other {left} trials are left out, because these took too long)")
-        print(f"\n{format_faults(args.name, results)}")
+            print_line(f"(the other {left} trials are left out, because these took too long)")
+        print_block(f"\n{format_faults(args.name, results)}")
     return 0 if is_good else 1
 
 

@@ -20,7 +20,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import why_refused
 from zteam.bus.options import TlsFiles, port_accepts
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
 from zteam.bus.strangers import find_strangers
@@ -29,11 +29,12 @@ from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import Clean, painted, print_block, print_json
 from zteam.cli.tables import terminal_width
 from zteam.cli.tf import ask_frames
 from zteam.clock import monotonic, to_seconds, wall_ns
 from zteam.config.numbers import counted
-from zteam.errors import BusError, DecodeError, ZteamError
+from zteam.errors import BusError, DecodeError, ZteamError, printable
 from zteam.messages import (
     LaserScan,
     Message,
@@ -247,9 +248,9 @@ def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClo
 
 def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     begin, asked = wall_ns(), monotonic()
-    answers = bus.find(names.info_key(name), ProcessInfo)
+    answers = find_processes(bus, name)
     error = 0.5 * (monotonic() - asked)
-    times = [info.now for _, info in answers if info.host == host]
+    times = [info.now for info in answers if info.host == host]
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
@@ -406,11 +407,10 @@ def _examine(args: argparse.Namespace) -> int:
         findings += check_team(facts)
         if map_file is not None:
             findings.append(check_map_file(args.map, map_file, facts.sim))
-    print(
-        msgspec.json.encode(findings).decode()
-        if args.json
-        else format_findings(findings, has_color(sys.stdout), terminal_width())
-    )
+    if args.json:
+        print_json(findings)
+    else:
+        print_block(format_findings(findings, has_color(sys.stdout), terminal_width()))
     return 0 if all(finding.good for finding in findings) else 1
 
 
@@ -429,14 +429,15 @@ def format_findings(findings: Sequence[Finding], color: bool = False, columns: i
     indent = " " * (width + 10)
     lines = []
     for finding in findings:
-        told = _wrap(finding.text, f"{finding.level:8}{finding.what:{width}}  ", indent, columns)
+        head = f"{finding.level:8}{printable(finding.what):{width}}  "
+        told = _wrap(printable(finding.text), head, indent, columns)
         if color:
-            told[0] = f"\033[{_COLORS[finding.level]}m{finding.level}\033[0m{told[0][len(finding.level) :]}"
+            told[0] = f"{painted(finding.level, _COLORS[finding.level])}{told[0][len(finding.level) :]}"
         lines += told
         if finding.next_step:
-            lines += _wrap(finding.next_step, indent + _NEXT, indent + " " * len(_NEXT), columns)
+            lines += _wrap(printable(finding.next_step), indent + _NEXT, indent + " " * len(_NEXT), columns)
     problems = sum(not finding.good for finding in findings)
-    return "\n".join([*lines, counted(problems, "problem") if problems else "no problems"])
+    return Clean("\n".join([*lines, counted(problems, "problem") if problems else "no problems"]))
 
 
 def _wrap(text: str, first: str, rest: str, columns: int | None) -> list[str]:

@@ -11,8 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
-import msgspec
-
 from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
@@ -20,6 +18,7 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
 from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
@@ -106,9 +105,9 @@ def _pause(args: argparse.Namespace) -> int:
     if absent or not done:
         raise BusError(f"no list of goals for {', '.join(map(names.robot_name, absent)) or 'any robot'}")
     if args.json:
-        print(msgspec.json.encode({"robots": done, "is_paused": paused}).decode())
+        print_json({"robots": done, "is_paused": paused})
     else:
-        print(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
+        print_line(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
     return 0
 
 
@@ -150,14 +149,14 @@ def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
                 client = dispatcher.errands[ended.robot].client
                 if as_json:
                     facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
-                    print(msgspec.json.encode(facts).decode(), flush=True)
+                    print_json(facts)
                 else:
-                    print(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})", flush=True)
+                    print_line(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})")
             for robot_id, errand in dispatcher.errands.items():
                 waits = errand.client.waits_for
                 if waits and waits != told.get(robot_id) and monotonic() - begin > _TELL_AFTER:
                     told[robot_id] = waits
-                    print(f"{errand.client.name}: waiting for {waits}", file=sys.stderr, flush=True)
+                    print_line(f"{errand.client.name}: waiting for {waits}", file=sys.stderr)
             if live is not None:
                 live.update(Text(table(dispatcher)), refresh=True)
 
@@ -174,7 +173,7 @@ def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
             thread.join()
             show()
     if not as_json:
-        print(table(dispatcher), flush=True)
+        print_block(table(dispatcher))
 
 
 def table(dispatcher: Dispatcher) -> str:

@@ -7,8 +7,6 @@ from contextlib import closing
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
@@ -16,6 +14,7 @@ from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import PERIOD, ProgressLine
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.output import print_json, print_line
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
 from zteam.cli.tool_clock import open_clock, still_text
@@ -84,9 +83,9 @@ def _cancel(args: argparse.Namespace, bus: Bus) -> int:
     client = NavigationClient(bus, args.robot, open_clock(bus, args.clock).now)
     had_goal = client.cancel()
     if args.json:
-        print(f'{{"robot":{args.robot},"canceled":{str(had_goal).lower()}}}')
+        print_line(f'{{"robot":{args.robot},"canceled":{str(had_goal).lower()}}}')
     else:
-        print(f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}")
+        print_line(f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}")
     return 0
 
 
@@ -104,11 +103,11 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
             raise
     seconds = to_seconds(clock.steady() - begin)
     if args.json:
-        print(msgspec.json.encode(goal_facts(client, watch, seconds)).decode())
+        print_json(goal_facts(client, watch, seconds))
     elif watch.ended and watch.result != TaskResult.SUCCEEDED:
-        print(f"zteam goto: {result_text(client, watch, seconds)}", file=sys.stderr)
+        print_line(f"zteam goto: {result_text(client, watch, seconds)}", file=sys.stderr)
     else:
-        print(result_text(client, watch, seconds))
+        print_line(result_text(client, watch, seconds))
     return 0 if watch.result == TaskResult.SUCCEEDED or (args.no_wait and not watch.ended) else 1
 
 

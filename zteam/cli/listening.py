@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
+from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
 from zteam.bus.transport import Declaration, RawSample, matches, problem_of
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
+from zteam.cli.output import print_line
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError
@@ -62,8 +63,7 @@ class KeyUsers(NamedTuple):
 def find_key_users(bus: Bus) -> KeyUsers:
     """The users of all keys now."""
     declarations = bus.declarations()
-    infos = bus.find(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
-    return KeyUsers(declarations, [info for _, info in infos])
+    return KeyUsers(declarations, find_processes(bus, timeout=_PATIENCE))
 
 
 NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"
@@ -168,7 +168,7 @@ class Waiter:
                     return False
                 if what and waited >= 2.0 and not reported:
                     reported = True
-                    print(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
+                    print_line(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
                 left = 0.5 if timeout is None else min(0.5, timeout - waited)
                 wait_until(self.changed, ready, max(0.0, left))
         return True
@@ -185,7 +185,7 @@ def wait_for_message(
         return waiter.wait(ready, timeout, "")
     if waiter.wait(ready, SURVEY, ""):
         return True
-    print(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
+    print_line(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
     return waiter.wait(ready, None if timeout is None else timeout - SURVEY, "")
 
 

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr
 from typing import Any, TextIO, cast
 
+from zteam.cli.output import Clean, print_line
 from zteam.clock import Every
+from zteam.errors import printable
 
 _MARGIN = 3
 """Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
@@ -65,7 +67,7 @@ class LiveLine:
     def print(self, text: str, stream: TextIO | None = None) -> None:
         """Print a line above, on `stream` if that is another one on the same terminal."""
         with self._lock:
-            self._write(f"{text}\n", stream or self._stream)
+            self._write(f"{text if isinstance(text, Clean) else printable(text)}\n", stream or self._stream)
 
     def _write(self, text: str, stream: TextIO) -> None:
         columns = self._columns()
@@ -78,7 +80,7 @@ class LiveLine:
                 stream.write(text)
                 stream.flush()
             return
-        line = "" if self._left else self._render(columns - _MARGIN)
+        line = "" if self._left else printable(self._render(columns - _MARGIN))
         # A terminal that was made narrower has wrapped the line.
         rows = max(0, self._drawn - 1) // columns
         erase = f"\r\033[{rows}A\033[J" if rows else "\r\033[J" if self._drawn else ""
@@ -126,7 +128,7 @@ class ProgressLine:
     def say(self, text: str) -> None:
         """Print a line."""
         if self._live is None:
-            print(text, file=sys.stderr, flush=True)
+            print_line(text, file=sys.stderr)
         else:
             self._live.print(text)
 
@@ -139,7 +141,7 @@ class ProgressLine:
 
 
 class _Above:
-    """A stream whose whole lines are printed above a live line."""
+    """A stream whose whole lines are printed above a live line, as they are: also those of a debugger."""
 
     def __init__(self, live: LiveLine, stream: TextIO) -> None:
         self._live, self._stream, self._part = live, stream, ""
@@ -149,7 +151,7 @@ class _Above:
 
     def __exit__(self, *_: object) -> None:
         if self._part:
-            self._live.print(self._part, self._stream)
+            self._live.print(Clean(self._part), self._stream)
 
     def __getattr__(self, name: str) -> Any:
         # Such as encoding, fileno and isatty.
@@ -159,7 +161,7 @@ class _Above:
         """Print what is a whole line now; keep the rest."""
         lines, newline, self._part = (self._part + text).rpartition("\n")
         if newline:
-            self._live.print(lines, self._stream)
+            self._live.print(Clean(lines), self._stream)
         return len(text)
 
     def flush(self) -> None:

@@ -16,8 +16,9 @@ from zteam.cli.arguments import one_of, whole
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import Clean, print_json, print_line
 from zteam.clock import local_time_text
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, printable
 from zteam.names import is_wildcard
 from zteam.node.log_client import LogLine, LogReader, level_name
 from zteam.node.logs import LEVELS
@@ -26,7 +27,7 @@ _MAX_LINES = 1_000_000
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
 """(level, colour of its lines and of those above it): red, yellow, none, faint."""
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)}
-"""Characters that could control the terminal; tabs and ends of lines are kept."""
+"""Control characters of ASCII are shown by their codes; tabs and ends of lines are kept."""
 
 
 def build_parser() -> Parser:
@@ -72,19 +73,19 @@ def name_pattern(text: str) -> str:
     return pattern
 
 
-def format_line(line: LogLine, color: bool) -> str:
+def format_line(line: LogLine, color: bool) -> Clean:
     """The line as its process prints it, with milliseconds; further lines of its text are indented."""
     level = "" if level_name(line.level) == "info" else f"{level_name(line.level)}: "
-    text = line.text.translate(_CONTROLS).replace("\n", "\n    ")
     millisecond = line.time_ns // 1_000_000 % 1000
-    shown = f"{local_time_text(line.time_ns)}.{millisecond:03d} [{line.process}] {level}{text}"
+    head = f"{local_time_text(line.time_ns)}.{millisecond:03d} [{line.process}] {level}"
+    shown = printable((head + line.text).translate(_CONTROLS).replace("\n", "\n    "), "\n\t")
     code = next(code for bound, code in _COLORS if line.level >= bound)
-    return f"\033[{code}m{shown}\033[0m" if color and code else shown
+    return Clean(f"\033[{code}m{shown}\033[0m" if color and code else shown)
 
 
-def format_json(line: LogLine) -> str:
+def format_json(line: LogLine) -> bytes:
     """The line as one JSON object, with the name of its level."""
-    return msgspec.json.encode({**msgspec.structs.asdict(line), "level": level_name(line.level)}).decode()
+    return msgspec.json.encode({**msgspec.structs.asdict(line), "level": level_name(line.level)})
 
 
 def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
@@ -107,7 +108,7 @@ def _log(args: argparse.Namespace) -> int:
         if not args.once:
             _follow(reader, waiter, args.json, found)
         elif not found:
-            print("no processes (start a team with 'zteam up')", file=sys.stderr)
+            print_line("no processes (start a team with 'zteam up')", file=sys.stderr)
     return 0
 
 
@@ -123,7 +124,7 @@ def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
     check_names(silent, alive)
     quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]
     for name in quiet:
-        print(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
+        print_line(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
     return bool(answered or quiet)
 
 
@@ -143,9 +144,7 @@ def _follow(reader: LogReader, waiter: Waiter, as_json: bool, found: bool) -> No
 
 def _print(lines: Sequence[LogLine], as_json: bool) -> None:
     color = has_color(sys.stdout)
-    for line in lines:
-        print(format_json(line) if as_json else format_line(line, color))
-    sys.stdout.flush()
+    print_json(*map(format_json, lines)) if as_json else print_line(*(format_line(line, color) for line in lines))
 
 
 main = partial(run_tool, build_parser, _log, read=_read)

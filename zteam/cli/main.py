@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave, leave_at_once
-from zteam.cli.output import guarded
+from zteam.cli.output import guarded, print_block, print_line
 
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
@@ -76,7 +76,7 @@ def _start(module: str) -> NoReturn:
         import fcntl  # noqa: F401
     except ImportError:
         # Python has it on every system but Windows.
-        print(
+        print_line(
             f"{name}: zteam needs Linux or macOS: on Windows, use WSL 2, or a container ('docker compose')",
             file=sys.stderr,
         )
@@ -92,7 +92,7 @@ def _start(module: str) -> NoReturn:
 
         if not (text := shortage_text(error)):
             raise
-        print(f"{name}: {text}", file=sys.stderr)
+        print_line(f"{name}: {text}", file=sys.stderr)
         code = 1
     finally:
         ignore_from_now()
@@ -123,24 +123,24 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(arguments: list[str]) -> int:
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
-        print(_usage())
+        print_block(_usage())
         return 0 if arguments else 2
     if arguments[0] == "--version":
         from zteam import __version__
 
-        print(f"zteam {__version__}")
+        print_line(f"zteam {__version__}")
         return 0
     name, *rest = arguments
     meant = "" if name in COMMANDS else _meant(name, rest)
     if meant:
-        print(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
+        print_line(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
         return 2
     if name not in COMMANDS:
         from zteam.cli.usage import MEANT
         from zteam.errors import did_you_mean
 
         hint = did_you_mean(name, COMMANDS, most=2, form=MEANT) or f": commands: {', '.join(COMMANDS)}"
-        print(f"zteam: no command {name!r}{hint}", file=sys.stderr)
+        print_line(f"zteam: no command {name!r}{hint}", file=sys.stderr)
         return 2
     return _run(COMMANDS[name][0], rest)
 

@@ -11,6 +11,7 @@ from zteam.bus import Bus
 from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_line
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
@@ -74,7 +75,7 @@ def _save(args: argparse.Namespace) -> int:
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
     frame = grid.frame
-    print(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
+    print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
     return 0
 
 

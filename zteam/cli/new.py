@@ -11,8 +11,9 @@ from pathlib import Path
 
 from zteam import names
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_block
 from zteam.cli.tables import format_table
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError, printable
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -41,8 +42,6 @@ KINDS = {
 """What an example shows, and what to do with it next, as (command, what it does), by the word on the command line.
 
 `templates/` has a file `KIND.txt` and `test_KIND.txt` for each."""
-_RESERVED = {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.STATIC_CALLER}
-"""Names of zteam's own processes."""
 
 
 def build_parser() -> Parser:
@@ -84,9 +83,9 @@ def _write(word: str, name: str) -> int:
         # Never over a file that has just come.
         with path.open("x", encoding="utf-8") as file:
             file.write(content)
-    print(f"wrote {' and '.join(map(str, contents))}\n")
+    print_block(f"wrote {printable(' and '.join(map(str, contents)))}\n")
     rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
-    print(format_table(("next", "does"), rows))
+    print_block(format_table(("next", "does"), rows))
     return 0
 
 
@@ -102,7 +101,9 @@ def _check_name(word: str, name: str) -> None:
         raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
     if _is_taken(name):
         raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
-    if word == "node" and (name in _RESERVED or names.robot_id_of(name) is not None):
+    if word == "node" and (problem := names.name_problem(name)):
+        raise UsageError(problem)
+    if word == "node" and (names.is_taken(name) or names.robot_id_of(name) is not None):
         raise UsageError(f"{name!r} is the name of a process of every team; choose another one")
     kind = class_name(name)
     example = (TEMPLATES / f"{word}.txt").read_text("utf-8")

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
 
-import msgspec
-
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
+from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block, print_json
 from zteam.cli.progress_text import duration_text
 from zteam.cli.tables import format_table
 from zteam.node.tokens import TokenSet
@@ -35,7 +34,7 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     for handle in watch:
         handle.close()
     # By name too: one process may hold several, as a navigation of several robots does.
-    infos = {(info.name, info.instance): info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    infos = {(info.name, info.instance): info for info in find_processes(bus)}
     held = [(name, instance) for name in tokens for instance in tokens.instances(name)]
     silent = [ProcessInfo(name, "does not answer", 0, 0, i) for name, i in held if (name, i) not in infos]
     # On a crowded machine an answer is there before its process's token.
@@ -62,10 +61,12 @@ def _list(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         found = find_nodes(bus)
     if args.json:
-        print(msgspec.json.encode(found).decode())
+        print_json(found)
         return 0
     header = ("process", "host", "pid", "up", "zteam")
-    print(format_table(header, list(map(_cells, found))) if found else "no processes (start a team with 'zteam up')")
+    print_block(
+        format_table(header, list(map(_cells, found))) if found else "no processes (start a team with 'zteam up')"
+    )
     return 0
 
 

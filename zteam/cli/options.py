@@ -10,7 +10,7 @@ from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint
 from zteam.cli.arguments import negative_numbers, number, one_of
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.output import OutputError, guarded
+from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
@@ -228,12 +228,12 @@ def run_process(
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if words == [FROM_STDIN]:
-        from zteam.node.process_options import from_line
+        from zteam.node.process_options import MAX_LINE, from_line
 
         parser = Parser(prog=command)
         add_bus_options(parser)
         args = parser.parse_args([])
-        name, told = from_line(sys.stdin.readline(), kind)
+        name, told = checked(args, lambda: from_line(sys.stdin.readline(MAX_LINE), kind))
         return run(name, args, lambda: _be(name, args, told), needs_output=needs_output)
     args = build_parser().parse_args(words)
     name, make_options = checked(args, lambda: read(args))
@@ -260,5 +260,5 @@ def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
 def fail(name: str, error: ZteamError) -> int:
     """Print an error, one line for each mistake in it; return its exit code."""
     for line in str(error).splitlines():
-        print(f"{name}: {line}", file=sys.stderr)
+        print_line(f"{name}: {line}", file=sys.stderr)
     return error.exit_code

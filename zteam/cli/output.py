@@ -13,7 +13,50 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
-from zteam.errors import ZteamError
+from zteam.errors import ZteamError, printable, printable_json
+
+
+class Clean(str):
+    """Text that a terminal may get as it is: what does not come from zteam's own code has no control characters."""
+
+
+def painted(text: str, color: int) -> Clean:
+    """A line in a colour of ECMA-48, such as 31."""
+    return Clean(f"\033[{color}m{printable(text)}\033[0m")
+
+
+def print_line(*lines: str, file: TextIO | None = None) -> None:
+    """Print each text as one line, at once; by default on standard output.
+
+    Commands print in no other way: a name or a text of the bus neither commands the terminal nor begins a line.
+    """
+    stream = sys.stdout if file is None else file
+    texts = [line if isinstance(line, Clean) else printable(line, "\t") for line in lines]
+    stream.write("".join(f"{text}\n" for text in texts))
+    stream.flush()
+
+
+def print_block(text: str, file: TextIO | None = None) -> None:
+    """Print lines as `print_line` does. What they were made of has no line breaks of its own."""
+    print_line(*([text] if isinstance(text, Clean) else text.split("\n")), file=file)
+
+
+def print_json(*values: object) -> None:
+    """Print each value as one line of JSON, bytes as the JSON that they are; it commands no terminal."""
+    texts = [each.decode() if isinstance(each, bytes) else _json(each) for each in values]
+    print_line(*(Clean(printable_json(text)) for text in texts))
+
+
+def _json(value: object) -> str:
+    import msgspec
+
+    try:
+        return msgspec.json.encode(value).decode()
+    except UnicodeEncodeError:
+        import json
+
+        # A file name that is no UTF-8 has a lone surrogate, which JSON carries as an escape alone.
+        return json.dumps(msgspec.to_builtins(value, str_keys=True))
 
 
 class OutputError(ZteamError):
@@ -85,7 +128,7 @@ def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) ->
         if needs_output:
             raise error
         if not error.reader_gone:
-            print(f"{name}: {error}; going on without it", file=sys.stderr)
+            print_line(f"{name}: {error}; going on without it", file=sys.stderr)
 
     with _guarded_streams(failed):
         try:
@@ -96,7 +139,7 @@ def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) ->
         except OutputError as error:
             if error.reader_gone:
                 return 0
-            print(f"{name}: {error}", file=sys.stderr)
+            print_line(f"{name}: {error}", file=sys.stderr)
             return error.exit_code
 
 

@@ -14,6 +14,7 @@ from zteam import names
 from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, UsageError, did_you_mean
@@ -104,11 +105,11 @@ def _order(name: str) -> tuple[int, str]:
 
 def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     if args.json:
-        print(msgspec.json.encode([{"name": name, **_fields(reply)} for name, reply in robots.items()]).decode())
+        print_json([{"name": name, **_fields(reply)} for name, reply in robots.items()])
         return 0
     for name, reply in robots.items():
-        print(f"{name}: {reply.behavior}")
-        print(format_parameters(reply.parameters, reply.values) if reply.parameters else "  no parameters")
+        print_line(f"{name}: {reply.behavior}")
+        print_block(format_parameters(reply.parameters, reply.values) if reply.parameters else "  no parameters")
     return 0
 
 
@@ -120,10 +121,10 @@ def _fields(reply: DescribeReply) -> dict[str, Any]:
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
     if args.json:
-        print(msgspec.json.encode(found).decode())
+        print_json(found)
     else:
         for name, value in found.items():
-            print(_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}")
+            print_line(_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}")
     _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
     return 0
 
@@ -150,10 +151,10 @@ def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> 
         else:
             done[robot] = {name: now[name] for name in args.values}
     if args.json:
-        print(msgspec.json.encode(done).decode())
+        print_json(done)
     else:
         for robot, now in done.items():
-            print(f"{robot}: {', '.join(f'{name} = {_exact(value)}' for name, value in now.items())}")
+            print_line(f"{robot}: {', '.join(f'{name} = {_exact(value)}' for name, value in now.items())}")
     _raise_all(refused)
     return 0
 
@@ -169,10 +170,10 @@ def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
     else:
         table = {"behavior": reply.behavior, **table}
     if args.json:
-        print(msgspec.json.encode(table).decode())
+        print_json(table)
         return 0
     for name, value in table.items():
-        print(f"{name} = {_exact(value)}")
+        print_line(f"{name} = {_exact(value)}")
     return 0
 
 

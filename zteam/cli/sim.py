@@ -14,10 +14,11 @@ from zteam.cli.arguments import option_type, parse_speed, whole
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import ProgressLine
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block, print_json
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, UsageError, printable
 from zteam.geometry import turn_problem
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
@@ -92,7 +93,7 @@ def _read(args: argparse.Namespace) -> None:
 def _answer(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         reply, text = args.act(SimulatorClient(bus), args)
-    print(msgspec.json.encode(reply).decode() if args.json else text)
+    print_json(reply) if args.json else print_block(text)
     return 0
 
 
@@ -216,7 +217,7 @@ def format_status(status: SimStatus) -> str:
             ("  hung", _listed(status.hung)),
         ]
     rows.append(("robots", format_robot_ids(status.robots) or "-"))
-    return "\n".join(f"{name:18}{value}" for name, value in rows)
+    return "\n".join(f"{name:18}{printable(value)}" for name, value in rows)
 
 
 def _format_when(status: SimStatus) -> str:
@@ -226,7 +227,7 @@ def _format_when(status: SimStatus) -> str:
 
 def _format_hold(status: SimStatus) -> str:
     """What holds a tick of lock-step, as the end of a sentence; empty if nothing does."""
-    return f", which waits for {status.waiting_for}" if status.waiting_for else ""
+    return f", which waits for {printable(status.waiting_for)}" if status.waiting_for else ""
 
 
 def _format_pace(status: SimStatus) -> str:

@@ -5,10 +5,9 @@ import sys
 from contextlib import closing
 from functools import partial
 
-import msgspec
-
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_json, print_line
 from zteam.cli.usage import ENDS_TEAM
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import ZteamError
@@ -42,7 +41,7 @@ def _stop(args: argparse.Namespace) -> int:
         client = StopClient(bus)
         results = (client.release if args.release else client.engage)(args.robots)
     if args.json:
-        print(msgspec.json.encode(results).decode())
+        print_json(results)
     else:
         _print(results, release=args.release)
     if not results:
@@ -52,9 +51,9 @@ def _stop(args: argparse.Namespace) -> int:
 
 def _print(results: list[StopResult], *, release: bool) -> None:
     for result in results:
-        print(result, file=sys.stdout if result.is_done else sys.stderr)
+        print_line(str(result), file=sys.stdout if result.is_done else sys.stderr)
     if any(result.confirmed for result in results) and not release:
-        print(f"they stand until 'zteam stop --release' ({ENDS_TEAM})")
+        print_line(f"they stand until 'zteam stop --release' ({ENDS_TEAM})")
 
 
 main = partial(run_tool, build_parser, _stop, read=_read)

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
+from zteam.errors import printable
 from zteam.messages import Message, to_plain
 
 _GAP = "  "
@@ -32,7 +33,7 @@ def format_table(
 
     The columns from `numbers_from` on align right. The last column is wrapped where a line would exceed `width`.
     """
-    lines = [header, *rows]
+    lines: list[Sequence[str]] = [[printable(cell) for cell in line] for line in (header, *rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     if width is not None:
         before = len(indent) + sum(each + len(_GAP) for each in widths[:-1])
@@ -82,4 +83,4 @@ def _word(value: Any) -> str:
         return "inf"
     if isinstance(value, bool):
         return str(value).lower()
-    return f"'{value}'" if isinstance(value, str) else str(value)
+    return f"'{printable(value)}'" if isinstance(value, str) else str(value)

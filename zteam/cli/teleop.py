@@ -19,6 +19,7 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.output import Clean, print_block, print_line
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import parse_robot_ids
@@ -90,7 +91,7 @@ def _teleop(args: argparse.Namespace) -> int:
 
 
 def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> int:
-    print(HELP_TEXT, flush=True)
+    print_block(HELP_TEXT)
     with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
         shown = ""
 
@@ -104,7 +105,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> in
         def presses() -> Iterator[tuple[list[str], float]]:
             for keys, now in terminal.presses():
                 if HELP in keys:
-                    live.print(HELP_TEXT)
+                    live.print(Clean(HELP_TEXT))
                 yield keys, now
 
         drive(pilot, wheels, presses(), show)
@@ -146,7 +147,7 @@ def _typed(script: Sequence[str], clock: AutoClock, stop: Stop) -> Iterator[tupl
             elif clock.sim.wait_for_change(now, PERIOD):
                 since = monotonic()
             elif monotonic() - since > STILL and nag.due():
-                print(f"teleop: {still_text(clock)}", file=sys.stderr)
+                print_line(f"teleop: {still_text(clock)}", file=sys.stderr)
         rate.take(clock.steady())
 
 

@@ -15,6 +15,7 @@ from zteam.bus import Bus
 from zteam.cli.arguments import MAX_RATE, number
 from zteam.cli.listening import SURVEY, Waiter, add_timeout, find_key_users, limit_of, near_keys, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
@@ -175,7 +176,7 @@ def _echo(args: argparse.Namespace) -> int:
     limit, quiet = limit_of(args)
 
     def show(transform: TransformStamped) -> None:
-        print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
+        print_json(to_json(transform)) if args.json else print_block(format_transform(transform))
 
     with closing(open_bus(bus_options(args))) as bus:
         if args.at is not None:
@@ -196,7 +197,7 @@ def _echo(args: argparse.Namespace) -> int:
                     return 0
                 last = "nothing newer has come"
             if not quiet and (limit is None or limit > SURVEY):
-                print(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr, flush=True)
+                print_line(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
             if not listener.waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
                 raise ZteamError(f"no transform within {limit:g} s: {last}")
         wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
@@ -231,13 +232,13 @@ def _show_tree(args: argparse.Namespace) -> int:
         if not frames:
             raise ZteamError(_nothing(asked is not None, "no frames to draw"))
         draw_tree(frames, listener.now, path)
-        print(f"{path}: {counted(len(_names(frames)), 'frame')}")
+        print_line(f"{path}: {counted(len(_names(frames)), 'frame')}")
     elif args.json:
-        print(msgspec.json.encode(frames).decode())
+        print_json(frames)
     elif not frames:
-        print(_nothing(asked is not None, "no frames yet"))
+        print_line(_nothing(asked is not None, "no frames yet"))
     else:
-        print(format_tree(frames, listener.now))
+        print_block(format_tree(frames, listener.now))
     return 0
 
 
@@ -255,15 +256,17 @@ def _show_figures(args: argparse.Namespace) -> int:
     rows = [(figures, authorities.get(figures.child, "unknown")) for figures in watch.figures()]
     if args.json:
         found = [{**msgspec.to_builtins(figures), "authority": authority} for figures, authority in rows]
-        print(msgspec.json.encode({"frames": found, "conflicts": conflicts}).decode())
+        print_json({"frames": found, "conflicts": conflicts})
         return 0
     header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
     cells = [
         (f.child, authority, _hz(f.rate), _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)) for f, authority in rows
     ]
-    print(format_table(header, cells, numbers_from=2) if cells else _nothing(frames is not None, "no moving frame"))
+    print_block(
+        format_table(header, cells, numbers_from=2) if cells else _nothing(frames is not None, "no moving frame")
+    )
     for conflict in conflicts:
-        print(f"conflict: {conflict}")
+        print_line(f"conflict: {conflict}")
     return 0
 
 
@@ -299,11 +302,11 @@ def _show_positions(args: argparse.Namespace) -> int:
         while True:
             found = _find_positions(listener.buffer)
             if args.json:
-                print(msgspec.json.encode([position for position, _ in found]).decode(), flush=True)
+                print_json([position for position, _ in found])
             elif found:
-                print("\n".join(line for _, line in found), flush=True)
+                print_line(*(line for _, line in found))
             else:
-                print(_nothing(ask_frames(bus) is not None, "no robots"), flush=True)
+                print_line(_nothing(ask_frames(bus) is not None, "no robots"))
             if wait is None:
                 return 0
             wait()
@@ -356,7 +359,7 @@ def _hold_static(args: argparse.Namespace) -> int:
                 if reply.refused:
                     raise ZteamError(f"refused: {_explain(bus, request, reply.refused)}")
                 asked.update(fresh)
-                print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
+                print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
                 _warn_of_an_unknown_parent(bus, request)
         except KeyboardInterrupt:
             return 0
@@ -399,7 +402,7 @@ def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
     known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
     if known and request.parent not in known:
         text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
-        print(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr, flush=True)
+        print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
 
 
 def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:

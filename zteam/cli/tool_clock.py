@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
+from zteam.cli.output import print_line
 from zteam.clock import AutoClock, Ticker, to_seconds
 from zteam.node.process_node import ClockMode
 from zteam.simulator.team_clock import ask_time, follow_clock, team_clock
@@ -40,7 +41,7 @@ def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
         nonlocal warned
         if not warned:
             warned = True
-            print(still_text(clock), file=sys.stderr)
+            print_line(still_text(clock), file=sys.stderr)
 
     return lambda: ticks.wait(warn)
 

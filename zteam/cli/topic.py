@@ -36,12 +36,13 @@ from zteam.cli.listening import (
 )
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import AutoClock, monotonic, to_seconds
 from zteam.config.numbers import counted, format_rate
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import DecodeError, UsageError, ZteamError
+from zteam.errors import DecodeError, UsageError, ZteamError, printable
 from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
@@ -81,7 +82,7 @@ class _Audience:
 
     def _tell(self, what: str, users: KeyUsers, known: list[str] | None) -> None:
         self._known = known
-        print(f"publishing {what} {self._describe()}", flush=True)
+        print_line(f"publishing {what} {self._describe()}")
         if self._known == []:
             hint = "" if users.publishers(self._key) else near_keys(self._key, users.known_keys())
             _say(f"nothing subscribes to {self._key}{hint}")
@@ -143,7 +144,7 @@ def publish(args: argparse.Namespace) -> int:
 
 
 def _say(text: str) -> None:
-    print(f"zteam topic pub: {text}", file=sys.stderr, flush=True)
+    print_line(f"zteam topic pub: {text}", file=sys.stderr)
 
 
 def _warn_of_others(key: str, users: KeyUsers) -> None:
@@ -268,12 +269,12 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
     try:
         message = decode(kind, sample.payload)
     except DecodeError as error:
-        print(f"{sample.key}: undecodable: {error}", file=sys.stderr)
+        print_line(f"{sample.key}: undecodable: {error}", file=sys.stderr)
         return False
     if args.json:
-        print(to_json(message).decode(), flush=True)
+        print_json(to_json(message))
     else:
-        print(format_message(message, args.full) + "\n---", flush=True)
+        print_block(format_message(message, args.full) + "\n---")
     return True
 
 
@@ -303,7 +304,7 @@ def _hz(args: argparse.Namespace) -> int:
             stamps = list(times)
             if len(stamps) < 2:
                 continue
-            print(_format_rate(stamps, clock.simulated, args.json), flush=True)
+            print_block(_format_rate(stamps, clock.simulated, args.json))
             if args.once:
                 return 0
             enough = total + 2
@@ -412,12 +413,12 @@ def _list(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         rows, _ = find_rows(bus, "**")
     if args.json:
-        print(msgspec.json.encode(rows).decode())
+        print_json(rows)
         return 0
     if not rows:
-        print(NO_KEYS)
+        print_line(NO_KEYS)
         return 0
-    print(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
+    print_block(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
     return 0
 
 
@@ -448,7 +449,7 @@ def _info(args: argparse.Namespace) -> int:
             "publishers": row.publishers,
             "subscribers": row.subscribers,
         }
-        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, heard, stats))
+        print_json(info) if args.json else print_block(_format_info(row, heard, stats))
     return 0
 
 
@@ -465,7 +466,7 @@ def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount
         *(f"  writer    {name}" for name in [*heard, *silent] or ["none"]),
         *(f"  receiver  {text}" for text in subscribers or ["none"]),
     ]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 _VERBS = {"list": _list, "echo": _echo, "hz": _hz, "info": _info, "pub": publish}

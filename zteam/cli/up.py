@@ -24,6 +24,7 @@ from zteam.cli.arguments import (
 )
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.output import print_block
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.errors import UsageError, ZteamError
@@ -193,7 +194,7 @@ def _print_arguments(args: argparse.Namespace) -> int:
     from zteam.team.file.sources import describe_arguments
 
     rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
-    print(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
+    print_block(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
     return 0
 
 
@@ -363,7 +364,7 @@ def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", fil
         # There is no report: a script must not take this for success.
         return 130
     if report is not None and has_end:
-        print(format_report(report))
+        print_block(format_report(report))
         if file:
             write_report(Path(file), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
     if chaos is not None and chaos.violations:

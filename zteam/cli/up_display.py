@@ -1,19 +1,25 @@
 """What `zteam up` shows of a running team: on a terminal one live line, elsewhere a log line now and then."""
 
 import logging
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
+from zteam.cli.output import Clean, painted, print_line
 from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
 from zteam.config.numbers import format_factor
+from zteam.errors import printable
 from zteam.team.launch.progress import Overview, TeamOverview
 
 log = logging.getLogger("zteam")
 
+_TAB = "\t"
+_OWN_COLORS = re.compile(r"\033\[[0-9;]*m")
+"""Of a child that colours its lines although its output is a pipe: they are left out."""
 _COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
 _LIVE_PERIOD = 0.5
 """Host seconds between two looks at the team for the live line."""
@@ -37,9 +43,10 @@ class Printer:
         with self._lock:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
-            prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            # The name once: a line of a log has it too.
-            self._write(f"{prefix} {text.replace(f' [{name}]', '', 1)}")
+            prefix = painted(f"[{name}]", color) if self._color else f"[{name}]"
+            # The name once: a line of a log has it too. A traceback of a node in this process has many lines.
+            for part in _OWN_COLORS.sub("", text).replace(f" [{name}]", "", 1).split("\n"):
+                self._write(Clean(f"{prefix} {printable(part, _TAB)}"))
 
 
 class RunDisplay:
@@ -54,7 +61,7 @@ class RunDisplay:
 
     def print(self, line: str) -> None:
         """Print a line."""
-        print(line, flush=True)
+        print_line(line)
 
     def say(self, text: str) -> None:
         """Show what the launcher does, on a live line alone."""

@@ -10,6 +10,7 @@ import msgspec
 
 from zteam.cli.arguments import number, whole
 from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.output import print_json, print_line
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
 from zteam.errors import UsageError
@@ -75,33 +76,33 @@ def _run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace, world: World) -> int:
     summary = _summary(world)
     if args.json:
-        print(msgspec.json.encode(summary).decode())
+        print_json(summary)
         return 0
-    print(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
+    print_line(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
-        print(f"  floor plan {plan['name']:18} {columns} x {rows} cells, {w:g} x {h:g} m")
+        print_line(f"  floor plan {plan['name']:18} {columns} x {rows} cells, {w:g} x {h:g} m")
     for obstacle in summary["obstacles"]:
         x, y, yaw = obstacle["pose"]
         kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
-        print(f"  {kind} {obstacle['name']:18} at {_place(x, y, yaw)}, {counted(obstacle['shapes'], 'shape')}")
+        print_line(f"  {kind} {obstacle['name']:18} at {_place(x, y, yaw)}, {counted(obstacle['shapes'], 'shape')}")
     for robot in summary["robots"]:
         x, y, yaw = robot["pose"]
         lasers = ", ".join(robot["sensors"]) or "no sensors"
-        print(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
+        print_line(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
               f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
     for base in summary["bases"]:
-        print(f"  base       {base['model']:18} {_footprint_text(base)}")
+        print_line(f"  base       {base['model']:18} {_footprint_text(base)}")
         if limits := _limits_text(base):
-            print(f"{'':32}{limits}")
+            print_line(f"{'':32}{limits}")
     warnings = summary["warnings"]
     for warning in warnings:
-        print(warning)
+        print_line(warning)
     counts = [
         counted(len(things), noun)
         for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
     ]
-    print(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
+    print_line(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
     return 0
 
 
@@ -195,7 +196,7 @@ def _show(args: argparse.Namespace, world: World) -> int:
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
     draw_world(world, Path(args.output), width=args.width, fans=fans)
-    print(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
+    print_line(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
     return 0
 
 
@@ -229,13 +230,15 @@ def _scan(args: argparse.Namespace, world: World) -> int:
     pairs = zip(seen.robot.rangers, seen.readings, strict=True)
     lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
     if args.json:
-        print(msgspec.json.encode({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers}).decode())
+        print_json({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers})
         return 0
     for laser in lasers:
         ranges = laser["ranges"]
         hits = sum(r < laser["range_max"] for r in ranges)
-        print(f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
-              f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}")  # fmt: skip
+        print_line(
+            f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
+            f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}"
+        )
     return 0
 
 

@@ -197,6 +197,12 @@ def parse_value(text: str) -> Any:
     return found["v"] if len(found) == 1 else text
 
 
+def _escaped(character: str) -> str:
+    if character.isprintable():
+        return character
+    return f"\\u{ord(character):04x}" if ord(character) < 0x10000 else f"\\U{ord(character):08x}"
+
+
 def toml_text(value: Any) -> str:
     """The value as TOML on one line. Raises TypeError for a value that no parameter can have, such as a date."""
     if isinstance(value, bool):
@@ -204,8 +210,9 @@ def toml_text(value: Any) -> str:
     if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63):
         return repr(value)
     if isinstance(value, str):
-        # A JSON string is a TOML string, except that TOML requires DEL to be escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        # A JSON string is a TOML string, except for the escapes of what is not printed as it is.
+        text = json.dumps(value, ensure_ascii=False)
+        return text if text.isprintable() else "".join(map(_escaped, text))
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{toml_text(key)} = {toml_text(item)}" for key, item in value.items()) + "}"
     if isinstance(value, Sequence):

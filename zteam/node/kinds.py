@@ -11,7 +11,7 @@ import msgspec
 
 from zteam import names
 
-ROUTER, NAVIGATION, ROBOT = "router", "nav_N", "robot_N"
+ROUTER, NAVIGATION, ROBOT = names.ROUTER, "nav_N", "robot_N"
 
 
 class Kind(msgspec.Struct, frozen=True):

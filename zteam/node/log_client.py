@@ -2,8 +2,8 @@
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
@@ -14,31 +14,45 @@ KEPT = 200
 """Lines that a process keeps for the query of its log."""
 _REMEMBERED = 10 * KEPT
 """Lines of a process that are known again; a history repeats the newest KEPT of those that came before."""
+_PROCESSES = 1000
+"""Processes whose lines are known again."""
+LONGEST = 16_384
+"""Characters of a line that are read: a sender of another kind may cut none."""
 
 
 class LogLine(msgspec.Struct, frozen=True):
     """One line of a process's log. `<name>/log` answers with a list of these; a process logs no two equal ones."""
 
-    time_ns: int
+    time_ns: Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
     """The clock of the process's host, since the Unix epoch."""
     process: str
-    level: int
+    level: Annotated[int, msgspec.Meta(ge=0, le=255)]
     """As in Python and in ROS 2 (zteam.messages.LogLevel)."""
     text: str
     file: str = ""
     function: str = ""
     line: int = 0
 
+    def cut(self) -> "LogLine":
+        """The same with no text beyond LONGEST characters."""
+        if max(map(len, (self.text, self.file, self.function))) <= LONGEST:
+            return self
+        text = self.text if len(self.text) <= LONGEST else f"{self.text[:LONGEST]}… (the line is longer)"
+        return msgspec.structs.replace(self, text=text, file=self.file[:LONGEST], function=self.function[:LONGEST])
+
+
+def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[LogLine]:
+    """The lines in the answers to queries of logs. A line is of the process whose key it came on, whatever it says."""
+    for key, lines in answers:
+        process = names.split_log_key(key)
+        if process is not None:
+            yield from (msgspec.structs.replace(line, process=process) for line in lines)
+
 
 def level_name(level: int) -> str:
     """`info` for 20; a level between two has the name of the lower one."""
     known = (logging.CRITICAL, logging.ERROR, logging.WARNING, logging.INFO)
     return logging.getLevelName(next((bound for bound in known if level >= bound), logging.DEBUG)).lower()
-
-
-def printable(text: str) -> str:
-    """A process's own text without what would command a terminal or break a line."""
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)
 
 
 class LogOrder:
@@ -56,8 +70,10 @@ class LogOrder:
 
     def take(self, lines: Sequence[LogLine], now: float) -> None:
         """Lines came at host time `now`; those that are known are skipped."""
-        for line in lines:
+        for line in map(LogLine.cut, lines):
             known = self._known.setdefault(line.process, {})
+            if len(self._known) > _PROCESSES:
+                del self._known[next(iter(self._known))]
             if line not in known:
                 known[line] = None
                 self._waiting.append((line, now + self._hold))
@@ -138,8 +154,7 @@ class LogReader:
 
     def _fetch(self, pattern: str) -> set[str]:
         answers = self._bus.find(names.log_key(pattern), list[LogLine])
-        for _, lines in answers:
-            self._take(lines)
+        self._take([*kept_lines(answers)])
         return {name for key, _ in answers if (name := names.split_log_key(key))}
 
     def pending(self) -> bool:

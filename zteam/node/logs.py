@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from zteam.clock import local_time_text, wall_ns
+from zteam.errors import printable, printable_json
 from zteam.node.log_client import KEPT, LogLine
 
 LEVELS = ("debug", "info", "warning", "error")
@@ -190,9 +191,12 @@ class _Output(logging.Handler):
         error = logging.Formatter().formatException(record.exc_info) if record.exc_info else ""
         if self.as_json:
             entry = {"time_ns": wall_ns(), "process": process, "level": level, "text": text}
-            return msgspec.json.encode({**entry, "exception": error} if error else entry).decode()
+            return printable_json(msgspec.json.encode({**entry, "exception": error} if error else entry).decode())
         told = "" if record.levelno == logging.INFO else f"{level}: "
-        return f"{local_time_text()} [{process}] {told}{text}" + (f"\n{error}" if error else "")
+        # Further lines of a text are indented: what a message holds must not look like a line of another process.
+        shown = text.replace("\n", "\n    ")
+        line = f"{local_time_text()} [{process}] {told}{shown}" + (f"\n{error}" if error else "")
+        return printable(line, "\n\t")
 
     def emit(self, record: logging.LogRecord) -> None:
         try:

@@ -121,6 +121,11 @@ class Node(ProcessNode):
     """
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
+        """Raises UsageError for a name that no process of a user may have."""
+        if problem := names.name_problem(name):
+            raise UsageError(problem)
+        if names.is_taken(name):
+            raise UsageError(f"{name} is the name of a process of every team; choose another name")
         super().__init__(name, bus, stop, clock)
         self._inputs = TickInputs(lambda: self._part.robots)
         self._messages = TickMessages()

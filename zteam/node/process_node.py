@@ -14,7 +14,7 @@ from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
-from zteam.errors import ZteamError
+from zteam.errors import UsageError, ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault
@@ -395,6 +395,8 @@ def run_body(
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
         try:
+            if problem := names.name_problem(name):
+                raise UsageError(problem)
             bus = open_bus()
             ends.callback(bus.close)
             # Its log is all that a process without its name publishes: readers are to see why it does not start.

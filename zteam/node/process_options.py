@@ -12,6 +12,7 @@ import msgspec
 
 from zteam.config.fault import Fault
 from zteam.config.simulation_options import Options
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import TransformStamped
 from zteam.messages.base import BaseOverride
@@ -22,6 +23,9 @@ LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 DEFAULT_VIEW_PORT = 8765
 DEFAULT_FOXGLOVE_PORT = 8766
+
+MAX_LINE = 1 << 24
+"""Characters of a launcher's line."""
 
 T = TypeVar("T")
 
@@ -169,6 +173,9 @@ def to_line(name: str, options: ProcessOptions) -> str:
 
 
 def from_line(line: str, kind: type[T]) -> tuple[str, T]:
-    """The name of the process and its options."""
-    name, options = json.loads(line)
-    return name, msgspec.convert(options, kind, str_keys=True, dec_hook=lambda made, text: made(text))
+    """The name of the process and its options. Raises UsageError for what `to_line` does not write."""
+    try:
+        name, options = json.loads(line)
+        return name, msgspec.convert(options, kind, str_keys=True, dec_hook=lambda made, text: made(text))
+    except (ValueError, TypeError, msgspec.ValidationError, RecursionError) as error:
+        raise UsageError(f"standard input: no line of a launcher: {error}") from None

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
-from zteam.errors import UsageError
+from zteam.errors import UsageError, printable
 from zteam.geometry import rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
 from zteam.transforms.tree import FrameInfo
@@ -83,7 +83,8 @@ def format_tree(frames: Mapping[str, FrameInfo], now: int) -> str:
     while todo:
         frame, own, lead = todo.pop()
         info = frames.get(frame)
-        lines.append(own + frame + (f"  ({_figures(info, now)}, by {info.authority})" if info is not None else ""))
+        told = f"  ({_figures(info, now)}, by {printable(info.authority)})" if info is not None else ""
+        lines.append(f"{own}{printable(frame)}{told}")
         below = children.get(frame, [])
         for child in reversed(below):
             last = child == below[-1]
@@ -137,7 +138,7 @@ def tree_as_dot(frames: Mapping[str, FrameInfo], now: int) -> str:
 
 
 def _quoted(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+    return printable(text).replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _compose(frames: Mapping[str, FrameInfo], now: int) -> _Drawing:
@@ -175,7 +176,7 @@ def tree_as_svg(frames: Mapping[str, FrameInfo], now: int) -> str:
     parts += [f'<rect x="{x:.0f}" y="{y:.0f}" {box}/>' for x, y in drawing.boxes]
     for (x, y), text, size, color, in_the_middle in drawing.texts:
         look = f'font-size="{size}" fill="{color}" text-anchor="{"middle" if in_the_middle else "start"}"'
-        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {look}>{escape(text)}</text>')
+        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {look}>{escape(printable(text))}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
 
@@ -197,7 +198,7 @@ def _as_image(drawing: _Drawing) -> "Image":
         pen.rounded_rectangle(corners, 6 * scale, fill=_FILL, outline=_INK, width=scale)
     for (x, y), text, size, color, in_the_middle in drawing.texts:
         anchor = "ms" if in_the_middle else "ls"
-        pen.text((x * scale, y * scale), text, fill=color, font=fonts[size], anchor=anchor)
+        pen.text((x * scale, y * scale), printable(text), fill=color, font=fonts[size], anchor=anchor)
     return image
 
 

@@ -4,7 +4,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import IO, Any
 
 import msgspec
 
@@ -15,6 +17,8 @@ from zteam.errors import DecodeError
 
 LIMIT = 60.0
 """Host seconds for one run; about five are usual."""
+MAX_OUTPUT = 1 << 23
+"""Bytes of its findings, and of its errors."""
 FRESH = 30.0
 """Host seconds after which a page that opens it begins another run; its button does so at any time."""
 
@@ -77,13 +81,17 @@ class Diagnosis:
             threading.Thread(target=self._finish, args=(self._child,), name="doctor", daemon=True).start()
 
     def _finish(self, child: subprocess.Popen[bytes]) -> None:
-        try:
-            output, errors = child.communicate(timeout=LIMIT)
+        # Host time: the command looks at a team whose simulated time may stand still.
+        limit = threading.Timer(LIMIT, child.kill)  # noqa: TID251
+        limit.start()
+        with ThreadPoolExecutor(2) as readers, child:
+            output, errors = readers.map(partial(_read, child), (child.stdout, child.stderr))
+        limit.cancel()
+        if child.returncode < 0:
+            hint = "try 'zteam doctor' in a terminal"
+            found = Examination(error=f"no answer within {LIMIT:g} s, or one of more than {MAX_OUTPUT} bytes: {hint}")
+        else:
             found = read_findings(output, errors)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.communicate()
-            found = Examination(error=f"no answer within {LIMIT:g} s: try 'zteam doctor' in a terminal")
         with self._lock:
             self._child, self._found = None, found
         self._on_news()
@@ -94,6 +102,15 @@ class Diagnosis:
             self._closed = True
             if self._child is not None:
                 self._child.kill()
+
+
+def _read(child: subprocess.Popen[bytes], stream: IO[bytes] | None) -> bytes:
+    """What the child writes to one of its outputs; more than MAX_OUTPUT bytes end it."""
+    assert stream is not None
+    output = stream.read(MAX_OUTPUT + 1)
+    if len(output) > MAX_OUTPUT:
+        child.kill()
+    return output
 
 
 def command(options: BusOptions) -> list[str]:
@@ -108,4 +125,4 @@ def read_findings(output: bytes, errors: bytes) -> Examination:
         return Examination(time=wall_ns() / 1e9, findings=decode_json(output, list[dict[str, Any]]))
     except DecodeError:
         lines = errors.decode(errors="replace").strip().splitlines()
-        return Examination(error=lines[-1] if lines else "'zteam doctor' ended without an answer")
+        return Examination(error=f"{lines[-1]:.1000}" if lines else "'zteam doctor' ended without an answer")

@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.clock import NS_PER_S, monotonic, to_seconds
-from zteam.errors import DecodeError
+from zteam.errors import DecodeError, printable
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Fiducials,
@@ -28,7 +28,7 @@ from zteam.messages import (
 )
 from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
-from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of, printable
+from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of
 from zteam.view.goals import Goals
 from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from starlette.responses import Response
 
+from zteam.config.resources import existing_file
+
 FOLDER = Path(__file__).parent / "page"
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -39,12 +41,10 @@ KEPT = {"cache-control": "private, max-age=31536000, immutable"}
 def read_file(name: str, headers: Mapping[str, str] | None = None, *, folder: Path = FOLDER) -> Response | None:
     """The file of this name, relative to the page's folder; None where there is none."""
     kind = KINDS.get(Path(name).suffix)
-    if kind is None or "\0" in name:
+    if kind is None or any(part in ("..", "") or part.startswith(".") for part in name.split("/")):
         return None
-    path = folder / name
-    if any(part in ("..", "") or part.startswith(".") for part in name.split("/")) or not path.is_file():
-        return None
-    if not path.resolve().is_relative_to(folder.resolve()):
+    path = existing_file(folder / name)
+    if path is None or not path.resolve().is_relative_to(folder.resolve()):
         return None
     return Response(path.read_bytes(), media_type=kind, headers=headers)
 

@@ -18,7 +18,8 @@ from zteam.messages.definitions import definition_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import find_status
-from zteam.view.server import ports_from
+from zteam.view.front import Front
+from zteam.view.server import listen
 
 if TYPE_CHECKING:
     from foxglove import Channel
@@ -105,35 +106,38 @@ class FoxgloveServer:
         self._sim_time: int | None = None
         """Nanoseconds; None without a simulator."""
         self._told_time = 0
-        self._server = self._listen(host, port)
-        self.port = self._server.port
+        listener, self.port = listen(host, port)
+        self._server = self._open()
+        # The SDK lets any number of connections wait, and closes its port for good when no descriptor is left.
+        self._front = Front(listener, ("127.0.0.1", self._server.port), node.fail)
         self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
 
-    def _listen(self, host: str, port: int) -> Any:
+    def _open(self) -> Any:
+        """The server behind the front: only this host reaches it."""
         from foxglove import start_server
         from foxglove.websocket import Capability
 
-        # What it says of each connection is of no use to a user.
+        # What it says of each connection is of no use to a user; nor are its errors of each that is none of a viewer.
         logging.getLogger("foxglove").setLevel(logging.WARNING)
+        logging.getLogger("foxglove.websocket").setLevel(logging.CRITICAL)
         # Of what else a client may ask nothing is offered, so it has no other method of a listener.
         listener: Any = self
-        problem: RuntimeError | None = None
-        for chosen in ports_from(port):
-            try:
-                return start_server(
-                    name="zteam", host=host, port=chosen, capabilities=[Capability.Time], server_listener=listener,
-                    context=self._context,
-                )  # fmt: skip
-            except RuntimeError as error:
-                problem = error
-        raise UsageError(f"--foxglove: cannot listen at {host}: {problem}")
+        try:
+            return start_server(
+                name="zteam", host="127.0.0.1", port=0, capabilities=[Capability.Time], server_listener=listener,
+                context=self._context,
+            )  # fmt: skip
+        except RuntimeError as error:
+            raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
 
     def start(self) -> None:
         """Begin to show the team."""
         self._thread.start()
+        self._front.start()
 
     def close(self) -> None:
         """Let all clients go."""
+        self._front.close()
         self._server.stop()
         self._thread.join(1.0)
 

@@ -5,10 +5,10 @@ from collections.abc import Callable, Collection, Iterator
 import msgspec
 
 from zteam import names
+from zteam.errors import printable
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, NavigationStatus, PoseStamped, ns_from_time
 from zteam.messages.planar import pose2_of
-from zteam.node.log_client import printable
 from zteam.robot.client import GONE, ON_THE_WAY, SETTLED, is_same_goal
 from zteam.view.received import Arrival, Received
 

@@ -41,8 +41,6 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
             "the view listens at %s: every browser that reaches this machine may watch; commands need the token",
             options.host,
         )
-    # What it says of each connection is of no use to a user.
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)
     state = TeamView(node)
     server = WebServer(state, listener, options.host, token, layout)
     node.on_stop(server.close)

@@ -15,7 +15,7 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.messages.topics import type_of_key
-from zteam.node.log_client import LogLine
+from zteam.node.log_client import LogLine, kept_lines
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenSet
 from zteam.robot.client import DESCRIBE, DescribeReply
@@ -189,7 +189,7 @@ class TeamQueries:
             self._has_log = False
         elif not self._has_log:
             self._has_log = True
-            self.kept_log = [line for _, lines in self._ask(names.log_key(), list[LogLine]) for line in lines]
+            self.kept_log = [*kept_lines(self._ask(names.log_key(), list[LogLine]))]
         if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
             self.declarations = self._bus.declarations()
             if "topics" in docs:

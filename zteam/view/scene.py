@@ -12,6 +12,7 @@ import msgspec
 from zteam import names
 from zteam.clock import monotonic
 from zteam.config.localisation import LOST_DEVIATION, LOST_DISTANCE, LOST_TURN
+from zteam.errors import printable
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import (
     BaseInfo,
@@ -25,7 +26,6 @@ from zteam.messages import (
     TeamStatus,
     ns_from_time,
 )
-from zteam.node.log_client import printable
 from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, parameters_of
 from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames

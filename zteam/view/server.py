@@ -26,6 +26,7 @@ from zteam.messages import Twist, Vector3
 from zteam.view import rights
 from zteam.view.commands import Commands
 from zteam.view.composing import Composer
+from zteam.view.connections import Connections, protocols_of, share_of_descriptors
 from zteam.view.driving import Driving
 from zteam.view.files import HEADERS, KEPT, KINDS, SCRIPTS, find_version, read_file, read_index, read_script
 from zteam.view.received import Viewer
@@ -56,8 +57,8 @@ GATHER = 0.01
 class Pages:
     """What all pages share, on the thread of the pages."""
 
-    def __init__(self, state: TeamView, token: str) -> None:
-        self.state, self.token = state, token
+    def __init__(self, state: TeamView, token: str, connections: Connections) -> None:
+        self.state, self.token, self.connections = state, token, connections
         self.composer = Composer(state)
         self.numbers = itertools.count(1)
         self.news: set[asyncio.Event] = set()
@@ -152,12 +153,19 @@ class Page:
         if hello.version != VERSION:
             raise DecodeError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
         viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
+        if not self._keep(viewer):
+            raise DecodeError("too many pages are open: close one of them")
         welcome = {
             "op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command,
             "namespace": self._state.namespace,
         }  # fmt: skip
         await self._socket.send_text(msgspec.json.encode(welcome).decode())
         return viewer
+
+    def _keep(self, viewer: Viewer) -> bool:
+        """Whether the connection may stay: if too many are open, it takes the place of a page that only watches."""
+        connections = self._pages.connections
+        return connections.keep(connections.find(self._socket.client), trusted=viewer.may_command)
 
     async def _read(self) -> AnyRequest:
         message = await self._socket.receive()
@@ -196,6 +204,7 @@ class Page:
                 raise DecodeError("hello comes once")
             case Token():
                 viewer.may_command |= rights.is_token(request.token, self._pages.token)
+                self._keep(viewer)
                 self._say({"op": "rights", "may_command": viewer.may_command})
             case Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
@@ -280,7 +289,18 @@ class Page:
 
 log = logging.getLogger("zteam")
 
+
+def _is_own_fault(record: logging.LogRecord) -> bool:
+    """Whether it is not about what one client sent, of which there may be any number."""
+    return record.levelno >= logging.ERROR and not (record.exc_info and record.exc_info[0] is UnicodeDecodeError)
+
+
+logging.getLogger("uvicorn.error").addFilter(_is_own_fault)
+
 BACKLOG = 64
+MOST_CONNECTIONS = 256
+MAX_HEAD = 1 << 14
+"""Bytes of a request's line and headers."""
 THREADS = 32
 """For commands."""
 
@@ -313,13 +333,17 @@ class WebServer:
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
-        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS, "command"))
-        pages = Pages(self._state, self._token)
+        loop = asyncio.get_running_loop()
+        loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
+        connections = Connections(share_of_descriptors(4, MOST_CONNECTIONS))
+        loop.set_exception_handler(connections.on_loop_error)
+        pages, (http, ws) = Pages(self._state, self._token, connections), protocols_of(connections)
         config = uvicorn.Config(
-            Guarded(make_app(pages, self._layout), self._gate),
-            ws="websockets-sansio", ws_max_size=MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
+            Guarded(make_app(pages, self._layout), self._gate, connections),
+            http=http, ws=ws, ws_max_size=MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
             ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
-            server_header=False, date_header=False, http="h11",
+            server_header=False, date_header=False, proxy_headers=False, h11_max_incomplete_event_size=MAX_HEAD,
+            backlog=BACKLOG,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         if self._state.node.stopping:
@@ -334,10 +358,18 @@ class WebServer:
 class Guarded:
     """An ASGI application behind the checks of `Host` and `Origin`; the page's headers go out with every answer."""
 
-    def __init__(self, app: Starlette, gate: Gatekeeper) -> None:
-        self._app, self._gate = app, gate
+    def __init__(self, app: Starlette, gate: Gatekeeper, connections: Connections) -> None:
+        self._app, self._gate, self._connections = app, gate, connections
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        connection = self._connections.find(scope["client"])
+        self._connections.begin(connection)
+        try:
+            await self._answer(scope, receive, send)
+        finally:
+            self._connections.rest(connection)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         host, is_socket = headers.get("host", ""), scope["type"] == "websocket"
         if not self._gate.takes_host(host):

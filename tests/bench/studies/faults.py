@@ -5,21 +5,22 @@ import subprocess
 import tempfile
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
-from zteam.bus import BusOptions, connect
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.presence import find_processes
+from zteam.bus.router import read_admin
 from zteam.clock import monotonic
 from zteam.config.fault import KINDS
 from zteam.config.resources import find_team
 from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
-from zteam.team.chaos.means import means_on_bus
 from zteam.team.chaos.observer import Observer, Violation
 from zteam.team.chaos.plan import plan_text, random_plan
 from zteam.team.chaos.run import Outcome
@@ -165,14 +166,14 @@ def _watch(
         raise ZteamError(f"the team did not start: {up.last}")
     options = BusOptions(connect=up.endpoint, namespace=mark)
     with closing(connect(options, patience=_PATIENCE)) as bus:
-        observer, pid_of = Observer(bus, lockstep=lockstep), means_on_bus(bus, options, lockstep=lockstep).pid_of
+        observer = Observer(bus, lockstep=lockstep)
         found = []
         for look in range(1, _LOOKS):
             while (seen := observer.elapsed) < look * seconds / _LOOKS and not up.ended.is_set():
                 say(f"{seen:.0f} of {seconds:.0f} simulated seconds")
                 if not _waits(observer, seen, up):
                     raise ZteamError(f"simulated time stands still at {seen:.1f} s: {up.last}")
-            found.append(_footprints(pid_of, [*processes, names.LAUNCHER]))
+            found.append(_footprints(_pids(bus, options), [*processes, names.LAUNCHER]))
     # A process that is being started again in the last look is that of the one before.
     early, late = found[:_EARLY], found[_EARLY:]
     return {k: v for each in early for k, v in each.items()}, {k: v for each in late for k, v in each.items()}
@@ -188,14 +189,21 @@ def _waits(observer: Observer, seen: float, up: _Up) -> bool:
     return observer.elapsed > seen or up.ended.is_set()
 
 
-def _footprints(pid_of: Callable[[str], int], processes: Iterable[str]) -> dict[str, Footprint]:
+def _pids(bus: Bus, options: BusOptions) -> dict[str, int]:
+    """The process ids of a team of this host, by name: only looked at, because a sender may say any."""
+    admin = read_admin(options)
+    router = {ROUTER: admin.metadata.pid} if admin and admin.metadata and admin.metadata.pid else {}
+    return {info.name: info.pid for info in find_processes(bus)} | router
+
+
+def _footprints(pids: Mapping[str, int], processes: Iterable[str]) -> dict[str, Footprint]:
     found = {}
     for name in processes:
         try:
-            pid = pid_of(name)
+            pid = pids[name]
             status = (PROC / str(pid) / "status").read_text()
             descriptors = len(list((PROC / str(pid) / "fd").iterdir()))
-        except (ZteamError, OSError):
+        except (KeyError, OSError):
             # It is being started again, or is paused.
             continue
         own = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("RssAnon:"))

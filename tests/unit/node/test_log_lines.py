@@ -4,7 +4,10 @@ import math
 
 import pytest
 
-from zteam.node.log_client import KEPT, LogLine, LogOrder, level_name
+from zteam import names
+from zteam.bus import MemoryHub, NoRequest
+from zteam.errors import BusError
+from zteam.node.log_client import KEPT, LONGEST, LogLine, LogOrder, LogReader, level_name
 
 
 def line(time_ns: int, process: str = "sim", text: str = "x") -> LogLine:
@@ -82,3 +85,34 @@ def test_what_is_known_of_a_process_is_bounded() -> None:
 def test_levels_have_pythons_names(level: int, name: str) -> None:
     """A level between two has the name of the lower one."""
     assert level_name(level) == name
+
+
+def test_a_long_line_is_cut() -> None:
+    """Of text, file and function, so that a sender cannot fill the reader's memory; equal lines stay equal."""
+    order = LogOrder(hold=0.0)
+    long = LogLine(1, "sim", 20, "x" * 10**6, "f" * 10**6, "g" * 10**6)
+    order.take([long], now=1.0)
+    order.take([long], now=1.0)
+    (found,) = order.ready(1.0)
+    assert found.text == "x" * LONGEST + "… (the line is longer)"
+    assert (len(found.file), len(found.function)) == (LONGEST, LONGEST)
+
+
+def test_invented_processes_are_forgotten() -> None:
+    """Their lines are handed out, but the reader does not remember all of them."""
+    order = LogOrder(hold=0.0)
+    order.take([line(1, f"p{k}") for k in range(5000)], now=1.0)
+    assert len(order.ready(1.0)) == 5000
+    assert len(order._known) <= 1000
+
+
+def test_a_line_is_of_the_process_whose_key_it_came_on(hub: MemoryHub) -> None:
+    """Access control protects the key, not what is in an answer; numbers out of bounds make no line."""
+    hub.bus().serve(names.log_key("robot_2"), NoRequest, lambda _: [line(1, "robot_0")])
+    reader = LogReader(hub.bus(), ["*"], lambda: None)
+    reader.fetch()
+    assert [(found.process, found.time_ns) for found in reader.ready(math.inf)] == [("robot_2", 1)]
+    for wrong in (line(2**63), line(-(2**63) - 1), LogLine(1, "robot_3", 256, "x")):
+        hub.bus().serve(names.log_key("robot_3"), NoRequest, lambda _, wrong=wrong: [wrong])
+    with pytest.raises(BusError, match="unreadable answer"):
+        hub.bus().query(names.log_key("robot_3"), list[LogLine])

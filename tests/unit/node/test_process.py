@@ -52,6 +52,15 @@ def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.usefixtures("offline")
+@pytest.mark.parametrize("name", ["clock", "team_status", "sim", "tf", "view_2", "a/b", ""])
+def test_a_name_of_zteam_itself_ends_with_2_and_one_line(caplog: pytest.LogCaptureFixture, name: str) -> None:
+    """A topic, a process of every team, and what is no name: nothing is run."""
+    with pytest.raises(SystemExit) as end:
+        zteam.run(name, lambda node: pytest.fail("it was run"))
+    assert (end.value.code, [record.levelname for record in caplog.records]) == (2, ["ERROR"])
+
+
+@pytest.mark.usefixtures("offline")
 @pytest.mark.parametrize("where", ["callback", "step", "hook"])
 def test_an_error_of_the_users_code_is_shown_and_makes_exit_code_1(
     hub: MemoryHub, caplog: pytest.LogCaptureFixture, where: str

@@ -60,3 +60,17 @@ def test_a_command_that_cannot_be_started_says_why(monkeypatch: pytest.MonkeyPat
     document = msgspec.json.decode(diagnosis.document)
     assert document["error"] == "'zteam doctor' cannot be started: No such file or directory"
     assert not document["running"]
+
+
+@pytest.mark.parametrize("output", ["stdout", "stderr"])
+def test_a_command_that_writes_without_end_is_ended(monkeypatch: pytest.MonkeyPatch, output: str) -> None:
+    """What it writes comes from a team, which may be hostile: the view keeps none of it and says so."""
+    code = f"import sys\nwhile True: sys.{output}.write('x' * 10_000)"
+    monkeypatch.setattr(diagnoses, "command", lambda _options: [sys.executable, "-c", code])
+    done = threading.Event()
+    diagnosis = Diagnosis(BusOptions(), done.set)
+    diagnosis.want(True)
+    assert done.wait(LIMIT)
+    document = msgspec.json.decode(diagnosis.document)
+    assert "or one of more than 8388608 bytes: try 'zteam doctor' in a terminal" in document["error"]
+    assert not document["running"]

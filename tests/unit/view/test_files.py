@@ -31,10 +31,10 @@ def test_a_file_has_its_media_type(folder: Path) -> None:
 @pytest.mark.parametrize(
     "name",
     ["../secret.js", "js/../../secret.js", "/etc/hosts.js", "link.js", ".hidden.js", "notes.secret", "js", "", "a\0.js",
-     "js//app.js", "no.js"],
+     "js//app.js", "no.js", "x" * 256 + ".js", "js/" * 3000 + "app.js", "\ud800.js", "js/app.js/app.js"],
 )  # fmt: skip
 def test_nothing_else_is_read(folder: Path, name: str) -> None:
-    """Neither what lies outside, nor hidden files, nor other kinds."""
+    """Neither what lies outside, nor hidden files, nor other kinds; a name that no file can have is none."""
     assert read_file(name, folder=folder) is None
 
 

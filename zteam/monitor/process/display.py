@@ -15,12 +15,11 @@ import msgspec
 from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, ZteamError, printable, printable_json
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
 from zteam.monitor.process.members import Event, EventLimit, KnownRobot, WatchedTeam
 from zteam.monitor.process.watch import TeamWatch
-from zteam.node.log_client import printable
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.restarts import Restarted, restarts_text
@@ -213,7 +212,7 @@ _STATUSES = 1.5
 
 
 def _print(text: str) -> None:
-    print(text, flush=True)  # noqa: T201
+    print(printable(text, "\n"), flush=True)  # noqa: T201
 
 
 class Lines:
@@ -227,7 +226,7 @@ class Lines:
 
     def show(self, event: Event) -> None:
         """Print one line for a user."""
-        self._write(event.sentence)
+        self._write(printable(event.sentence))
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
         """Print the table, and the notes below it."""
@@ -240,12 +239,12 @@ class JsonLines(Lines):
     def show(self, event: Event) -> None:
         """Print {"event", "robot" (or null), "text"}."""
         line = {"event": event.kind, "robot": event.robot, "text": event.text}
-        self._write(msgspec.json.encode(line).decode())
+        self._write(printable_json(msgspec.json.encode(line).decode()))
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
         line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
-        self._write(msgspec.json.encode(line).decode())
+        self._write(printable_json(msgspec.json.encode(line).decode()))
 
 
 @contextmanager

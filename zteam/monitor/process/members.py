@@ -6,8 +6,8 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.errors import printable
 from zteam.messages import RobotState, RobotStatus
-from zteam.node.log_client import printable
 from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0

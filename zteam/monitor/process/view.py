@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 
 from zteam import names
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
@@ -108,8 +108,8 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
     end = monotonic() + LOOK_FOR
     while not node.stopping:
-        if answers := node.bus.find(names.info_key(names.MONITOR), ProcessInfo, timeout=LOOK_FOR):
-            return answers[0][1]
+        if answers := find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR):
+            return answers[0]
         if monotonic() > end:
             return None
         # A session that was just opened may not see the other processes yet.

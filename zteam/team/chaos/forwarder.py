@@ -27,6 +27,10 @@ _MOST_HELD = 1 << 22
 """Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
+_MOST = 8
+"""Connections of a link: a process has two of its own, and others may reach its port."""
+_REST = 1.0
+"""Host seconds without new connections after one could not be taken."""
 _RESET = struct.pack("ii", 1, 0)
 """SO_LINGER: `close` ends a connection at once, with a reset."""
 
@@ -55,6 +59,8 @@ class _Pump:
         """Host time from which the rate allows the next byte."""
         self._ended = False
         """Whether the source has no more bytes."""
+        self.has_read = False
+        """Whether the source has sent any."""
         self.done = False
         """Whether the sink was told so."""
 
@@ -82,6 +88,7 @@ class _Pump:
             count = 0
         # As many bytes as came: `recv` takes memory for a whole chunk, of which it gives back the rest in small pieces.
         data, self._ended = bytes(buffer[:count]), not count
+        self.has_read |= bool(count)
         self._held.append((now, data))
         self._size += len(data)
 
@@ -150,7 +157,8 @@ class Link:
         """From the process to the router, and back."""
         self.refuses = False
         """Whether its connections were reset and new ones are."""
-        self.connections: set[_Connection] = set()
+        self.connections: dict[_Connection, None] = {}
+        """The oldest first."""
 
     @property
     def endpoint(self) -> str:
@@ -186,6 +194,9 @@ class Forwarder:
         self._timed: set[_Connection] = set()
         """Connections that hold bytes until a moment to come."""
         self._owner: dict[_Connection, Link] = {}
+        self._resting: dict[Link, float] = {}
+        """Links that take no connections until this host time."""
+        self._told = False
         self._buffer = memoryview(bytearray(_CHUNK))
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="forwarder", daemon=True)
@@ -218,6 +229,7 @@ class Forwarder:
             while not self._closing:
                 now = monotonic()
                 due = [due for each in self._timed if (due := each.due_in(now)) is not None]
+                due += [max(0.0, until - now) for until in self._resting.values()]
                 ready = self._selector.select(min(due, default=None))
                 self._step(ready)
         finally:
@@ -239,10 +251,14 @@ class Forwarder:
             elif key.data in self._owner and isinstance(key.fileobj, socket.socket):
                 self._pass_on(key.data, key.fileobj, mask, now)
                 touched.add(key.data)
+        for link in [link for link, until in self._resting.items() if until <= now]:
+            del self._resting[link]
+            self._changed.append(link)
         while self._changed:
             link = self._changed.popleft()
-            self._watch(link.listener, selectors.EVENT_READ * (not link.up.stalled), link)
-            touched |= link.connections
+            takes = not link.up.stalled and link not in self._resting
+            self._watch(link.listener, selectors.EVENT_READ * takes, link)
+            touched.update(link.connections)
             for connection in list(link.connections):
                 if link.refuses:
                     self._end(connection)
@@ -275,18 +291,17 @@ class Forwarder:
         except BlockingIOError:
             return
         except OSError as error:
-            log.error("a link takes no more connections: %s", error)
-            self._watch(link.listener, 0, link)
+            self._let_rest(link, error)
             return
-        if link.refuses:
+        if link.refuses or not self._has_room(link):
             _close(near)
             return
         try:
             family = socket.AF_INET6 if ":" in link.target[0] else socket.AF_INET
             far = socket.socket(family, socket.SOCK_STREAM)
         except OSError as error:
-            log.error("a link cannot be forwarded: %s", error)
             _close(near)
+            self._let_rest(link, error)
             return
         connection = _Connection(near, far, link)
         for end in connection.ends:
@@ -294,12 +309,29 @@ class Forwarder:
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # That it is refused shows when it is read.
         far.connect_ex(link.target)
-        link.connections.add(connection)
+        link.connections[connection] = None
         self._owner[connection] = link
         self._pass_on(connection, None, 0, monotonic())
 
+    def _has_room(self, link: Link) -> bool:
+        """Whether it may have one more: the oldest that the router has not answered makes room."""
+        if len(link.connections) < _MOST:
+            return True
+        silent = next((each for each in link.connections if not each.down.has_read), None)
+        if silent is not None:
+            self._end(silent)
+        return silent is not None
+
+    def _let_rest(self, link: Link, error: OSError) -> None:
+        """Take no connections of a link for a while: there is no descriptor for one."""
+        self._resting[link] = monotonic() + _REST
+        self._watch(link.listener, 0, link)
+        if not self._told:
+            self._told = True
+            log.error("a link takes no more connections until there is room: %s", error)
+
     def _end(self, connection: _Connection) -> None:
-        self._owner.pop(connection).connections.discard(connection)
+        self._owner.pop(connection).connections.pop(connection, None)
         self._timed.discard(connection)
         for end in connection.ends:
             self._watch(end, 0, None)

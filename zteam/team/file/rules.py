@@ -1,7 +1,6 @@
 """The rules for the entries of a team file: ids, leaders, frames. Every rule returns all problems it finds."""
 
 import math
-import re
 from collections.abc import Collection, Iterator, Mapping
 
 from zteam import names
@@ -12,10 +11,6 @@ from zteam.errors import did_you_mean
 from zteam.geometry import turn_problem
 from zteam.team.file.entries import GRANTS, NodeEntry, RobotEntry, Security, StaticTransform, quaternion
 
-_NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
-_PROCESSES = frozenset(
-    {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.MAP_SERVER, names.VIEW, names.LAUNCHER, "router"}
-)
 _ROBOT_OF = (names.robot_id_of, names.navigated_robot_of)
 """Of the processes of one robot."""
 
@@ -96,10 +91,8 @@ def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterato
     """Problems of the names of nodes; `ids` are the ids of the team's robots."""
     seen: dict[str, int] = {}
     for i, node in nodes.items():
-        text = ""
-        if not _NODE_NAME.fullmatch(node.name):
-            text = f"{node.name!r} cannot be a name; use letters, digits, '_', '-' and '.'"
-        elif node.name in _PROCESSES or any(find(node.name) in ids for find in _ROBOT_OF):
+        text = names.name_problem(node.name)
+        if names.is_taken(node.name) or any(find(node.name) in ids for find in _ROBOT_OF):
             text = f"{node.name} is a process of the team already; give the node another name"
         elif node.name in seen:
             text = f"nodes[{seen[node.name]}] has this name already; give each node its own"
@@ -112,8 +105,8 @@ def check_grants(security: Security) -> Iterator[Problem]:
     """Problems of the names of certificates, and of what they are granted."""
     for name, words in security.grants.items():
         place: KeyPath = ("security", "grants", name)
-        if not _NODE_NAME.fullmatch(name):
-            yield Problem(place, f"{name!r} cannot be a name; use letters, digits, '_', '-' and '.'")
+        if text := names.name_problem(name):
+            yield Problem(place, text)
         if not isinstance(words, list):
             yield Problem(place, f"a list of words is expected, such as [{toml_text(GRANTS[0])}]")
             continue

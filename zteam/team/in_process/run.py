@@ -263,6 +263,7 @@ class InProcessRun(TeamRun):
             environment = self._outside.environment
             others = {name: job for name, job in self.plan.jobs.items() if name not in self.parts}
             self._start_processes(others, lambda name: environment)
+            self._signals.serve(self._outside.bus)
             self._starts = RobotStarts(
                 self.launch, self.plan, self.supervisor, self._outside.bus, lambda name: environment
             )

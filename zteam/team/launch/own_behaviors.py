@@ -17,10 +17,12 @@ from zteam.errors import UsageError
 from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.supervisor import Supervisor
+from zteam.team.launch.supervisor import Job, Supervisor
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
+_LONGEST_ANSWER = 1 << 20
+"""Characters: an answer names every mistake."""
 _MARK = "\x1eanswer "
 """Begins the line of an answer, because a module may print lines of its own."""
 
@@ -65,7 +67,7 @@ class Inquiry:
         self._process: Process | None = None
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
-            self._process = self._supervisor.start("behaviours", command)
+            self._process = self._supervisor.start_job("behaviours", Job(command, longest_line=_LONGEST_ANSWER))
             self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
 
     def __enter__(self) -> "Inquiry":

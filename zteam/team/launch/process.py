@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -20,6 +20,9 @@ log = logging.getLogger("zteam")
 
 PROC = Path("/proc")
 _KEPT_LINES = 200
+MAX_LINE = 16_384
+"""Characters of a line of a child's output. What a longer line has beyond them is read and dropped."""
+_CUT = "… (the line is longer)"
 _LAST_LINES = 1.0
 """Host seconds for the lines that a process has left when it ends. The output ends with it, unless a process that it
 started holds the output open from a session of its own."""
@@ -129,6 +132,20 @@ def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str],
     )
 
 
+def read_lines(output: IO[str], longest: int = MAX_LINE) -> Iterator[str]:
+    """The lines of a child's output, without their ends; each is cut after `longest` characters, and says so.
+
+    A line that has no end yet comes as soon as it has as many.
+    """
+    while part := output.readline(longest):
+        if part.endswith("\n") or len(part) < longest:
+            yield part.rstrip("\n")
+            continue
+        yield part + _CUT
+        while (rest := output.readline(longest)) and not rest.endswith("\n"):
+            pass
+
+
 class Process:
     """A running child. `on_line(process, line)` and `on_exit(process)` are called from threads of its own."""
 
@@ -143,6 +160,7 @@ class Process:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         start_child: StartChild = spawn,
+        longest_line: int = MAX_LINE,
     ) -> None:
         self.name = name
         self.usage = Usage()
@@ -151,6 +169,7 @@ class Process:
         """Whether it was asked to end."""
         self._on_line = on_line
         self._on_exit = on_exit
+        self._longest_line = longest_line
         self._child = start_child(command, lifeline, environment or {}, folder)
         self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
         self._reader.start()
@@ -174,8 +193,7 @@ class Process:
 
     def _read(self) -> None:
         assert self._child.stdout is not None
-        for line in self._child.stdout:
-            text = line.rstrip("\n")
+        for text in read_lines(self._child.stdout, self._longest_line):
             self.lines.append(text)
             try:
                 self._on_line(self, text)

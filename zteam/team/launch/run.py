@@ -17,7 +17,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES, port_accepts
-from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus.presence import Claim, ProcessInfo, find_processes
 from zteam.bus.router import release_port
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
@@ -29,6 +29,7 @@ from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.links import Links, no_link
 from zteam.team.chaos.means import Means
 from zteam.team.chaos.run import ChaosReport, ChaosThread
+from zteam.team.chaos.signals import Signals
 from zteam.team.launch.plan import plan_team, stop_order
 from zteam.team.launch.process import Process, exit_text, zteam_command
 from zteam.team.launch.progress import Progress, TeamOverview
@@ -107,7 +108,7 @@ def claim_namespace(bus: Bus, stop: Stop) -> Claim:
 
 def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
     """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
-    found = {info.name: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    found = {info.name: info for info in find_processes(bus)}
     for name in (names.LAUNCHER, *needed):
         if name in found:
             info = found[name]
@@ -191,6 +192,7 @@ class TeamRun:
         self._faults: ChaosThread | None = None
         self.chaos: ChaosReport | None = None
         """How the team took the faults of the launch, after `finish`; None if it has none."""
+        self._signals = Signals(lambda: supervisor.processes)
         self._starts: RobotStarts | None = None
         """None before processes can be started."""
         self._ends = ExitStack()
@@ -242,17 +244,11 @@ class TeamRun:
         """Carry out the faults of the launch, if it has any; the simulator of lock-step knows its own already."""
         if self.launch.faults:
             assert self.bus is not None
-            means = Means(self._pid_of, change_link)
+            means = Means(self._signals.send, change_link)
             self._faults = ChaosThread(
                 self.launch.faults, self.bus, means, self.launch.is_simulated, lockstep=self.launch.pace.lockstep
             )
             self._ends.callback(self._faults.stop)
-
-    def _pid_of(self, name: str) -> int:
-        process = self.supervisor.processes.get(name)
-        if process is None or not process.running:
-            raise BusError(f"{name} does not run")
-        return process.pid
 
     def _hold_namespace(self) -> None:
         """Hold the launcher's name. Raises BusError if another team is there."""
@@ -422,6 +418,7 @@ class ProcessRun(TeamRun):
             assert self.bus is not None
             self._links.serve(self.bus)
         assert self.bus is not None
+        self._signals.serve(self.bus)
         self._starts = RobotStarts(self.launch, self.plan, supervisor, self.bus, self._environment_of_new)
         self._begin_faults(no_link if self._links is None else self._links.change)
         if self._stop.requested:

@@ -8,7 +8,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Deferred
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import find_processes
 from zteam.errors import BusError, UsageError
 from zteam.node.starting import StartRequest
 from zteam.team.file.entries import RobotEntry
@@ -47,7 +47,7 @@ class RobotStarts:
             member = supervisor.members.get(name)
             if self._ended:
                 raise BusError("the team is stopping")
-            if (member is not None and member.running) or self._bus.query(names.info_key(name), ProcessInfo):
+            if (member is not None and member.running) or find_processes(self._bus, name):
                 raise BusError(f"{name} has a process already: end it first")
             job = job_of(self._launch, request.robot, request.behavior)
             job = msgspec.structs.replace(job, environment=self._environment(name))

@@ -16,7 +16,7 @@ from zteam.bus.options import share_arenas
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
-from zteam.team.launch.process import Process, StartChild, exit_text, spawn
+from zteam.team.launch.process import MAX_LINE, Process, StartChild, exit_text, spawn
 
 log = logging.getLogger("zteam")
 
@@ -141,6 +141,8 @@ class Job(msgspec.Struct, frozen=True):
     """Whether it is started again when it has failed."""
     may_end: bool = False
     """Whether it may end by itself, with exit code 0."""
+    longest_line: int = MAX_LINE
+    """Characters of a line of its output that are read."""
     learn: "Callable[[Job, str], Job | None]" = keep
     """`learn(job, line)` is asked for each line of the process: the job that follows when this one has failed, such as
     one with the port that the process has found; None = the same as before."""
@@ -246,6 +248,7 @@ class Supervisor:
                 environment=job.environment,
                 folder=job.folder,
                 start_child=self._start_child,
+                longest_line=job.longest_line,
             )
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error

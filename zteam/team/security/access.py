@@ -14,8 +14,7 @@ from zteam.messages.topics import SENSORS
 from zteam.node import kinds
 from zteam.team.file.entries import GRANTS, NO_WORLD, Team, navigation_of
 
-OPERATOR = "operator"
-"""The certificate of people's tools."""
+OPERATOR = names.OPERATOR
 TITLES = {
     "publishes": "publishes",
     "answers": "answers queries",
@@ -67,6 +66,7 @@ _SIMULATE = tuple(
     for service in ("pause", "resume", "speed", "step", "reset", "spawn", "remove", "move", "repeat", "fault")
 )
 _CUT = names.service_key(names.LAUNCHER, names.LINKS)
+_SIGNAL = names.service_key(names.LAUNCHER, names.SIGNAL)
 _START = names.service_key(names.LAUNCHER, names.START)
 _ADD_FRAME = names.service_key(names.AGGREGATOR, "static")
 
@@ -117,7 +117,7 @@ _GRANTED = {
     # zteam goals is a process of its own.
     "goals": Rights(_of_robot(names.GOAL_POSE, names.INITIAL_POSE), _LISTS, asks=(_CANCEL, _LOCALIZE, *_LISTS[1:]))
     | _filled(_OWN, names.GOALS),
-    "simulation": Rights(asks=(*_SIMULATE, _CUT)),
+    "simulation": Rights(asks=(*_SIMULATE, _CUT, _SIGNAL)),
     "parameters": Rights(asks=(_SET,)),
     "processes": Rights(asks=(_START,)),
     "transforms": Rights(asks=(_ADD_FRAME,), holds=(names.token_key(names.STATIC_CALLER, "*"),)),

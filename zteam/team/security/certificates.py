@@ -19,6 +19,7 @@ import msgspec
 from zteam.bus.options import TlsFiles
 from zteam.clock import wall_ns
 from zteam.errors import UsageError, ZteamError, did_you_mean
+from zteam.names import name_problem
 from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
 from zteam.team.security.signing import (
@@ -269,6 +270,8 @@ class Authority:
                 f"known: {', '.join(rights)}; for another tool write '{name} = []' below [security.grants] of the team "
                 "file, then 'zteam certs init TEAM'"
             )
+        if problem := name_problem(name):
+            raise UsageError(problem)
         if len(name) > _MAX_NAME:
             raise UsageError(f"{name}: the name of a certificate has {_MAX_NAME} characters at most")
 

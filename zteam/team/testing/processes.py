@@ -27,6 +27,7 @@ from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.chaos.links import Links
+from zteam.team.chaos.signals import Signals
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls
 from zteam.team.launch.plan import stop_order
@@ -59,6 +60,8 @@ TEST = "test"
 """The certificate of the test itself, in a secure team."""
 
 numbers = itertools.count(1)
+_KEPT_LINES = 50_000
+"""Of all processes of a test, at least."""
 
 
 class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
@@ -79,8 +82,9 @@ class TeamProcesses:
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
         self.log: list[tuple[str, str]] = []
-        """(process, line) in the order of arrival, for the report of a failed test."""
-        self._supervisor = Supervisor(lambda *line: self.log.append(line), lambda *_: None, WARM_PARENT.start)
+        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._supervisor = Supervisor(self._take_line, lambda *_: None, WARM_PARENT.start)
+        self._signals = Signals(lambda: self._supervisor.processes)
         self._bus: Bus | None = None
         """None until the router runs or the team in this process is made."""
         self._endpoint = ""
@@ -128,6 +132,7 @@ class TeamProcesses:
         tls = None if self._certificates is None else files_of(self._certificates, TEST)
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
+        self._signals.serve(self._bus)
         self._seen = ObservedTeam(self._bus, self._repeat)
 
     def expect_end(self, *processes: str) -> None:
@@ -142,6 +147,11 @@ class TeamProcesses:
         for process in self._supervisor.failures:
             if process.name not in self._may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
+
+    def _take_line(self, name: str, line: str) -> None:
+        self.log.append((name, line))
+        if len(self.log) > 2 * _KEPT_LINES:
+            del self.log[:_KEPT_LINES]
 
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""

@@ -189,7 +189,7 @@ class TeamFixture(TeamProcesses):
         self._open()
         if self._chaos is None:
             change = no_link if self._links is None else self._links.change
-            means = Means(self.pid, change, self.sim.fault if self._interval else None)
+            means = Means(self._signals.send, change, self.sim.fault if self._interval else None)
             self._chaos = TeamChaos(self, means, self._restarts, self._interval)
         return self._chaos
 

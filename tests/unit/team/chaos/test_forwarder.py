@@ -1,14 +1,19 @@
 """Links through a forwarder: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
 
+import errno
+import os
 import socket
 import threading
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from zteam.clock import monotonic
-from zteam.team.chaos.forwarder import _CHUNK, Forwarder, Link, Wire, _Pump
+from zteam.team.chaos import forwarder
+from zteam.team.chaos.forwarder import _CHUNK, _MOST, Forwarder, Link, Wire, _Pump
 
 
 class Ends:
@@ -230,6 +235,44 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     near.close()
     assert read(far, 4) == b"stop"
     assert far.recv(1) == b""
+
+
+def test_connections_without_an_answer_keep_no_process_away(ends: Ends) -> None:
+    """Of those that the router has not answered the oldest makes room; those that it has answered stay, and there are
+    no more than a few."""
+    link = ends.link()
+    pairs = []
+    for _ in range(_MOST):
+        for _ in range(2):
+            silent, far = ends.connect(link)
+        silent.sendall(b"x")
+        assert read(far, 1) == b"x"
+        far.sendall(b"y")
+        assert read(silent, 1) == b"y"
+        pairs.append((silent, far))
+    assert has_ended(ends.near(link))
+    for near, far in pairs:
+        near.sendall(b"on")
+        assert read(far, 2) == b"on"
+
+
+def test_a_link_without_a_descriptor_rests_and_says_so_once(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes its connections when there is room again."""
+    link, accept, left = ends.link(), socket.socket.accept, [3]
+
+    def take(self: socket.socket) -> tuple[socket.socket, Any]:
+        if self is link.listener and left[0]:
+            left[0] -= 1
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return accept(self)
+
+    monkeypatch.setattr(socket.socket, "accept", take)
+    monkeypatch.setattr(forwarder, "_REST", 0.01)
+    with captured_log() as log:
+        near, far = ends.connect(link)
+        near.sendall(b"x")
+        assert read(far, 1) == b"x"
+    assert log.lines == ["a link takes no more connections until there is room: [Errno 24] Too many open files"]
 
 
 def test_a_forwarder_leaves_nothing_open(ends: Ends) -> None:

@@ -9,6 +9,7 @@ import pytest
 from support.team_files import WHOLE, load
 from zteam.cli.zteam_robot import main, parse_param, read_base
 from zteam.config.toml_values import toml_text
+from zteam.errors import UsageError
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages.base import BaseOverride
 from zteam.node.process_options import RobotOptions, from_line, to_line
@@ -50,6 +51,15 @@ def test_children_are_told_the_same_parameters(tmp_path: Path) -> None:
     assert len(told.params) == 8
     typed = [f"{key}={toml_text(value)}" for key, value in robot.params.items()]
     assert dict(map(parse_param, typed)) == robot.params
+
+
+@pytest.mark.parametrize(
+    "line", ["", "garbage{", "\0" * 1000, "[" * 10_000, "3", '["a"]', '["a", {}]', '["a", {"robot_id": "x"}]']
+)
+def test_a_line_of_no_launcher_is_refused(line: str) -> None:
+    """What a user pipes into `zteam-robot -` ends it with one line."""
+    with pytest.raises(UsageError, match=r"standard input: no line of a launcher: .+"):
+        from_line(line, RobotOptions)
 
 
 BASES = """

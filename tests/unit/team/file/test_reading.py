@@ -84,6 +84,7 @@ def test_a_whole_file(tmp_path: Path) -> None:
         ),
         ("[[robots]]\nid = 0\n[security.grants]\nview = [3]", "4: security.grants.view[0]: 3 is no grant; known"),
         ("[[robots]]\nid = 0\n[security.grants]\n'a b' = []", "cannot be a name; use letters, digits"),
+        ("[[robots]]\nid = 0\n[security.grants]\ntf_static = []", "4: security.grants.tf_static: tf_static is a topic"),
         ("[[robots]]\nid = 0\n[security]\ngrant = []", "4: security.grant: unknown key (did you mean grants?)"),
         ("[[robots]]\nid = 0\n'max speed' = 1", '3: robots[0]."max speed": cannot be a parameter'),
     ],

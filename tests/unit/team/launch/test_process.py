@@ -4,12 +4,13 @@ import os
 import signal
 import sys
 import threading
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
-from zteam.team.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
+from zteam.team.launch.process import MAX_LINE, Process, Usage, exit_text, measure_usage, zteam_command
 
 
 class Child:
@@ -51,6 +52,29 @@ def test_only_the_newest_lines_are_kept(lifeline: int) -> None:
     assert len(child.heard) == 5000
     assert len(child.process.lines) < 1000
     assert child.process.lines[-1] == "4999"
+
+
+@pytest.mark.parametrize("written", [MAX_LINE, 64 * 2**20])
+def test_a_line_without_an_end_is_cut(lifeline: int, written: int) -> None:
+    """It is passed on when it is long enough, says so, and takes no memory beyond that; the next line is whole."""
+    code = f"import sys\nfor _ in range({written} >> 14): sys.stdout.write('\\0' * {MAX_LINE})\nprint('\\nnext')"
+    tracemalloc.start()
+    child = Child(code, lifeline)
+    assert child.finish() == 0
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert child.heard == ["\0" * MAX_LINE + "… (the line is longer)", "next"]
+    assert peak < 2**21
+
+
+def test_a_line_without_an_end_comes_while_it_is_written(lifeline: int) -> None:
+    """A process that writes nothing else for ever is seen, and ends as others do."""
+    child = Child("import os\nwhile True: os.write(1, b'x' * 4096)", lifeline)
+    while not child.heard:
+        assert not child.ended.wait(0.01)
+    assert child.heard[0].startswith("xxx")
+    child.process.kill()
+    assert child.finish() == -signal.SIGKILL
 
 
 def test_the_end_is_reported_after_the_last_line(lifeline: int) -> None:

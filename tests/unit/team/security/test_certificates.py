@@ -295,11 +295,13 @@ def test_a_wrong_word_issues_nothing(folder: Path, name: str, hosts: tuple[str, 
     assert {name: len(found) for name, found in read_index(folder).certificates.items()} == dict.fromkeys(RIGHTS, 1)
 
 
-def test_a_name_that_no_certificate_can_have_is_told(folder: Path) -> None:
-    """A common name has 64 characters at most."""
-    long = "n" * 51
-    with pytest.raises(UsageError, match="50 characters at most"):
-        prepare(folder, "", {long: Rights()}, "", [long])
+@pytest.mark.parametrize(
+    ("name", "text"), [("n" * 51, "50 characters at most"), ("clock", "clock is a topic"), ("ca", "zteam uses itself")]
+)
+def test_a_name_that_no_certificate_can_have_is_told(folder: Path, name: str, text: str) -> None:
+    """A common name has 64 characters at most; a topic's name would give its key, and `ca` the authority's files."""
+    with pytest.raises(UsageError, match=text):
+        prepare(folder, "", {name: Rights()}, "", [name])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,210 @@
+"""What comes from the bus neither commands the terminal of a command nor begins a line of its output."""
+
+import io
+import json
+import logging
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import zteam.cli
+from support.commands import exit_code
+from support.examples import examples
+from support.named_sessions import open_named
+from support.transforms import stamped
+from zteam import names
+from zteam.bus import MemoryHub, NoRequest
+from zteam.cli import log, node, param, sim, tf, topic
+from zteam.cli.doctor import format_findings
+from zteam.cli.live_line import LiveLine
+from zteam.cli.options import fail
+from zteam.cli.output import Clean, print_block, print_json, print_line
+from zteam.cli.up_display import Printer
+from zteam.config.toml_values import toml_text
+from zteam.errors import ZteamError
+from zteam.messages import Header, PoseStamped, TFMessage
+from zteam.monitor.doctor.facts import problem
+from zteam.monitor.process.display import JsonLines, Lines
+from zteam.monitor.process.members import Event
+from zteam.node.log_client import LogLine
+from zteam.node.logs import start_logging
+from zteam.robot.behaviors.registry import Parameter
+from zteam.robot.client import DESCRIBE, DescribeReply
+from zteam.simulator.client import SimStatus
+from zteam.transforms import FrameInfo
+
+EVIL = "\x1b]0;owned\x07\x1b[2J\x1b[8m\u202e\x9b31m\x7f\u200b\u2028\r\n[up] all is well"
+"""A title, an empty screen, hidden and turned text, a control character of eight bits, and a forged line."""
+texts = st.text(st.characters() | st.sampled_from(EVIL)) | st.just(EVIL)
+
+
+def assert_harmless(output: str) -> None:
+    """Nothing in it is more than a character, and no line is forged."""
+    assert output.replace("\n", "").replace("\t", "").isprintable(), repr(output)
+    assert not [line for line in output.splitlines() if line.startswith("[up]")], output
+
+
+def find_parameter(key: str) -> DescribeReply:
+    """Of a robot whose every text is evil."""
+    return DescribeReply(EVIL, [Parameter(EVIL, EVIL, {}, EVIL, default=EVIL)], {EVIL: [EVIL], "speed": EVIL})
+
+
+@pytest.fixture
+def hostile(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
+    """A team that lies in every name and every text; all commands look at it."""
+    bus = open_named(hub, "robot_0")
+    goal = PoseStamped(Header(frame_id=EVIL))
+    bus.publisher(f"robot_0/{EVIL}/x", PoseStamped, latched=True).put(goal)
+    bus.publisher("tf_static", TFMessage, latched=True).put(TFMessage([stamped("map", EVIL, 0), stamped(EVIL, "b", 0)]))
+    info = {"name": EVIL, "host": EVIL, "pid": 7, "start": 0, "instance": EVIL, "version": EVIL}
+    frames = {EVIL: FrameInfo(EVIL + "x", EVIL, False, 1.0, 0, 1, 2), "b": FrameInfo(EVIL, EVIL, True, 0.0, 0, 0, 1)}
+    status = SimStatus(EVIL, [0], 1, 1, 1, 1, 1.0, lockstep=True, participants=[EVIL], waiting_for=EVIL, hung=[EVIL])
+    answers: dict[str, object] = {
+        names.info_key(EVIL): info,
+        names.stats_key(EVIL): {f"robot_0/{EVIL}/x": {"received": 1, "dropped": 1, "reason": EVIL, "last": 0.0}},
+        names.log_key("robot_0"): [LogLine(1, EVIL, 20, EVIL, EVIL, EVIL)],
+        names.service_key(names.AGGREGATOR, "frames"): frames,
+        names.service_key(names.AGGREGATOR, "conflicts"): [EVIL],
+        names.service_key(names.SIMULATOR, "status"): status,
+        names.service_key("robot_0", DESCRIBE): find_parameter("robot_0"),
+    }
+    for key, answer in answers.items():
+        bus.serve(key, NoRequest, lambda _, answer=answer: answer)
+    for module in (log, node, param, sim, tf, topic):
+        monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
+    for module in (tf, topic):
+        monkeypatch.setattr(module, "SURVEY", 0.02)
+    return hub
+
+
+@pytest.mark.parametrize("form", [(), ("--json",)])
+@pytest.mark.parametrize(
+    ("main", "words"),
+    [
+        (node.main, ["list"]),
+        (topic.main, ["list"]),
+        (topic.main, ["info", "**"]),
+        (topic.main, ["echo", "robot_0/**", "--once"]),
+        (topic.main, ["hz", f"robot_0/{EVIL}/x", "--timeout", "0.05"]),
+        (tf.main, ["tree"]),
+        (tf.main, ["monitor", "--for", "0.02"]),
+        (tf.main, ["positions"]),
+        (tf.main, ["echo", "map", "b", "--once"]),
+        (tf.main, ["echo", "map", "c", "--timeout", "0.05"]),
+        (param.main, ["list"]),
+        (param.main, ["get", "0", "speed"]),
+        (param.main, ["get", "0", "sped"]),
+        (param.main, ["dump", "0"]),
+        (sim.main, ["status"]),
+        (log.main, ["--once"]),
+        (log.main, ["robot_9", "--once"]),
+    ],
+)
+@pytest.mark.usefixtures("hostile")
+def test_no_text_of_a_team_reaches_the_terminal_as_it_is(
+    main: Callable[[Sequence[str]], int],
+    words: list[str],
+    form: tuple[str, ...],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Every command, as text and as JSON, which has the very text."""
+    exit_code(main, [*words, *form])
+    output, errors = capsys.readouterr()
+    assert output or errors
+    assert_harmless(output + errors)
+    if form and output:
+        for line in output.splitlines():
+            json.loads(line)
+
+
+@examples(300)
+@given(st.lists(texts))
+def test_a_line_is_one_line(lines: list[str]) -> None:
+    """Whatever is printed; what is ready for the terminal comes as it is."""
+    out = io.StringIO()
+    print_line(*lines, file=out)
+    assert out.getvalue().count("\n") == len(lines)
+    assert_harmless(out.getvalue().replace("[up]", ""))
+    ready = Clean("\033[31mred\033[0m\nsecond")
+    out = io.StringIO()
+    print_block(ready, file=out)
+    assert out.getvalue() == f"{ready}\n"
+
+
+@examples(300)
+@given(st.recursive(texts, lambda inner: st.lists(inner) | st.dictionaries(texts, inner)))
+def test_json_is_the_same_value_in_harmless_characters(value: object) -> None:
+    """Scripts get what was sent, in one line."""
+    out, stdout = io.StringIO(), pytest.MonkeyPatch()
+    with stdout.context() as patch:
+        patch.setattr("sys.stdout", out)
+        print_json(value)
+    assert json.loads(out.getvalue()) == value
+    assert out.getvalue().count("\n") == 1
+    assert_harmless(out.getvalue())
+
+
+def test_what_children_and_nodes_print_is_shown_line_by_line() -> None:
+    """`zteam up` shows the lines of processes and of nodes in its own process with their names, and nothing else."""
+    shown: list[str] = []
+    Printer(shown.append).line("tf", f"12:00:00 [tf] {EVIL}\tend")
+    assert [line[:5] for line in shown] == ["[tf] ", "[tf] "]
+    assert_harmless("\n".join(shown))
+    assert shown[-1].endswith("\tend")
+
+
+def test_a_live_line_is_harmless() -> None:
+    """The line, and what is printed above it."""
+    out = io.StringIO()
+    with LiveLine(out) as live:
+        live.show(lambda _columns: EVIL)
+        live.print(EVIL)
+    own = re.compile(r"\r\033\[(?:\d+A\033\[)?J")
+    assert_harmless(own.sub("", out.getvalue()))
+
+
+def test_errors_findings_events_and_logs_are_harmless(capsys: pytest.CaptureFixture[str]) -> None:
+    """An error that a peer has sent, what doctor finds, what the monitor sees, and what a process logs."""
+    fail("zteam topic", ZteamError(EVIL))
+    print_block(format_findings([problem(EVIL, EVIL, EVIL)]))
+    Lines().show(Event("lost", 1, EVIL))
+    JsonLines().show(Event("lost", 1, EVIL))
+    before = [(each, each.handlers[:], each.level, each.propagate) for each in map(logging.getLogger, ("", "zteam"))]
+    for form in ("text", "json"):
+        start_logging("tf", "info", form)
+        logging.getLogger("zteam").warning("frame %s", EVIL)
+    for logger, handlers, level, propagate in before:
+        logger.handlers[:], logger.propagate = handlers, propagate
+        logger.setLevel(level)
+    output, errors = capsys.readouterr()
+    assert "[tf] warning: frame" in errors and "zteam topic: " in errors
+    assert_harmless(output + errors)
+
+
+@examples(300)
+@given(texts)
+def test_a_parameter_on_a_line_is_the_same_value(text: str) -> None:
+    """As `zteam param dump` prints it: TOML with escapes."""
+    import tomllib
+
+    if text.isprintable() or text.encode("utf-8", "ignore").decode() == text:
+        line = f"value = {toml_text(text)}"
+        assert line.isprintable() and tomllib.loads(line) == {"value": text}
+
+
+def test_commands_print_in_no_other_way() -> None:
+    """The linter finds `print`; the streams are written to by the help and by the terminal of keys alone."""
+    found = [
+        (path.name, line.strip())
+        for path in Path(zteam.cli.__file__).parent.glob("*.py")
+        for line in path.read_text("utf-8").splitlines()
+        if re.search(r"std(out|err)\.write\(|os\.write\(", line)
+    ]
+    assert sorted(found) == [
+        ("options.py", "sys.stdout.write(self.format_help())"),
+        ("teleop.py", "sys.stdout.write(text)"),
+    ]

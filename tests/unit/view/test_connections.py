@@ -1,0 +1,176 @@
+"""The connections of the view's servers: whatever clients do with theirs, the next one is served."""
+
+import asyncio
+import errno
+import logging
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, suppress
+from typing import Any, cast
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from support.limits import LIMIT
+from support.log_capture import captured_log
+from support.web_view import TOKEN, View, open_page, open_view
+from zteam.bus import MemoryHub
+from zteam.view import connections as module
+from zteam.view import server
+from zteam.view.connections import Connections, share_of_descriptors
+
+MOST = 8
+UPGRADE = (
+    b"GET /ws HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+)
+
+
+@pytest.fixture
+def view(monkeypatch: pytest.MonkeyPatch) -> Iterator[View]:
+    """A view that takes few connections."""
+    monkeypatch.setattr(server, "share_of_descriptors", lambda _part, _most: MOST)
+    with open_view(MemoryHub().bus()) as view:
+        yield view
+
+
+def has_ended(client: socket.socket) -> bool:
+    """Whether the server ends it."""
+    try:
+        while client.recv(1 << 16):
+            pass
+    except ConnectionResetError:
+        return True
+    return True
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+        b"GET /page/js/main.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 100,
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000000\r\n\r\nx",
+        b"\0" * 1000,
+        UPGRADE,
+        UPGRADE + b"\x81\xfe",
+        UPGRADE + b"\x81\x81\0\0\0\0\xff",
+    ],
+)
+def test_connections_that_wait_keep_no_page_away(view: View, caplog: pytest.LogCaptureFixture, sent: bytes) -> None:
+    """Six times as many as the server takes, with nothing, parts, wholes or more of a request: a page still opens, what
+    has waited longest is closed, and the log does not speak of each."""
+    with ExitStack() as ends:
+        clients = []
+        for _ in range(6 * MOST):
+            client = ends.enter_context(socket.create_connection(("127.0.0.1", view.port), LIMIT))
+            clients.append(client)
+            with suppress(BrokenPipeError, ConnectionResetError):
+                client.sendall(sent)
+        assert view.get("/").status == 200
+        with open_page(view.port) as page:
+            assert "does not drive" in page.command(op="release", robot=0)
+        assert has_ended(clients[0])
+    assert not [record for record in caplog.records if record.levelno > logging.INFO]
+
+
+def test_a_connection_without_a_request_is_closed_after_a_while(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also one that stops within a request; that of a page stays."""
+    monkeypatch.setattr(module, "PATIENCE", 0.05)
+    with open_page(view.port) as page:
+        for sent in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\nGET / HT"):
+            with closing(socket.create_connection(("127.0.0.1", view.port), LIMIT)) as client:
+                client.sendall(sent)
+                assert has_ended(client)
+        assert "does not drive" in page.command(op="release", robot=0)
+
+
+def test_a_page_takes_the_place_of_one_that_only_watches(view: View) -> None:
+    """Half of all connections are pages: one more ends the oldest without the token; where all have it, it is told."""
+    with ExitStack() as ends:
+        watchers = [ends.enter_context(open_page(view.port, token="another")) for _ in range(MOST // 2 + 1)]
+        pages = [ends.enter_context(open_page(view.port)) for _ in range(MOST // 2)]
+        for watcher in watchers:
+            with pytest.raises(ConnectionClosed):
+                watcher.wait(lambda: False)
+        for token in ("another", TOKEN):
+            with open_page(view.port, hello=False) as refused:
+                refused.say(op="hello", version=1, token=token)
+                assert refused.end() == (1008, "too many pages are open: close one of them")
+        for page in pages:
+            assert "does not drive" in page.command(op="release", robot=0)
+
+
+class Transport:
+    """A connection that is none."""
+
+    def __init__(self, port: int, unsent: list[int]) -> None:
+        self.port, self.unsent, self.aborted = port, unsent, False
+
+    def get_extra_info(self, _name: str) -> tuple[str, int]:
+        """Its address."""
+        return "127.0.0.1", self.port
+
+    def get_write_buffer_size(self) -> int:
+        """Bytes that the client has not taken."""
+        return self.unsent.pop(0) if len(self.unsent) > 1 else self.unsent[0]
+
+    def abort(self) -> None:
+        """End it."""
+        self.aborted = True
+
+
+def in_a_loop(test: Callable[[], None]) -> None:
+    """Run it where timers can be set; none is due."""
+
+    async def run() -> None:
+        test()
+
+    asyncio.run(run())
+
+
+def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
+    """As long as it takes some of it between two looks."""
+
+    def test() -> None:
+        connections, slow = Connections(MOST), Transport(1, [300, 200, 100, 100])
+        transport = cast(asyncio.Transport, slow)
+        connections.open(transport)
+        for unsent in (0, 300, 200):
+            connections._look_at(transport, unsent)
+            assert not slow.aborted
+        connections._look_at(transport, 100)
+        assert slow.aborted
+
+    in_a_loop(test)
+
+
+def test_a_lack_of_descriptors_is_told_once() -> None:
+    """What waits is closed, so that the next connection finds room; other errors are told as always."""
+
+    def test() -> None:
+        connections, found = Connections(MOST), [Transport(port, [0]) for port in range(3)]
+        for transport in found:
+            connections.open(cast(asyncio.Transport, transport))
+        connections.keep(cast(asyncio.Transport, found[2]), trusted=False)
+        loop, others = asyncio.get_running_loop(), list[dict[str, Any]]()
+        with captured_log() as log, pytest.MonkeyPatch().context() as patch:
+            patch.setattr(loop, "default_exception_handler", others.append)
+            for _ in range(100):
+                connections.on_loop_error(loop, {"exception": OSError(errno.EMFILE, os.strerror(errno.EMFILE))})
+            connections.on_loop_error(loop, {"exception": OSError(errno.EPIPE, "x")})
+            connections.on_loop_error(loop, {"message": "x"})
+        assert log.lines == ["a connection could not be taken: Too many open files; those that wait are closed"]
+        assert len(others) == 2
+        assert [transport.aborted for transport in found] == [True, True, False]
+
+    in_a_loop(test)
+
+
+def test_connections_are_a_part_of_the_descriptors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few where the system gives few, and never more than are of use."""
+    limits = iter([(1024, 4096), (64, 64), (20, 20), (-1, -1), (1_000_000, 1_000_000)])
+    monkeypatch.setattr(module.resource, "getrlimit", lambda _kind: next(limits))
+    assert [share_of_descriptors(4, 256) for _ in range(5)] == [256, 16, 8, 256, 256]

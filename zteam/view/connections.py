@@ -1,0 +1,154 @@
+"""The TCP connections of a server of the view: their number is bounded, and those that bring no request are closed.
+
+All of it runs on the thread of that server.
+"""
+
+import asyncio
+import errno
+import logging
+import resource
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+log = logging.getLogger("zteam")
+
+PATIENCE = 10.0
+"""Host seconds for a connection to bring a whole request, the first or the next."""
+_SHORTAGE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+Address = tuple[str, int]
+
+
+def share_of_descriptors(part: int, most: int) -> int:
+    """How many connections are one `part` of the descriptors that this process may open; `most` at most."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return most if soft == resource.RLIM_INFINITY else max(8, min(most, soft // part))
+
+
+class Connections:
+    """At most `most` at a time: another one ends the one that has waited longest. Half of them may be kept.
+
+    A connection waits for a request, then it is busy with it, then it waits again; the socket of a page is kept once
+    the page has said hello.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._timers: dict[asyncio.Transport, asyncio.TimerHandle] = {}
+        """Of those that wait, the oldest first."""
+        self._busy: dict[asyncio.Transport, None] = {}
+        self._kept: dict[asyncio.Transport, bool] = {}
+        """Whether each is trusted."""
+        self._by_address: dict[Address, asyncio.Transport] = {}
+        self._told = False
+
+    def find(self, address: Address | None) -> asyncio.Transport | None:
+        """The connection of the client at this address."""
+        return None if address is None else self._by_address.get(address)
+
+    def open(self, transport: asyncio.Transport) -> None:
+        """A connection has come, and waits for its request."""
+        if len(self._timers) + len(self._busy) + len(self._kept) >= self._most:
+            self._end(next(iter([*self._timers, *self._busy]), transport))
+        self._by_address[_address(transport)] = transport
+        self._wait(transport)
+
+    def _wait(self, transport: asyncio.Transport, unsent: int = 0) -> None:
+        # Host time: a client's silence.
+        loop = asyncio.get_running_loop()
+        self._timers[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
+
+    def _look_at(self, transport: asyncio.Transport, unsent: int) -> None:
+        """End it, unless it takes the answer to its last request still."""
+        left = transport.get_write_buffer_size()
+        if left > 0 and (left < unsent or not unsent):
+            self._wait(transport, left)
+        else:
+            self._end(transport)
+
+    def begin(self, transport: asyncio.Transport | None) -> None:
+        """It has brought a request."""
+        if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
+            timer.cancel()
+            self._busy[transport] = None
+
+    def rest(self, transport: asyncio.Transport | None) -> None:
+        """Its request is answered."""
+        if transport is not None and transport in self._busy:
+            del self._busy[transport]
+            self._wait(transport)
+
+    def keep(self, transport: asyncio.Transport | None, *, trusted: bool) -> bool:
+        """Never end it by itself from now on, unless too many come; False if there are too many that are trusted.
+
+        It takes the place of the oldest one that is not.
+        """
+        if transport is None:
+            return False
+        if transport not in self._kept and len(self._kept) >= self._most // 2:
+            stranger = next((each for each, is_trusted in self._kept.items() if not is_trusted), None)
+            if stranger is None:
+                return False
+            self._end(stranger)
+        if timer := self._timers.pop(transport, None):
+            timer.cancel()
+        self._busy.pop(transport, None)
+        self._kept[transport] = trusted
+        return True
+
+    def close(self, transport: asyncio.Transport) -> None:
+        """It has ended."""
+        if timer := self._timers.pop(transport, None):
+            timer.cancel()
+        self._busy.pop(transport, None)
+        self._kept.pop(transport, None)
+        if self._by_address.get(address := _address(transport)) is transport:
+            del self._by_address[address]
+
+    def end_all(self) -> None:
+        """End all of them."""
+        for transport in [*self._timers, *self._busy, *self._kept]:
+            self._end(transport)
+
+    def _end(self, transport: asyncio.Transport) -> None:
+        transport.abort()
+        self.close(transport)
+
+    def on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error on the thread of the server: where no descriptor is left, say so once and end what waits."""
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and error.errno in _SHORTAGE):
+            loop.default_exception_handler(context)
+            return
+        for transport in [*self._timers, *self._busy]:
+            self._end(transport)
+        if not self._told:
+            self._told = True
+            log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)
+
+
+def _address(transport: asyncio.Transport) -> Address:
+    host, port = transport.get_extra_info("peername")[:2]
+    return host, port
+
+
+def protocols_of(connections: Connections) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+    """Those of HTTP and of WebSocket, whose connections are counted."""
+
+    class Http(H11Protocol):
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            connections.open(transport)
+            super().connection_made(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            connections.close(self.transport)
+            super().connection_lost(exc)
+
+    class WebSocket(WebSocketsSansIOProtocol):
+        def connection_lost(self, exc: Exception | None) -> None:
+            connections.close(self.transport)
+            super().connection_lost(exc)
+
+    return Http, WebSocket
