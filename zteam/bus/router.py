@@ -24,8 +24,9 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.sockets import limit_silence
-from zteam.clock import monotonic, pause
+from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
+from zteam.names import all_tokens_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
 
@@ -35,6 +36,12 @@ IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
 _RELEASE_DEADLINE = 5.0
 """Seconds until a router that gives its port up must have ended."""
+_CLAIMS = 5
+"""Routers on demand in a row that are asked for their port: a client of one may have started the next."""
+_ANSWERS = 0.05, 20
+"""Seconds between questions to a router on demand that does not answer yet, for it has just begun; and how many."""
+_COME_OVER = 1.0 * HOST_FACTOR
+"""Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
@@ -47,6 +54,22 @@ class RouterMetadata(msgspec.Struct):
     name: str | None = None
     uid: int | None = None
     pid: int | None = None
+    on_demand: bool = False
+
+
+class ReleaseRequest(msgspec.Struct):
+    """Asks a router on demand for its port. The reply is a list of the sessions that will want another router."""
+
+    uid: int
+    """Of the asker."""
+    session: str
+    """The asker's own, which ends before the router does."""
+    secure: bool
+    """Whether the next router has certificates: without one no client could follow."""
+
+
+class PortInUseError(BusError):
+    """Another process listens where a router was to listen."""
 
 
 class RouterLink(msgspec.Struct):
@@ -119,7 +142,11 @@ class Router:
         self._clients: set[str] = set()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
-        self._idle_exit: float | None = None
+        self._idle_exit = options.idle_exit
+        self._questions: list[zenoh.Query] = []
+        """For the port, without an answer."""
+        self._heirs: set[str] = set()
+        """Sessions of those that were promised the port."""
         self._session = self._open(self._config, options.listen)
         record = read_record(self._session, str(self._session.zid()))
         locators = record.locators if record else []
@@ -144,7 +171,7 @@ class Router:
         except zenoh.ZError as error:
             text, places = str(error), ", ".join(listen)
             if "Address already in use" in text:
-                raise BusError(
+                raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
             # What follows is the line in Zenoh's own source.
@@ -155,12 +182,9 @@ class Router:
         self._events = session.info.declare_transport_events_listener(self._on_transport, history=True)
         self._silence = limit_silence(session, self._lease)
         if self._idle_exit is not None:
-            self._serve_release(session)
+            callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
+            session.declare_queryable(RELEASE, callback)
         return session
-
-    def _serve_release(self, session: zenoh.Session) -> None:
-        callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
-        session.declare_queryable(RELEASE, callback)
 
     def _take_changed_file(self) -> None:
         """Open the session again where its file of settings has changed, with all links; clients come back.
@@ -207,34 +231,72 @@ class Router:
             self._changed.notify_all()
 
     def _on_release(self, query: zenoh.Query) -> None:
-        """A launcher of this user asks for the port: granted, and then this ends with it, if it is the only client."""
-        asker = query.payload.to_bytes() if query.payload else b""
-        with query, self._changed:
-            if asker == str(os.getuid()).encode() and len(self._clients) == 1:
-                self._idle_exit = 0.0
-                query.reply(RELEASE, b"")
+        # Answered by `run`: to look at tokens takes this thread of Zenoh.
+        with self._changed:
+            self._questions.append(query)
+            self._changed.notify_all()
 
-    def run(self, stopping: Callable[[], bool], idle_exit: float | None = None) -> None:
-        """Route until `stopping()`, checked when `wake` is called, or until no client was there for `idle_exit` s."""
-        self._idle_exit = idle_exit
-        if idle_exit is not None:
-            self._serve_release(self._session)
+    def _answer(self, query: zenoh.Query) -> None:
+        """Promise the port to the router of a team of the same user, if there is none here; to any if all is idle."""
+        try:
+            request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
+        except msgspec.DecodeError as error:
+            log.debug("question for the port: %s", error)
+            request = ReleaseRequest(-1, "", False)
+        with self._changed:
+            others = sorted(self._clients - {request.session})
+        with query:
+            if request.uid != os.getuid() or (others and (request.secure or self._holds_team())):
+                query.reply_err(b"")
+                return
+            query.reply(RELEASE, msgspec.json.encode(others))
+        with self._changed:
+            self._heirs.add(request.session)
+
+    def _holds_team(self) -> bool:
+        """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
+        for reply in self._session.liveliness().get(all_tokens_key(), timeout=1.0):
+            token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
+            if reply.ok is None or (token is not None and is_of_team(token[1])):
+                return True
+        return False
+
+    def _end(self, stopping: bool) -> tuple[str, float | None]:
+        """Why the router ends now, empty if it does not; and seconds until that is to be asked again, None for ever."""
+        if stopping:
+            return "it was asked to", 0.0
+        if self._heirs:
+            # Not before the answers have arrived.
+            return ("" if self._heirs & self._clients else "a team's router gets its port"), None
+        if self._idle_exit is None or self._clients:
+            return "", None
+        left = self._idle_since + self._idle_exit - monotonic()
+        return (f"no client for {self._idle_exit:g} s" if left <= 0 else ""), left
+
+    def run(self, stopping: Callable[[], bool]) -> None:
+        """Route until `stopping()`, checked when `wake` is called; one on demand also until no client was there for its
+        `idle_exit`, or until it has given its port up."""
         while True:
             with self._changed:
-                if stopping():
+                reason, left = self._end(stopping())
+                if reason:
+                    log.info("the router ends: %s", reason)
                     return
-                left = None
-                if self._idle_exit is not None and not self._clients:
-                    left = self._idle_since + self._idle_exit - monotonic()
-                    if left <= 0:
-                        log.info("no client for %g s: the router ends", self._idle_exit)
-                        return
                 if self._file is not None:
                     left = _CONFIG_PERIOD if left is None else min(_CONFIG_PERIOD, left)
-                self._changed.wait(left)
+                if not self._questions:
+                    self._changed.wait(left)
+                questions, self._questions = self._questions, []
             # Without the lock: closing a session ends links, which `_on_transport` counts.
+            for question in questions:
+                self._answer(question)
             if self._file is not None:
                 self._take_changed_file()
+
+    def wait_for(self, sessions: Sequence[str]) -> None:
+        """Wait until these sessions are clients, for a moment at most: one may be frozen."""
+        with self._changed:
+            wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
         """Let `run` look at `stopping` again."""
@@ -268,20 +330,63 @@ def detach() -> None:
         os._exit(0)
 
 
-def release_port(endpoint: str) -> bool:
-    """Whether the router on demand at `endpoint` has ended for the caller: it is this user's, and had no client."""
-    # The caller may become the router: what the first session of a process runs on is settled for good.
+def open_team_router(options: RouterOptions) -> Router:
+    """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
+
+    A router on demand there gives its port up if it is this user's and holds no team, and its clients have come over
+    when this returns. All else that listens there keeps the port.
+    """
+    protocol, _, address = options.listen[0].partition("/")
+    place = f"tcp/{address}"
+    clients = list[str]()
+    for _ in range(_CLAIMS):
+        if port_accepts(place, timeout=0.2):
+            found = _release_port(place, secure=protocol == "tls")
+            if found is None:
+                break
+            clients = found
+        try:
+            router = Router(options)
+        except PortInUseError:
+            # Another team took it, or a client of the router that has just ended has started the next one.
+            continue
+        router.wait_for(clients)
+        return router
+    return Router(msgspec.structs.replace(options, listen=(f"{protocol}/127.0.0.1:0",)))
+
+
+def _release_port(endpoint: str, *, secure: bool) -> list[str] | None:
+    """Ask the router on demand at `endpoint` for its port: the sessions of its clients when it has ended, None if it
+    does not end."""
+    # The caller becomes the router: what the first session of a process runs on is settled for good.
     session = try_open(BusOptions(connect=endpoint), "router")
-    if session is None:
-        return False
-    with session:
-        granted = [reply for reply in session.get(RELEASE, payload=str(os.getuid()), timeout=1.0) if reply.ok]
+    clients = None
+    if session is not None:
+        with session:
+            clients = _ask_for_port(session, secure)
+        if clients is None:
+            return None
     deadline = monotonic() + _RELEASE_DEADLINE
-    while granted and monotonic() < deadline:
-        if not port_accepts(endpoint):
-            return True
-        pause(0.01)
-    return False
+    # Without a session there is a router that ends just now, or something else.
+    while port_accepts(endpoint):
+        if session is None or monotonic() > deadline:
+            return None
+        pause(0.002)
+    return clients or []
+
+
+def _ask_for_port(session: zenoh.Session, secure: bool) -> list[str] | None:
+    """The sessions of the other clients of the router if it promises its port, else None."""
+    request = msgspec.json.encode(ReleaseRequest(os.getuid(), str(session.zid()), secure))
+    period, times = _ANSWERS
+    for _ in range(times):
+        for reply in session.get(RELEASE, payload=request, timeout=1.0):
+            return None if reply.ok is None else msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str])
+        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        if record is None or record.metadata is None or not record.metadata.on_demand:
+            return None
+        pause(period)
+    return None
 
 
 _NOTE = "endpoint"
