@@ -29,7 +29,14 @@ from zteam.bus.options import (
     port_accepts,
     try_open,
 )
-from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
+from zteam.bus.router import (
+    ON_DEMAND_DEADLINE,
+    RouterRecord,
+    find_local_routers,
+    read_admin,
+    router_log_path,
+    spawn_router,
+)
 from zteam.bus.sockets import Ends, cut, links_of
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import HOST_FACTOR, Every, monotonic, pause
@@ -50,6 +57,8 @@ _CLOSE = b"\x02\x00\x03"
 
 _SET_VARIABLES = f"set {', '.join(TLS_VARIABLES)} (docs/security.md)"
 
+_REVIVE_PERIOD = 1.0
+"""Host seconds from one look at the port of a router on demand to the next, while there is no link."""
 _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
@@ -169,15 +178,24 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
 
 
 def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
-    """On a shared machine the default port may be another user's: two users' teams must not mix by accident."""
-    record = read_admin(options)
-    uid = record.metadata.uid if record and record.metadata else None
-    if uid is not None and uid != os.getuid():
+    if foreign := why_foreign(read_admin(options), options.endpoint):
         session.close()  # type: ignore[no-untyped-call]
-        raise BusError(
-            f"the router at {options.endpoint} belongs to user id {uid}: to join it on purpose use "
-            f"--connect {options.endpoint}, or run your own with 'zteam-router --listen tcp/127.0.0.1:PORT'"
-        )
+        raise BusError(": ".join(foreign))
+
+
+def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:
+    """Why the router at the default port is not joined, and what to do; None if it is joined.
+
+    On a shared machine it may be another user's: two users' teams must not mix by accident.
+    """
+    uid = record.metadata.uid if record and record.metadata else None
+    if uid is None or uid == os.getuid():
+        return None
+    return (
+        f"the router at {endpoint} belongs to user id {uid}",
+        f"to join it on purpose use --connect {endpoint}, or run your own with "
+        "'zteam-router --listen tcp/127.0.0.1:PORT'",
+    )
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
@@ -281,14 +299,21 @@ def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
 
     def on_link(up: bool) -> None:
         if not up:
-            # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers compete for the port.
-            # Host time: a restart must not block Zenoh's thread, and clients must not all try at once.
-            timer = threading.Timer(random.uniform(0.0, 0.2), revive)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+            # Spread out, so that few routers compete for the port.
+            revive_in(random.uniform(0.0, 0.2))
+
+    def revive_in(seconds: float) -> None:
+        # Not in the callback: it holds a Zenoh thread. Host time: a restart must not block Zenoh's thread.
+        timer = threading.Timer(seconds, revive)  # noqa: TID251
+        timer.daemon = True
+        timer.start()
 
     def revive() -> None:
-        if transport.up or transport.closed or port_accepts(options.endpoint):
+        if transport.up or transport.closed:
+            return
+        # A router that is there may end before Zenoh has connected to it.
+        revive_in(_REVIVE_PERIOD)
+        if port_accepts(options.endpoint):
             return
         try:
             spawn_router(options.endpoint, options.lease)

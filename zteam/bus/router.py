@@ -34,14 +34,15 @@ ON_DEMAND_DEADLINE = 20.0
 """Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
 IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
-_RELEASE_DEADLINE = 5.0
-"""Seconds until a router that gives its port up must have ended."""
-_CLAIMS = 5
-"""Routers on demand in a row that are asked for their port: a client of one may have started the next."""
-_ANSWERS = 0.05, 20
-"""Seconds between questions to a router on demand that does not answer yet, for it has just begun; and how many."""
+_CLAIMS, _CLAIM_PERIOD = 25, 0.2
+"""How often a team's router tries to get a port that was promised: a client of the router there may have started the
+next one, or another team has got it; and seconds that a router may take to end."""
+_ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
+"""Seconds in which a router on demand that has just begun, or has much to do, answers; and from question to question."""
 _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
+_POLL = 0.002
+"""Seconds between looks at a port that is about to become free."""
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
@@ -58,7 +59,8 @@ class RouterMetadata(msgspec.Struct):
 
 
 class ReleaseRequest(msgspec.Struct):
-    """Asks a router on demand for its port. The reply is a list of the sessions that will want another router."""
+    """Asks a router on demand for its port. The reply is a list of the sessions that will want another router, or null
+    if it keeps the port."""
 
     uid: int
     """Of the asker."""
@@ -66,6 +68,8 @@ class ReleaseRequest(msgspec.Struct):
     """The asker's own, which ends before the router does."""
     secure: bool
     """Whether the next router has certificates: without one no client could follow."""
+    returns: bool = False
+    """Whether it is the router of the team here, which has failed and is started again."""
 
 
 class PortInUseError(BusError):
@@ -231,27 +235,28 @@ class Router:
             self._changed.notify_all()
 
     def _on_release(self, query: zenoh.Query) -> None:
-        # Answered by `run`: to look at tokens takes this thread of Zenoh.
+        # Answered by `run`: a look at the tokens would wait for this very thread of Zenoh.
         with self._changed:
             self._questions.append(query)
             self._changed.notify_all()
 
     def _answer(self, query: zenoh.Query) -> None:
-        """Promise the port to the router of a team of the same user, if there is none here; to any if all is idle."""
+        """Promise the port to the router of a team of the same user, if no other team is here and the clients can
+        follow."""
         try:
             request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
         except msgspec.DecodeError as error:
             log.debug("question for the port: %s", error)
             request = ReleaseRequest(-1, "", False)
         with self._changed:
-            others = sorted(self._clients - {request.session})
+            others = sorted(self._clients - {request.session, *self._heirs})
         with query:
-            if request.uid != os.getuid() or (others and (request.secure or self._holds_team())):
-                query.reply_err(b"")
-                return
-            query.reply(RELEASE, msgspec.json.encode(others))
-        with self._changed:
-            self._heirs.add(request.session)
+            keeps = others and not request.returns and (request.secure or self._holds_team())
+            promised = request.uid == os.getuid() and not keeps
+            query.reply(RELEASE, msgspec.json.encode(others if promised else None))
+        if promised:
+            with self._changed:
+                self._heirs.add(request.session)
 
     def _holds_team(self) -> bool:
         """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
@@ -261,10 +266,8 @@ class Router:
                 return True
         return False
 
-    def _end(self, stopping: bool) -> tuple[str, float | None]:
-        """Why the router ends now, empty if it does not; and seconds until that is to be asked again, None for ever."""
-        if stopping:
-            return "it was asked to", 0.0
+    def _end(self) -> tuple[str, float | None]:
+        """Why a router on demand ends now, empty if it does not; and seconds until that may change by itself."""
         if self._heirs:
             # Not before the answers have arrived.
             return ("" if self._heirs & self._clients else "a team's router gets its port"), None
@@ -278,7 +281,9 @@ class Router:
         `idle_exit`, or until it has given its port up."""
         while True:
             with self._changed:
-                reason, left = self._end(stopping())
+                if stopping():
+                    return
+                reason, left = self._end()
                 if reason:
                     log.info("the router ends: %s", reason)
                     return
@@ -330,63 +335,59 @@ def detach() -> None:
         os._exit(0)
 
 
-def open_team_router(options: RouterOptions) -> Router:
+def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router:
     """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
 
     A router on demand there gives its port up if it is this user's and holds no team, and its clients have come over
-    when this returns. All else that listens there keeps the port.
+    when this returns. All else that listens there keeps the port. A router that `returns` after a failure finds its own
+    team there, and takes no other port.
     """
     protocol, _, address = options.listen[0].partition("/")
     place = f"tcp/{address}"
     clients = list[str]()
     for _ in range(_CLAIMS):
         if port_accepts(place, timeout=0.2):
-            found = _release_port(place, secure=protocol == "tls")
+            found = _release_port(place, protocol == "tls", returns)
             if found is None:
                 break
             clients = found
         try:
             router = Router(options)
         except PortInUseError:
-            # Another team took it, or a client of the router that has just ended has started the next one.
-            continue
-        router.wait_for(clients)
-        return router
-    return Router(msgspec.structs.replace(options, listen=(f"{protocol}/127.0.0.1:0",)))
+            pause(_POLL)
+        else:
+            router.wait_for(clients)
+            return router
+    return Router(options if returns else msgspec.structs.replace(options, listen=(f"{protocol}/127.0.0.1:0",)))
 
 
-def _release_port(endpoint: str, *, secure: bool) -> list[str] | None:
-    """Ask the router on demand at `endpoint` for its port: the sessions of its clients when it has ended, None if it
-    does not end."""
+def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | None:
+    """Ask the router on demand at `endpoint` for its port, and give it a moment to end: the sessions of its clients,
+    None if it keeps the port."""
     # The caller becomes the router: what the first session of a process runs on is settled for good.
     session = try_open(BusOptions(connect=endpoint), "router")
-    clients = None
-    if session is not None:
-        with session:
-            clients = _ask_for_port(session, secure)
-        if clients is None:
-            return None
-    deadline = monotonic() + _RELEASE_DEADLINE
-    # Without a session there is a router that ends just now, or something else.
-    while port_accepts(endpoint):
-        if session is None or monotonic() > deadline:
-            return None
-        pause(0.002)
-    return clients or []
+    if session is None:
+        # A router that has just ended, or something else.
+        return None if port_accepts(endpoint) else []
+    with session:
+        clients = _ask_for_port(session, ReleaseRequest(os.getuid(), str(session.zid()), secure, returns))
+    end = monotonic() + _CLAIM_PERIOD
+    while clients is not None and port_accepts(endpoint) and monotonic() < end:
+        pause(_POLL)
+    return clients
 
 
-def _ask_for_port(session: zenoh.Session, secure: bool) -> list[str] | None:
+def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] | None:
     """The sessions of the other clients of the router if it promises its port, else None."""
-    request = msgspec.json.encode(ReleaseRequest(os.getuid(), str(session.zid()), secure))
-    period, times = _ANSWERS
-    for _ in range(times):
-        for reply in session.get(RELEASE, payload=request, timeout=1.0):
-            return None if reply.ok is None else msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str])
+    end = monotonic() + _ANSWER_WITHIN
+    while True:
+        for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
+            if reply.ok is not None:
+                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
         record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
-        if record is None or record.metadata is None or not record.metadata.on_demand:
+        if record is None or record.metadata is None or not record.metadata.on_demand or monotonic() > end:
             return None
-        pause(period)
-    return None
+        pause(_ASK_AGAIN)
 
 
 _NOTE = "endpoint"

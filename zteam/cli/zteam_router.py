@@ -31,7 +31,7 @@ def build_parser() -> Parser:
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
     )
     parser.add_argument("--announce", action="store_true", help="print the endpoint on stdout once it listens")
-    parser.add_argument("--for-team", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--for-team", choices=["starts", "returns"], help=argparse.SUPPRESS)
     parser.add_argument(
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
     )

@@ -128,15 +128,15 @@ def start_router(
         environment = files_of(certificates, ROUTER).environment
         config = ("--config", str(certificates.resolve() / ACCESS))
 
-    def command(endpoint: str, *how: str) -> list[str]:
-        words = ("--listen", endpoint, *how, "--announce", "--lease", str(lease), *config)
+    def command(endpoint: str, how: str) -> list[str]:
+        words = ("--listen", endpoint, "--for-team", how, "--announce", "--lease", str(lease), *config)
         return zteam_command(ROUTER_KIND.command, *words)
 
     def learn(job: Job, line: str) -> Job | None:
         again = restarts and is_endpoint(line)
-        return msgspec.structs.replace(job, command=command(line), restarts=True) if again else None
+        return msgspec.structs.replace(job, command=command(line, "returns"), restarts=True) if again else None
 
-    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, "--for-team"), environment, learn=learn))
+    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, "starts"), environment, learn=learn))
 
 
 def is_endpoint(line: str) -> bool:
