@@ -4,6 +4,7 @@ While it is open, a session's link is watched: whether it carries both ways afte
 on demand must be started again.
 """
 
+import atexit
 import logging
 import os
 import random
@@ -65,6 +66,8 @@ _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
 _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
+_LAST_QUESTION = 1.0
+"""Host seconds that the end of the interpreter waits for a question that is being asked."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
 _SEEN_WITHIN = 2.0 * HOST_FACTOR
@@ -191,11 +194,9 @@ def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] |
     uid = record.metadata.uid if record and record.metadata else None
     if uid is None or uid == os.getuid():
         return None
-    return (
-        f"the router at {endpoint} belongs to user id {uid}",
-        f"to join it on purpose use --connect {endpoint}, or run your own with "
-        "'zteam-router --listen tcp/127.0.0.1:PORT'",
-    )
+    own = "'zteam-router --listen tcp/127.0.0.1:PORT'"
+    step = f"to join it on purpose use --connect {endpoint}, or run your own with {own}"
+    return f"the router at {endpoint} belongs to user id {uid}", step
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
@@ -337,6 +338,8 @@ class LinkCheck:
         self._key = declarations_key(str(session.zid()))
         self._changes = 0
         self._cuts = 0
+        self._asking = threading.Lock()
+        """Held while a question is asked."""
 
     def on_link(self, up: bool) -> None:
         """The link was lost or is back: ask on a thread of its own."""
@@ -345,6 +348,15 @@ class LinkCheck:
             threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
 
     def _run(self, change: int) -> None:
+        # Python ends this thread where it comes back from a call. If that is a call of Zenoh, the process aborts.
+        end = partial(self._asking.acquire, timeout=_LAST_QUESTION)
+        atexit.register(end)
+        try:
+            self._ask_repeatedly(change)
+        finally:
+            atexit.unregister(end)
+
+    def _ask_repeatedly(self, change: int) -> None:
         failed = 0
         for _ in range(_LINK_QUESTIONS):
             links = links_of(self._session)
@@ -365,7 +377,7 @@ class LinkCheck:
     def _is_reached(self) -> bool | None:
         """Whether the session answers another one; None if that finds no router."""
         try:
-            with open_session(client_config(self._options), "usual") as other:
+            with self._asking, open_session(client_config(self._options), "usual") as other:
                 return any(reply.ok is not None for reply in other.get(self._key, timeout=_LINK_TIMEOUT))
         except zenoh.ZError as error:
             log.debug("link: %s", error)

@@ -38,7 +38,7 @@ _CLAIMS, _CLAIM_PERIOD = 25, 0.2
 """How often a team's router tries to get a port that was promised: a client of the router there may have started the
 next one, or another team has got it; and seconds that a router may take to end."""
 _ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
-"""Seconds in which a router on demand that has just begun, or has much to do, answers; and from question to question."""
+"""Seconds in which a router on demand that has just begun, or is busy, answers; and from question to question."""
 _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
 _POLL = 0.002
