@@ -283,6 +283,15 @@ def resolve_frame(prefix: str, name: str) -> str:
     return f"{prefix}/{name}"
 
 
+def is_of_team(name: str) -> bool:
+    """Whether a process of this name drives or simulates robots, or starts those that do.
+
+    Monitors, views, tools and a user's own nodes are no team.
+    """
+    per_robot = (robot_id_of, navigated_robot_of, base_robot_of)
+    return name in {SIMULATOR, AGGREGATOR, LAUNCHER} or any(of(name) is not None for of in per_robot)
+
+
 def token_key(name: str, instance: str) -> str:
     """Presence token of one instance (session) of the process `name`."""
     return f"{name}/alive/{instance}"

@@ -29,7 +29,7 @@ process can start and import meanwhile."""
 _WITH_PORT = frozenset({"tcp", "tls", "udp", "quic", "ws"})
 
 RELEASE = service_key("@router", "release")
-"""Query to a router on demand, with a user id: whether it ends when the asker has gone, for it is the only client."""
+"""Query to a router on demand, a ReleaseRequest: whether it gives its port up."""
 LEASE = 2.0 * HOST_FACTOR
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 LEASE_BOUNDS = (0.1, 7200.0)
@@ -325,6 +325,8 @@ class RouterOptions(msgspec.Struct, frozen=True):
     config: str | None = None
     lease: float = LEASE
     tls: TlsFiles | None = None
+    idle_exit: float | None = None
+    """Seconds without a client after which it ends. Only a router on demand has them; it gives its port up, too."""
 
 
 def router_config(options: RouterOptions) -> zenoh.Config:
@@ -350,7 +352,13 @@ def router_config(options: RouterOptions) -> zenoh.Config:
             "qos/network": _NEVER_BLOCK,
             "low_pass_filter": _NO_LARGE_ONES,
             "adminspace/enabled": True,
-            "metadata": {"name": "zteam-router", "uid": os.getuid(), "pid": os.getpid(), "version": __version__},
+            "metadata": {
+                "name": "zteam-router",
+                "uid": os.getuid(),
+                "pid": os.getpid(),
+                "version": __version__,
+                "on_demand": options.idle_exit is not None,
+            },
             **(tls.settings if tls is not None else {}),
         },
     )

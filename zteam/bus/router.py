@@ -25,8 +25,9 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.clock import monotonic, pause
+from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
+from zteam.names import all_tokens_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
 
@@ -34,8 +35,15 @@ ON_DEMAND_DEADLINE = 20.0
 """Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
 IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
-_RELEASE_DEADLINE = 5.0
-"""Seconds until a router that gives its port up must have ended."""
+_CLAIMS, _CLAIM_PERIOD = 25, 0.2
+"""How often a team's router tries to get a port that was promised: a client of the router there may have started the
+next one, or another team has got it; and seconds that a router may take to end."""
+_ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
+"""Seconds in which a router on demand that has just begun, or is busy, answers; and from question to question."""
+_COME_OVER = 1.0 * HOST_FACTOR
+"""Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
+_POLL = 0.002
+"""Seconds between looks at a port that is about to become free."""
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
@@ -48,6 +56,25 @@ class RouterMetadata(msgspec.Struct):
     name: str | None = None
     uid: int | None = None
     pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] | None = None
+    on_demand: bool = False
+
+
+class ReleaseRequest(msgspec.Struct):
+    """Asks a router on demand for its port. The reply is a list of the sessions that will want another router, or null
+    if it keeps the port."""
+
+    uid: int
+    """Of the asker."""
+    session: str
+    """The asker's own, which ends before the router does."""
+    secure: bool
+    """Whether the next router has certificates: without one no client could follow."""
+    returns: bool = False
+    """Whether it is the router of the team here, which has failed and is started again."""
+
+
+class PortInUseError(BusError):
+    """Another process listens where a router was to listen."""
 
 
 class RouterLink(msgspec.Struct):
@@ -120,7 +147,11 @@ class Router:
         self._links = LinkCount()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
-        self._idle_exit: float | None = None
+        self._idle_exit = options.idle_exit
+        self._questions: list[zenoh.Query] = []
+        """For the port, without an answer."""
+        self._heirs: set[str] = set()
+        """Sessions of those that were promised the port."""
         self._session = self._open(self._config, options.listen)
         record = read_record(self._session, str(self._session.zid()))
         locators = record.locators if record else []
@@ -145,7 +176,7 @@ class Router:
         except zenoh.ZError as error:
             text, places = str(error), ", ".join(listen)
             if "Address already in use" in text:
-                raise BusError(
+                raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
                 ) from None
             # What follows is the line in Zenoh's own source.
@@ -158,12 +189,9 @@ class Router:
         self._events = session.info.declare_transport_events_listener(on_transport, history=True)
         self._silence = limit_silence(session, self._lease)
         if self._idle_exit is not None:
-            self._serve_release(session)
+            callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
+            session.declare_queryable(RELEASE, callback)
         return session
-
-    def _serve_release(self, session: zenoh.Session) -> None:
-        callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
-        session.declare_queryable(RELEASE, callback)
 
     def _take_changed_file(self) -> None:
         """Open the session again where its file of settings has changed, with all links; clients come back.
@@ -211,34 +239,73 @@ class Router:
             self._changed.notify_all()
 
     def _on_release(self, query: zenoh.Query) -> None:
-        """A launcher of this user asks for the port: granted, and then this ends with it, if it is the only client."""
-        asker = query.payload.to_bytes() if query.payload else b""
-        with query, self._changed:
-            if asker == str(os.getuid()).encode() and len(self._clients) == 1:
-                self._idle_exit = 0.0
-                query.reply(RELEASE, b"")
+        # Answered by `run`: a look at the tokens would wait for this very thread of Zenoh.
+        with self._changed:
+            self._questions.append(query)
+            self._changed.notify_all()
 
-    def run(self, stopping: Callable[[], bool], idle_exit: float | None = None) -> None:
-        """Route until `stopping()`, checked when `wake` is called, or until no client was there for `idle_exit` s."""
-        self._idle_exit = idle_exit
-        if idle_exit is not None:
-            self._serve_release(self._session)
+    def _answer(self, query: zenoh.Query) -> None:
+        """Promise the port to the router of a team of the same user, if no other team is here and the clients can
+        follow."""
+        try:
+            request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
+        except msgspec.DecodeError as error:
+            log.debug("question for the port: %s", error)
+            request = ReleaseRequest(-1, "", False)
+        with self._changed:
+            others = sorted(self._clients - {request.session, *self._heirs})
+        with query:
+            keeps = others and not request.returns and (request.secure or self._holds_team())
+            promised = request.uid == os.getuid() and not keeps
+            query.reply(RELEASE, msgspec.json.encode(others if promised else None))
+        if promised:
+            with self._changed:
+                self._heirs.add(request.session)
+
+    def _holds_team(self) -> bool:
+        """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
+        for reply in self._session.liveliness().get(all_tokens_key(), timeout=1.0):
+            token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
+            if reply.ok is None or (token is not None and is_of_team(token[1])):
+                return True
+        return False
+
+    def _end(self) -> tuple[str, float | None]:
+        """Why a router on demand ends now, empty if it does not; and seconds until that may change by itself."""
+        if self._heirs:
+            # Not before the answers have arrived.
+            return ("" if self._heirs & self._clients else "a team's router gets its port"), None
+        if self._idle_exit is None or self._clients:
+            return "", None
+        left = self._idle_since + self._idle_exit - monotonic()
+        return (f"no client for {self._idle_exit:g} s" if left <= 0 else ""), left
+
+    def run(self, stopping: Callable[[], bool]) -> None:
+        """Route until `stopping()`, checked when `wake` is called; one on demand also until no client was there for its
+        `idle_exit`, or until it has given its port up."""
         while True:
             with self._changed:
                 if stopping():
                     return
-                left = None
-                if self._idle_exit is not None and not self._clients:
-                    left = self._idle_since + self._idle_exit - monotonic()
-                    if left <= 0:
-                        log.info("no client for %g s: the router ends", self._idle_exit)
-                        return
+                reason, left = self._end()
+                if reason:
+                    log.info("the router ends: %s", reason)
+                    return
                 if self._file is not None:
                     left = _CONFIG_PERIOD if left is None else min(_CONFIG_PERIOD, left)
-                self._changed.wait(left)
+                if not self._questions:
+                    self._changed.wait(left)
+                questions, self._questions = self._questions, []
             # Without the lock: closing a session ends links, which `_on_transport` counts.
+            for question in questions:
+                self._answer(question)
             if self._file is not None:
                 self._take_changed_file()
+
+    def wait_for(self, sessions: Sequence[str]) -> None:
+        """Wait until these sessions are clients, for a moment at most: one may be frozen."""
+        with self._changed:
+            wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
         """Let `run` look at `stopping` again."""
@@ -272,20 +339,59 @@ def detach() -> None:
         os._exit(0)
 
 
-def release_port(endpoint: str) -> bool:
-    """Whether the router on demand at `endpoint` has ended for the caller: it is this user's, and had no client."""
-    # The caller may become the router: what the first session of a process runs on is settled for good.
+def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router:
+    """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
+
+    A router on demand there gives its port up if it is this user's and holds no team, and its clients have come over
+    when this returns. All else that listens there keeps the port. A router that `returns` after a failure finds its own
+    team there, and takes no other port.
+    """
+    protocol, _, address = options.listen[0].partition("/")
+    place = f"tcp/{address}"
+    clients = list[str]()
+    for _ in range(_CLAIMS):
+        if port_accepts(place, timeout=0.2):
+            found = _release_port(place, protocol == "tls", returns)
+            if found is None:
+                break
+            clients = found
+        try:
+            router = Router(options)
+        except PortInUseError:
+            pause(_POLL)
+        else:
+            router.wait_for(clients)
+            return router
+    return Router(options if returns else msgspec.structs.replace(options, listen=(f"{protocol}/127.0.0.1:0",)))
+
+
+def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | None:
+    """Ask the router on demand at `endpoint` for its port, and give it a moment to end: the sessions of its clients,
+    None if it keeps the port."""
+    # The caller becomes the router: what the first session of a process runs on is settled for good.
     session = try_open(BusOptions(connect=endpoint), "router")
     if session is None:
-        return False
+        # A router that has just ended, or something else.
+        return None if port_accepts(endpoint) else []
     with session:
-        granted = [reply for reply in session.get(RELEASE, payload=str(os.getuid()), timeout=1.0) if reply.ok]
-    deadline = monotonic() + _RELEASE_DEADLINE
-    while granted and monotonic() < deadline:
-        if not port_accepts(endpoint):
-            return True
-        pause(0.01)
-    return False
+        clients = _ask_for_port(session, ReleaseRequest(os.getuid(), str(session.zid()), secure, returns))
+    end = monotonic() + _CLAIM_PERIOD
+    while clients is not None and port_accepts(endpoint) and monotonic() < end:
+        pause(_POLL)
+    return clients
+
+
+def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] | None:
+    """The sessions of the other clients of the router if it promises its port, else None."""
+    end = monotonic() + _ANSWER_WITHIN
+    while True:
+        for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
+            if reply.ok is not None:
+                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
+        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        if record is None or record.metadata is None or not record.metadata.on_demand or monotonic() > end:
+            return None
+        pause(_ASK_AGAIN)
 
 
 _NOTE = "endpoint"

@@ -18,8 +18,8 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import why_refused
-from zteam.bus.options import TlsFiles, port_accepts
+from zteam.bus.connection import why_foreign, why_refused
+from zteam.bus.options import TlsFiles, default_endpoint, host_port, port_accepts
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
@@ -48,7 +48,7 @@ from zteam.messages import (
 )
 from zteam.messages.message import zeros
 from zteam.messages.topics import type_of_key
-from zteam.monitor.doctor.checks import check_team
+from zteam.monitor.doctor.checks import check_elsewhere, check_team
 from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
@@ -57,6 +57,7 @@ from zteam.transforms import Buffer, FrameInfo
 from zteam.transforms.client import Lookup, TransformClient
 from zteam.transforms.lasers import LaserMounts, LaserProblem
 
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 
 
@@ -79,10 +80,23 @@ def check_router(options: BusOptions) -> Finding:
     admin = read_admin(options)
     if admin is None:
         return problem("router", *why_refused(options))
+    if options.connect is None and options.tls is None and (foreign := why_foreign(admin, endpoint)):
+        return problem("router", *foreign)
     data = admin.metadata
     router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
     pid = f", process {data.pid}" if data and data.pid else ""
-    return ok("router", f"{router} at {endpoint}{pid}, Zenoh {admin.version.partition('-')[0] or '?'}")
+    user = f", of user id {data.uid}" if why_foreign(admin, endpoint) and data else ""
+    return ok("router", f"{router} at {endpoint}{pid}{user}, Zenoh {admin.version.partition('-')[0] or '?'}")
+
+
+def check_default_port(options: BusOptions) -> list[Finding]:
+    """What tools without --connect find, where the team's router of this machine is not at the default port."""
+    address, default = host_port(options.endpoint), default_endpoint(options.tls)
+    if address is None or address[0] not in _LOOPBACK or options.endpoint == default or not port_accepts(default):
+        return []
+    found = check_router(msgspec.structs.replace(options, connect=default)).text
+    step = f"export ZTEAM_CONNECT={options.endpoint}"
+    return [note("router", f"tools without --connect use another port: {found}", step)]
 
 
 def check_certificate(tls: TlsFiles) -> Finding:
@@ -400,13 +414,15 @@ def _examine(args: argparse.Namespace) -> int:
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
     certificate = [] if options.tls is None else [check_certificate(options.tls), *check_authority(options.tls)]
-    findings = [check_versions(), *certificate, router]
+    findings = [check_versions(), *certificate, router, *check_default_port(options)]
     if router.good:
         with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
             facts = collect_facts(bus, options)
         findings += check_team(facts)
         if map_file is not None:
             findings.append(check_map_file(args.map, map_file, facts.sim))
+    else:
+        findings += check_elsewhere(Facts(routers=_at_other_routers(options, "")))
     if args.json:
         print_json(findings)
     else:

@@ -31,6 +31,7 @@ def build_parser() -> Parser:
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
     )
     parser.add_argument("--announce", action="store_true", help="print the endpoint on stdout once it listens")
+    parser.add_argument("--for-team", choices=["starts", "returns"], help=argparse.SUPPRESS)
     parser.add_argument(
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
     )
@@ -42,8 +43,8 @@ def build_parser() -> Parser:
 def _route(args: argparse.Namespace) -> int:
     tls = TlsFiles.from_environment()
     listen = tuple(args.listen or [default_endpoint(tls)])
-    options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls)
-    return run_router(options, detached=args.detached, announce=args.announce)
+    options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls, args.detached)
+    return run_router(options, for_team=args.for_team, announce=args.announce)
 
 
 main = partial(run_tool, build_parser, _route, name="router")

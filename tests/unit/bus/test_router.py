@@ -5,18 +5,22 @@ import logging
 import select
 import socket
 import threading
-from collections.abc import Callable
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from itertools import count
 from pathlib import Path
 
 import pytest
+import zenoh
 
+from support.certificates import Authority
 from support.limits import LIMIT
 from support.transports import RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
-from zteam.bus.options import RouterOptions, host_port
-from zteam.bus.router import Router, find_local_routers, read_admin
+from zteam.bus import router as routers
+from zteam.bus.options import RELEASE, RouterOptions, host_port, open_session, router_config
+from zteam.bus.router import PortInUseError, Router, find_local_routers, open_team_router, read_admin
+from zteam.names import token_key
 
 
 def test_a_router_is_found_as_long_as_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,8 +51,8 @@ def test_a_router_works_without_a_folder_for_its_state(
     assert find_local_routers() == []
 
 
-def _session(router: Router) -> Bus:
-    return connect(BusOptions(connect=router.endpoint), patience=LIMIT)
+def _session(router: Router, namespace: str | None = None) -> Bus:
+    return connect(BusOptions(connect=router.endpoint, namespace=namespace), patience=LIMIT)
 
 
 _CLOSED = {"enabled": True, "default_permission": "deny", "rules": [], "subjects": [], "policies": []}
@@ -155,3 +159,153 @@ def test_connections_that_say_nothing_keep_nobody_out() -> None:
 
     with closing(router):
         assert any(comes_in_beside_them() for _ in range(5))
+
+
+@contextmanager
+def on_demand(endpoint: str = "tcp/127.0.0.1:0") -> Iterator[Router]:
+    """A router on demand in this process. It ends with the test, or when it has given its port up."""
+    router, stop = Router(RouterOptions((endpoint,), idle_exit=LIMIT)), threading.Event()
+
+    def run() -> None:
+        router.run(stop.is_set)
+        router.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield router
+    finally:
+        stop.set()
+        router.wake()
+        thread.join(LIMIT)
+        assert not thread.is_alive()
+
+
+def sessions_at(endpoint: str) -> set[str]:
+    """The sessions of the clients of a router."""
+    record = read_admin(BusOptions(connect=endpoint))
+    return {each.peer for each in record.sessions} if record else set()
+
+
+def show(client: Bus, name: str, other: Bus) -> None:
+    """Hold a name, and wait until the router has shown its token to another session."""
+    seen = threading.Event()
+    other.watch_tokens([f"**/{token_key(name, client.instance)}"], lambda _key, _alive: seen.set())
+    client.declare_token(token_key(name, client.instance))
+    assert seen.wait(LIMIT)
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("namespace", [None, "lab/mine"])
+@pytest.mark.parametrize(
+    ("name", "is_team"),
+    [
+        *((name, False) for name in ("", "crowd", "monitor", "view_12ab34", "goals", "map", "robot_x", "simulation")),
+        *((name, True) for name in ("robot_3", "sim", "nav_0", "base_1", "tf", "up")),
+    ],
+)
+def test_a_team_gets_the_port_from_a_router_without_a_team(name: str, is_team: bool, namespace: str | None) -> None:
+    """Its clients have come over when the team's router is open; beside a team that router takes another port."""
+    with on_demand() as router, closing(_session(router, namespace)) as client, closing(_session(router)) as other:
+        if name:
+            show(client, name, other)
+        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
+            assert (team.endpoint == router.endpoint) is not is_team
+            assert client.instance in sessions_at(router.endpoint)
+
+
+def test_a_router_that_is_not_on_demand_keeps_its_port() -> None:
+    """Somebody started it, and it stays, though nobody uses it."""
+    with closing(Router(RouterOptions(("tcp/127.0.0.1:0",)))) as router:
+        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
+            assert team.endpoint != router.endpoint
+        assert read_admin(BusOptions(connect=router.endpoint)) is not None
+
+
+@pytest.mark.parametrize("is_idle", [True, False])
+def test_a_secure_team_gets_the_port_only_where_no_client_is(is_idle: bool, tmp_path: Path) -> None:
+    """A client without a certificate could not come over."""
+    tls = Authority(tmp_path).issue("router")
+    with on_demand() as router, ExitStack() as stack:
+        if not is_idle:
+            stack.enter_context(closing(_session(router)))
+        endpoint = router.endpoint.replace("tcp/", "tls/")
+        with closing(open_team_router(RouterOptions((endpoint,), tls=tls))) as team:
+            assert (team.endpoint == endpoint) is is_idle
+
+
+def test_of_two_teams_at_once_one_gets_the_port() -> None:
+    """The other one's router takes another port, and both run."""
+    opened: list[Router] = []
+    with on_demand() as router, closing(_session(router)) as client:
+        options = RouterOptions((router.endpoint,))
+        threads = [threading.Thread(target=lambda: opened.append(open_team_router(options))) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(LIMIT)
+        try:
+            assert [team.endpoint == router.endpoint for team in opened].count(True) == 1
+            assert all(read_admin(BusOptions(connect=team.endpoint)) for team in opened)
+            wait_until_true(lambda: client.instance in sessions_at(router.endpoint))
+        finally:
+            for team in opened:
+                team.close()
+
+
+def test_a_port_that_a_client_was_quicker_to_take_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clients of the router that ends start the next one on demand, which gives the port up too."""
+    with ExitStack() as stack:
+        router = stack.enter_context(on_demand())
+        client = stack.enter_context(closing(_session(router)))
+        tries = count()
+
+        def open_late(options: RouterOptions) -> Router:
+            if next(tries) == 0:
+                monkeypatch.undo()
+                stack.enter_context(on_demand(router.endpoint))
+                monkeypatch.setattr(routers, "Router", open_late)
+            return Router(options)
+
+        monkeypatch.setattr(routers, "Router", open_late)
+        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
+            assert (team.endpoint, next(tries)) == (router.endpoint, 2)
+            wait_until_true(lambda: client.instance in sessions_at(team.endpoint))
+
+
+def test_a_router_on_demand_that_has_just_begun_is_asked_until_it_answers() -> None:
+    """It listens before it can be asked."""
+    begun = open_session(router_config(RouterOptions(("tcp/127.0.0.1:0",), idle_exit=LIMIT)), "router")
+    record = routers.read_record(begun, str(begun.zid()))
+    assert record is not None
+    (endpoint,) = record.locators
+    opened: list[Router] = []
+    thread = threading.Thread(target=lambda: opened.append(open_team_router(RouterOptions((endpoint,)))))
+    thread.start()
+    wait_until_true(lambda: bool(begun.info.transports()))
+    answered = threading.Event()
+
+    def give_up(query: zenoh.Query) -> None:
+        with query:
+            query.reply(RELEASE, b"[]")
+        answered.set()
+
+    begun.declare_queryable(RELEASE, give_up)
+    assert answered.wait(LIMIT)
+    wait_until_true(lambda: not begun.info.transports())
+    begun.close()  # type: ignore[no-untyped-call]
+    thread.join(LIMIT)
+    with closing(opened[0]) as team:
+        assert team.endpoint == endpoint
+
+
+def test_a_teams_router_that_returns_gets_its_port_back() -> None:
+    """A client may have started one on demand at its port, where the team's own processes are; all else keeps it."""
+    with on_demand() as router, closing(_session(router)) as simulator, closing(_session(router)) as other:
+        show(simulator, "sim", other)
+        options = RouterOptions((router.endpoint,))
+        with closing(open_team_router(options, returns=True)) as team:
+            assert team.endpoint == router.endpoint
+            assert simulator.instance in sessions_at(team.endpoint)
+            with pytest.raises(PortInUseError):
+                open_team_router(options, returns=True)

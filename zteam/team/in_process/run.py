@@ -17,9 +17,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import RouterOptions
-from zteam.bus.router import Router
-from zteam.errors import BusError, UsageError
+from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
+from zteam.bus.router import open_team_router
+from zteam.errors import UsageError
 from zteam.node.kinds import KINDS
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
@@ -31,10 +31,8 @@ from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.delivery import marks_owner
 from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
 from zteam.team.launch.run import (
-    ANY_PORT,
     ROUTER_DEADLINE,
     TeamRun,
-    choose_endpoint,
     lease_for,
     node_environment,
     refuse_second_team,
@@ -161,11 +159,7 @@ def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
     lease, endpoint = lease_for(pace, options.lease), options.connect
     with ExitStack() as ends:
         if endpoint is None:
-            try:
-                router = Router(RouterOptions((choose_endpoint(),), lease=lease))
-            except BusError:
-                # Another program took the port after `choose_endpoint` looked: any port will do.
-                router = Router(RouterOptions((ANY_PORT,), lease=lease))
+            router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
             ends.callback(router.close)
             endpoint = router.endpoint
         bus = connect(

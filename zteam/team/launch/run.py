@@ -16,9 +16,8 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES, port_accepts
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES
 from zteam.bus.presence import Claim, ProcessInfo, find_processes
-from zteam.bus.router import release_port
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
 from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
@@ -56,15 +55,6 @@ _LAST_WORDS = 1.0
 def lease_for(pace: Pace, given: float) -> float:
     """The lease of all sessions of a team, and of its router."""
     return max(given, pace.timeout + LEASE_MARGIN) if pace.lockstep else given
-
-
-def choose_endpoint() -> str:
-    """Where the team's router listens: at the default port, where tools look for it, or at any port.
-
-    An idle router on demand, which a command has left behind, gives the default port up.
-    """
-    taken = port_accepts(DEFAULT_ENDPOINT, timeout=0.2) and not release_port(DEFAULT_ENDPOINT)
-    return ANY_PORT if taken else DEFAULT_ENDPOINT
 
 
 def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
@@ -129,8 +119,9 @@ def start_router(
 ) -> Process:
     """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
 
-    With a folder of certificates it listens there over TLS, and lets in those that are valid. With `restarts` it is
-    started again at that endpoint, when it has failed after that.
+    It listens at `listen`, which a router on demand gives up, or else at any port. With a folder of certificates it
+    listens over TLS, and lets in those that are valid. With `restarts` it is started again at its endpoint, when it has
+    failed after that.
     """
     environment, config = dict.fromkeys(TLS_VARIABLES, ""), tuple[str, ...]()
     if certificates is not None:
@@ -138,14 +129,15 @@ def start_router(
         environment = files_of(certificates, ROUTER).environment
         config = ("--config", str(certificates.resolve() / ACCESS))
 
-    def command(endpoint: str) -> list[str]:
-        return zteam_command(ROUTER_KIND.command, "--listen", endpoint, "--announce", "--lease", str(lease), *config)
+    def command(endpoint: str, how: str) -> list[str]:
+        words = ("--listen", endpoint, "--for-team", how, "--announce", "--lease", str(lease), *config)
+        return zteam_command(ROUTER_KIND.command, *words)
 
     def learn(job: Job, line: str) -> Job | None:
         again = restarts and is_endpoint(line)
-        return msgspec.structs.replace(job, command=command(line), restarts=True) if again else None
+        return msgspec.structs.replace(job, command=command(line, "returns"), restarts=True) if again else None
 
-    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen), environment, learn=learn))
+    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, "starts"), environment, learn=learn))
 
 
 def is_endpoint(line: str) -> bool:
@@ -397,7 +389,7 @@ class ProcessRun(TeamRun):
         if self._certificates is not None:
             self._prepare_certificates(self._certificates, has_own_router)
         if has_own_router:
-            start_router(supervisor, choose_endpoint(), self._lease, self._certificates, restarts=self.launch.restarts)
+            start_router(supervisor, DEFAULT_ENDPOINT, self._lease, self._certificates, restarts=self.launch.restarts)
         else:
             self._connect()
             assert self.bus is not None
@@ -449,22 +441,9 @@ class ProcessRun(TeamRun):
 
     def _wait_for_router(self) -> str:
         """The endpoint of the team's own router. Raises BusError if none listens."""
-        endpoint = self._wait_for_endpoint()
         router = self.supervisor.processes[ROUTER]
-        if not endpoint and not self._stop.requested and not router.running:
-            # Another program took the port after `choose_endpoint` looked: any port will do.
-            router.join(ROUTER_DEADLINE)
-            # Robots that failed meanwhile have failed.
-            self.supervisor.failures.remove(router)
-            router = start_router(
-                self.supervisor, lease=self._lease, certificates=self._certificates, restarts=self.launch.restarts
-            )
-            endpoint = self._wait_for_endpoint()
+        endpoint = wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
         if not endpoint:
             last = list(router.lines)[-1:]
             raise BusError("stopped" if self._stop.requested else f"the router did not start: {last}")
         return endpoint
-
-    def _wait_for_endpoint(self) -> str:
-        router = self.supervisor.processes[ROUTER]
-        return wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
