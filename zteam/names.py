@@ -84,6 +84,7 @@ KEYS_WITHOUT_MAPS = tuple(
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
 _BASE = "base_"
+_LATCHED = "/@adv/pub/"
 _ID = re.compile(r"[0-9]+", re.ASCII)
 
 
@@ -190,6 +191,12 @@ def is_wildcard(key: str) -> bool:
     return "*" in key or "$" in key
 
 
+def fixed_part(key_expr: str) -> str:
+    """The parts of a key expression before its first wildcard, such as `robot_1` of `robot_1/base_scan$*`."""
+    head, wildcard, _ = key_expr.partition("*")
+    return head.rpartition("/")[0] if wildcard else key_expr
+
+
 def strip_slash(name: str) -> str:
     """A key or frame without the leading slash that ROS users write."""
     return name[1:] if name.startswith("/") else name
@@ -248,6 +255,19 @@ def claim_key(name: str, instance: str) -> str:
 def right_key(key: str, instance: str) -> str:
     """Token of an instance that finds out whether it may publish on `key`: below what is kept for late subscribers."""
     return f"{key}/@adv/right/{instance}"
+
+
+def latched_tokens_key(key_expr: str) -> str:
+    """Wildcard over the tokens of the latched publishers on a key expression, which Zenoh makes: their key, session and
+    number. Each answers queries on its token with its last message."""
+    return f"{key_expr}{_LATCHED}**"
+
+
+def split_latched_token(token: str) -> tuple[str, str, str]:
+    """Key, session and number of the latched publisher that has a token."""
+    key, _, publisher = token.partition(_LATCHED)
+    session, _, rest = publisher.partition("/")
+    return key, session, rest.partition("/")[0]
 
 
 def tokens_key(name: str = "*") -> str:

@@ -15,11 +15,13 @@ from typing import Any, TypeVar
 import zenoh
 import zenoh.ext
 
+from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
 from zteam.bus.sockets import limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
 from zteam.bus.transport import (
     Closeable,
+    Handle,
     QueryHandler,
     RawPublisher,
     RawSample,
@@ -33,6 +35,7 @@ from zteam.bus.transport import (
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError
 from zteam.messages import Message, encode
+from zteam.names import fixed_part, latched_tokens_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -42,7 +45,6 @@ _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _CACHE = zenoh.ext.CacheConfig(1)
 _NUMBERED = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)
-_HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
 _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
@@ -53,6 +55,10 @@ _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LOOK_TIMEOUT = 5.0
 """Host seconds for the router's answer."""
+_LATCHED_TIMEOUT = 10.0
+"""Host seconds for a latched publisher's last message, which may be a large map on a slow link."""
+_UNNUMBERED = "uhlc"
+"""In place of a number in the token of a publisher whose samples are not numbered; none of zteam's."""
 
 
 def _stay() -> None:
@@ -108,27 +114,40 @@ class Aside:
             work()
 
 
-def sample_callback(handler: SampleHandler, clocks: ClockWatch | None) -> Any:
-    """A Zenoh callback that calls `handler` with samples; without `clocks` they have neither time nor source."""
+def read_sample(sample: zenoh.Sample, clocks: ClockWatch | None) -> RawSample:
+    """A sample of Zenoh; without `clocks` it has neither time nor source."""
+    encoding = str(sample.encoding)
+    if encoding == _BYTES:
+        encoding = ""
+    key, payload = str(sample.key_expr), sample.payload.to_bytes()
+    if clocks is None:
+        return RawSample(key, payload, encoding)
+    stamp, source, delay = read_stamp(str(sample.timestamp or ""))
+    clocks.look(source, delay)
+    return RawSample(key, payload, encoding, stamp, source, delay)
+
+
+def sample_callback(handle: Callable[[zenoh.Sample], None]) -> Any:
+    """A Zenoh callback for samples.
+
+    It is on Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
+    """
 
     def on_sample(sample: zenoh.Sample) -> None:
         if not hasattr(_THREAD, "stays"):
             _stay()
-        if sample.kind != zenoh.SampleKind.PUT:
-            return
-        encoding = str(sample.encoding)
-        if encoding == _BYTES:
-            encoding = ""
-        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        if clocks is None:
-            handler(RawSample(key, payload, encoding))
-            return
-        stamp, source, delay = read_stamp(str(sample.timestamp or ""))
-        clocks.look(source, delay)
-        handler(RawSample(key, payload, encoding, stamp, source, delay))
+        if sample.kind == zenoh.SampleKind.PUT:
+            handle(sample)
 
-    # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
     return zenoh.handlers.Callback(on_sample, indirect=False)
+
+
+def _writer_of(sample: zenoh.Sample, raw: RawSample) -> Writer:
+    """The publisher of a sample, as its token names it."""
+    info = sample.source_info
+    if info is None:
+        return raw.key, raw.source, _UNNUMBERED
+    return raw.key, str(info.source_id.zid), str(info.source_id.eid)
 
 
 class Declared:
@@ -277,6 +296,9 @@ class ZenohTransport:
         self.instance = str(session.zid())
         self._stamp, self._clocks = stamping_as(self.instance), ClockWatch()
         self._declared: set[Declared] = set()
+        self._ids: dict[str, object] = {}
+        """Key expressions that are declared for the life of the session."""
+        self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
         # Answers do not wait for what a change of presence leads to.
@@ -303,6 +325,16 @@ class ZenohTransport:
             # Closed since the check.
             raise BusError(f"cannot {action} {key}: {first_line(error)}") from None
 
+    def _keep_id(self, key_expr: str) -> None:
+        """Call this before a publisher, subscriber or queryable is declared.
+
+        Zenoh gives its key expression, or the part before a wildcard, a number, and takes it back with the last that
+        needs it. But routes that it has found keep that number: messages on a key that another subscription matches,
+        and queries, are then lost for good (docs/zenoh-report.md). A number that is held is never taken back.
+        """
+        if (fixed := fixed_part(key_expr)) and fixed not in self._ids:
+            self._ids[fixed] = self._session.declare_keyexpr(fixed)
+
     def declare_publisher(
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
@@ -314,6 +346,7 @@ class ZenohTransport:
             options["allowed_destination"] = zenoh.Locality.REMOTE
 
         def declare() -> Any:
+            self._keep_id(key)
             if not latched:
                 return self._session.declare_publisher(key, **options)
             # Numbered: without a clock of its own, a session keeps no message that is not.
@@ -327,14 +360,56 @@ class ZenohTransport:
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        callback = sample_callback(handler, self._clocks if stamped else None)
+        if latched:
+            check_use("subscribe to", key_expr, self.closed)
+            return self._latched.subscribe(key_expr, handler)
+        clocks = self._clocks if stamped else None
+        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, clocks)))
 
+    def _subscribe(self, key_expr: str, handle: Callable[[zenoh.Sample], None]) -> Closeable:
         def declare() -> Any:
-            if not latched:
-                return self._session.declare_subscriber(key_expr, callback)
-            return zenoh.ext.declare_advanced_subscriber(self._session, key_expr, callback, history=_HISTORY)
+            self._keep_id(key_expr)
+            return self._session.declare_subscriber(key_expr, sample_callback(handle))
 
         return self._declare("subscribe to", key_expr, declare)
+
+    def _subscribe_latched(self, key_expr: str, subscription: LatchedSubscription) -> Closeable:
+        def take(sample: zenoh.Sample) -> None:
+            raw = read_sample(sample, self._clocks)
+            subscription.take(raw, _writer_of(sample, raw))
+
+        def on_token(token: zenoh.Sample) -> None:
+            subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+
+        tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
+        live = self._subscribe(key_expr, take)
+        # After it: what is published from then on comes, what was published before is asked for.
+        watch = self._declare(
+            "subscribe to",
+            key_expr,
+            lambda: self._session.liveliness().declare_subscriber(tokens, callback, history=True),
+        )
+        return Handle(watch.close, live.close)
+
+    def _ask_latched(self, token: str, take: Callable[[RawSample, Writer], object], end: Callable[[], object]) -> None:
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                raw = read_sample(reply.ok, self._clocks)
+                take(raw, _writer_of(reply.ok, raw))
+
+        try:
+            self._session.get(
+                token,
+                zenoh.handlers.Callback(on_reply, end, indirect=False),
+                timeout=_LATCHED_TIMEOUT,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                # The answer has the topic's key, not the token's.
+                accept_replies=zenoh.ReplyKeyExpr.ANY,
+            )
+        except zenoh.ZError as error:
+            # Closed meanwhile.
+            log.debug("latched: %s", error)
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:
@@ -346,6 +421,7 @@ class ZenohTransport:
                 self._deferred.start(key, answer, lambda reply: _reply(query, reply))
 
         def declare() -> Any:
+            self._keep_id(key)
             return self._session.declare_queryable(key, self._queries.callback(on_query), complete=True)
 
         return self._declare("serve", key, declare)
