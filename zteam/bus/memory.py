@@ -154,7 +154,7 @@ class MemoryTransport:
         with hub.lock:
             hub.change_subscriber(number, _Subscriber(self.instance, key_expr, receiver))
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
-        for sample in history:
+        for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
         return self._keep(lambda: hub.change_subscriber(number, None))
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.sockets import limit_silence
+from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError, UsageError
 
@@ -116,7 +117,7 @@ class Router:
         self._file, self._lease = options.config, options.lease
         self._version = _version_of(options.config)
         self._config = router_config(options)
-        self._clients: set[str] = set()
+        self._links = LinkCount()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
         self._idle_exit: float | None = None
@@ -150,9 +151,11 @@ class Router:
             # What follows is the line in Zenoh's own source.
             raise BusError(f"cannot listen at {places}: {text.splitlines()[0].partition(' at /')[0]}") from None
         with self._changed:
-            self._clients.clear()
+            # The ends of the last session's links may be told later.
+            self._links = links = LinkCount()
             self._idle_since = monotonic()
-        self._events = session.info.declare_transport_events_listener(self._on_transport, history=True)
+        on_transport = partial(self._on_transport, links)
+        self._events = session.info.declare_transport_events_listener(on_transport, history=True)
         self._silence = limit_silence(session, self._lease)
         if self._idle_exit is not None:
             self._serve_release(session)
@@ -196,13 +199,14 @@ class Router:
                 pause(_CONFIG_PERIOD)
         return self._open(self._config, self._options.listen)
 
-    def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        zid = str(event.transport.zid)
+    @property
+    def _clients(self) -> set[str]:
+        return self._links.sessions
+
+    def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
-            if event.kind == zenoh.SampleKind.PUT:
-                self._clients.add(zid)
-            else:
-                self._clients.discard(zid)
+            links.take(event)
+            if event.kind != zenoh.SampleKind.PUT:
                 self._idle_since = monotonic()
             self._changed.notify_all()
 

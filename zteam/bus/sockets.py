@@ -2,6 +2,7 @@
 
 import logging
 import socket
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,27 @@ log = logging.getLogger("zteam.bus")
 
 Ends = tuple[str, str]
 """Zenoh's endpoints of a link: this process's and the other one's."""
+
+
+class LinkCount:
+    """How many links of each other session are open. The end of one may be told after the beginning of the next."""
+
+    def __init__(self) -> None:
+        self._links = Counter[str]()
+
+    def take(self, event: zenoh.TransportEvent) -> bool:
+        """Count a beginning or an end. Whether it begins a link in the place of one whose end has not been told."""
+        session, begins = str(event.transport.zid), event.kind == zenoh.SampleKind.PUT
+        replaces = begins and self._links[session] > 0
+        self._links[session] += 1 if begins else -1
+        if not self._links[session]:
+            del self._links[session]
+        return replaces
+
+    @property
+    def sessions(self) -> set[str]:
+        """Those that have a link."""
+        return {session for session, links in self._links.items() if links > 0}
 
 
 def links_of(session: zenoh.Session) -> set[Ends]:

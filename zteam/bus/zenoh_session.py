@@ -17,7 +17,7 @@ import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
-from zteam.bus.sockets import limit_silence
+from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
 from zteam.bus.transport import (
     Closeable,
@@ -300,14 +300,13 @@ class ZenohTransport:
         """Key expressions that are declared for the life of the session."""
         self._latched = LatchedSubscriptions(self._subscribe_latched, self._ask_latched)
         self._link_handlers: list[Callable[[bool], None]] = []
-        self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
+        self._links = LinkCount()
         # Answers do not wait for what a change of presence leads to.
         self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
-        events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
+        callback = self._presence.callback(self._on_transport)
+        events = session.info.declare_transport_events_listener(callback, history=True)
         # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
         Declared(events, self._declared)
-        # Asked again: a router may have connected before the listener was there.
-        self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._deferred = DeferredAnswers()
         self.up, self.closed = True, False
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
@@ -472,12 +471,11 @@ class ZenohTransport:
         Declared(limit_silence(self._session, seconds), self._declared)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        zid = str(event.transport.zid)
-        if event.kind == zenoh.SampleKind.PUT:
-            self._routers.add(zid)
-        else:
-            self._routers.discard(zid)
-        up = bool(self._routers)
+        if self._links.take(event):
+            self._tell_of_link(False)
+        self._tell_of_link(bool(self._links.sessions))
+
+    def _tell_of_link(self, up: bool) -> None:
         if up != self.up:
             self.up = up
             for handler in list(self._link_handlers):

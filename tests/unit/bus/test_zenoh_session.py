@@ -3,6 +3,8 @@
 import queue
 import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import zenoh
@@ -13,7 +15,13 @@ from zteam.bus import Bus, BusOptions, connect, zenoh_session
 from zteam.bus.zenoh_session import TokenWatch, ZenohTransport
 from zteam.errors import BusError
 
+BEGIN, END = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
 ALONE = '{mode: "peer", scouting: {multicast: {enabled: false}, delay: 0}, listen: {endpoints: []}}'
+
+
+def link(kind: zenoh.SampleKind) -> Any:
+    """Zenoh's news of a link to a router."""
+    return SimpleNamespace(kind=kind, transport=SimpleNamespace(zid="a"))
 
 
 def test_asking_a_closed_session_is_an_error_of_the_bus() -> None:
@@ -77,6 +85,29 @@ def test_an_error_in_a_handler_stops_no_other(transport: ZenohTransport, caplog:
     transport.declare_token("robot_1/alive/good")
     assert seen.get(timeout=LIMIT) == "robot_1/alive/good"
     assert "error in a callback of the bus" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("kinds", "told"),
+    [
+        ([END, BEGIN], [False, True]),
+        ([BEGIN, END], [False, True]),
+        ([BEGIN, END, END], [False, True, False]),
+        ([BEGIN, BEGIN, END, END], [False, True, False, True]),
+    ],
+)
+def test_a_new_link_is_told_also_before_the_end_of_the_last(
+    transport: ZenohTransport, kinds: list[zenoh.SampleKind], told: list[bool]
+) -> None:
+    """Whichever comes first, watchers hear that the link was lost and is back, and the transport is up; it is down only
+    when all links have ended."""
+    heard = list[bool]()
+    transport._on_transport(link(BEGIN))
+    transport.watch_link(heard.append)
+    for kind in kinds:
+        transport._on_transport(link(kind))
+    assert heard == told
+    assert transport.up is told[-1]
 
 
 @pytest.fixture

@@ -1,6 +1,10 @@
 """Latched keys, the same over Zenoh and in memory."""
 
-from support.transports import Inbox, Sessions
+from functools import partial
+
+import pytest
+
+from support.transports import Inbox, Sessions, wait_until_true
 from zteam.bus import Bus
 from zteam.messages import Done
 
@@ -30,6 +34,54 @@ def test_a_late_subscriber_gets_the_last_message(sessions: Sessions) -> None:
     assert inbox.wait_for(("a", 3)) == [("a", 3)]
     publisher.put(Done(tick=4))
     assert inbox.wait_for(("a", 4)) == [("a", 3), ("a", 4)]
+
+
+def test_late_subscribers_beside_others_get_the_last_message(sessions: Sessions) -> None:
+    """One session has several, on the same key expression and on others: each gets the last message once, and then what
+    follows; those that are closed get nothing more."""
+    sender, listener, witness = three(sessions)
+    publisher, heard = sender.publisher("a", Done, latched=True), ticks(witness, "a")
+    publisher.put(Done(tick=1))
+    heard.wait_for(("a", 1))
+    closed = Inbox()
+    for _ in range(3):
+        listener.subscribe("a", Done, lambda _, message: closed(message.tick), latched=True).close()
+    inboxes = [ticks(listener, "a"), ticks(listener, "*"), ticks(listener, "**")]
+    for inbox in inboxes:
+        assert inbox.wait_for(("a", 1)) == [("a", 1)]
+    late, before = ticks(listener, "a"), closed.items
+    assert late.wait_for(("a", 1)) == [("a", 1)]
+    publisher.put(Done(tick=2))
+    for inbox in (*inboxes, late):
+        assert inbox.wait_for(("a", 2)) == [("a", 1), ("a", 2)]
+    assert closed.items == before
+
+
+def test_plain_and_latched_subscribers_stand_side_by_side(sessions: Sessions) -> None:
+    """Whichever of one session's on a key is closed, the others go on."""
+    sender, listener = sessions(), sessions()
+    publisher = sender.publisher("a/b", Done, latched=True)
+    publisher.put(Done(tick=0))
+    inboxes, handles = [Inbox() for _ in range(4)], []
+    for inbox, (key_expr, latched) in zip(
+        inboxes, [("a/b", True), ("a/b", False), ("a/*", True), ("**", False)], strict=True
+    ):
+        take = partial(_take, inbox)
+        handles.append(listener.subscribe(key_expr, Done, take, latched=latched))
+    for inbox in inboxes[::2]:
+        inbox.wait_for(0)
+    end = sender.publisher("a/b", Done)
+    wait_until_true(lambda: end.has_subscribers)
+    for tick in range(1, 5):
+        publisher.put(Done(tick=tick))
+        for inbox in inboxes[tick - 1 :]:
+            inbox.wait_for(tick)
+        handles[tick - 1].close()
+    assert [inbox.items for inbox in inboxes] == [[0, 1], [1, 2], [0, 1, 2, 3], [1, 2, 3, 4]]
+
+
+def _take(inbox: Inbox, _key: str, message: Done) -> None:
+    inbox(message.tick)
 
 
 def test_a_late_subscriber_of_the_same_session_gets_the_last_message(sessions: Sessions) -> None:
@@ -131,6 +183,40 @@ def test_a_closed_publisher_leaves_no_history(sessions: Sessions) -> None:
     assert not publisher.has_subscribers
     _expect_only_b(sender, listener)
     assert heard.items == [("a", 1)]
+
+
+def test_a_late_subscriber_gets_nothing_of_a_closed_publisher_that_its_session_has_heard(sessions: Sessions) -> None:
+    """The last message dies with its writer, also where another subscriber of the session has had it."""
+    sender, listener = sessions(), sessions()
+    heard = ticks(listener, "*")
+    publisher = sender.publisher("a", Done, latched=True)
+    publisher.put(Done(tick=1))
+    heard.wait_for(("a", 1))
+    publisher.close()
+    kept = sender.publisher("b", Done, latched=True)
+    kept.put(Done(tick=2))
+    heard.wait_for(("b", 2))
+    late = ticks(listener, "*")
+    kept.put(Done(tick=3))
+    assert late.wait_for(("b", 3)) == [("b", 2), ("b", 3)]
+    again = sender.publisher("a", Done, latched=True)
+    again.put(Done(tick=4))
+    assert late.wait_for(("a", 4)) == [("b", 2), ("b", 3), ("a", 4)]
+
+
+@pytest.mark.parametrize("sessions", ["memory", "zenoh"], indirect=True)
+def test_a_late_subscriber_gets_two_writers_messages_in_their_order(sessions: Sessions) -> None:
+    """Where its session has both it gets them at once, the newer one last, though it takes every sample."""
+    first, second, listener = sessions(), sessions(), sessions()
+    heard = Inbox()
+    listener.subscribe_raw("a", lambda sample: heard(sample.source), latched=True)
+    writers = [session.publisher("a", Done, latched=True) for session in (first, second)]
+    for count, number in enumerate((0, 1, 0), 1):
+        writers[number].put(Done())
+        heard.wait_count(count)
+    late = Inbox()
+    listener.subscribe_raw("a", lambda sample: late(sample.source), latched=True)
+    assert late.items == [second.instance, first.instance]
 
 
 def test_a_closed_session_leaves_no_history(sessions: Sessions) -> None:

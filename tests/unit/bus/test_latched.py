@@ -1,0 +1,192 @@
+"""Latched subscriptions that readers of one session share."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import zenoh
+
+from support.limits import LIMIT
+from support.transports import Inbox, RouterProcess, wait_until_true, zenoh_sessions
+from zteam.bus import NoRequest, latched
+from zteam.bus.latched import LatchedSubscriptions, Writer
+from zteam.bus.transport import Handle, RawSample
+from zteam.messages import Done
+
+WRITER = ("map", "f1", "7")
+TOKEN = "map/@adv/pub/f1/7/_"
+
+
+class Desk:
+    """Latched subscriptions without a bus: what is asked, and what is open."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, Callable[[RawSample, Writer], object], Callable[[], object]]] = []
+        self.open: dict[str, Any] = {}
+        self.all = LatchedSubscriptions(self._declare, lambda *asked: self.asked.append(asked))
+
+    def _declare(self, key_expr: str, subscription: Any) -> Handle:
+        self.open[key_expr] = subscription
+        return Handle(lambda: self.open.pop(key_expr))
+
+    def read(self) -> Inbox:
+        """A reader of `map`, and what it gets."""
+        inbox = Inbox()
+        inbox.handle = self.all.subscribe("map", lambda sample: inbox(sample.timestamp))
+        return inbox
+
+    def answer(self, timestamp: int) -> None:
+        """The publisher answers the oldest question."""
+        _, take, end = self.asked.pop(0)
+        take(sample(timestamp), WRITER)
+        end()
+
+
+def sample(timestamp: int) -> RawSample:
+    """A message of the publisher."""
+    return RawSample("map", bytes(10), "", timestamp, "f1")
+
+
+def test_all_readers_share_one_question() -> None:
+    """A publisher is asked once, however many readers there are; one that comes later gets what is kept."""
+    desk = Desk()
+    early = [desk.read() for _ in range(3)]
+    desk.open["map"].on_token(TOKEN, True)
+    assert [token for token, _, _ in desk.asked] == [TOKEN]
+    desk.answer(5)
+    assert [inbox.items for inbox in (*early, desk.read())] == [[5]] * 4
+    assert desk.asked == []
+
+
+def test_the_last_reader_closes_the_subscription() -> None:
+    """Not before; and the next reader opens another one, which keeps nothing of it."""
+    desk = Desk()
+    first, second = desk.read(), desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    desk.answer(5)
+    first.handle.close()
+    assert "map" in desk.open
+    second.handle.close()
+    second.handle.close()
+    assert desk.open == {}
+    assert desk.read().items == []
+
+
+def test_what_does_not_fit_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A late reader gets a message that is too large to be kept from its publisher; the others do not get it twice."""
+    monkeypatch.setattr(latched, "KEPT_BYTES", 9)
+    desk = Desk()
+    early = desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    desk.answer(5)
+    late = desk.read()
+    assert late.items == []
+    desk.answer(5)
+    assert early.items == late.items == [5]
+
+
+def test_what_fits_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Room is counted: what goes makes room for what comes."""
+    monkeypatch.setattr(latched, "KEPT_BYTES", 10)
+    desk = Desk()
+    desk.read()
+    for timestamp in (5, 6, 7):
+        desk.open["map"].on_token(TOKEN, True)
+        desk.answer(timestamp)
+        desk.open["map"].take(sample(timestamp), WRITER)
+        assert desk.read().items == [timestamp]
+        desk.open["map"].on_token(TOKEN, False)
+
+
+def test_a_publisher_that_comes_back_is_asked_again() -> None:
+    """A router that is lost takes all publishers away. A reader that comes meanwhile gets the message when they are
+    back, and those that had it get nothing."""
+    desk = Desk()
+    early = desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    desk.answer(5)
+    desk.open["map"].on_token(TOKEN, False)
+    late = desk.read()
+    assert late.items == []
+    desk.open["map"].on_token(TOKEN, True)
+    desk.answer(5)
+    assert early.items == late.items == [5]
+
+
+def test_nothing_older_comes_after_something_newer() -> None:
+    """An answer that comes after a newer message is left out; a message without a time stamp never is."""
+    desk = Desk()
+    reader = desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    desk.open["map"].take(sample(6), WRITER)
+    desk.answer(5)
+    for _ in range(2):
+        desk.open["map"].take(sample(0), WRITER)
+    assert reader.items == [6, 0, 0]
+    assert desk.read().items == [6]
+
+
+def test_a_message_that_comes_while_another_is_handled_waits() -> None:
+    """A handler runs on one thread at a time, which takes what has come meanwhile; no thread waits for it."""
+    desk, handled = Desk(), Inbox()
+    begun, may_end = threading.Event(), threading.Event()
+
+    def handle(sample: RawSample) -> None:
+        begun.set()
+        assert may_end.wait(LIMIT)
+        handled(sample.timestamp, threading.current_thread().name)
+
+    desk.all.subscribe("map", handle)
+    slow = threading.Thread(target=desk.open["map"].take, args=(sample(1), WRITER), name="slow")
+    slow.start()
+    assert begun.wait(LIMIT)
+    desk.open["map"].take(sample(2), WRITER)
+    assert handled.items == []
+    may_end.set()
+    slow.join(LIMIT)
+    assert handled.items == [(1, "slow"), (2, "slow")]
+
+
+def test_an_interrupted_handler_is_called_again() -> None:
+    """Ctrl+C in a handler, on the thread that subscribes, leaves the reader as it was."""
+    desk, handled = Desk(), Inbox()
+
+    def handle(sample: RawSample) -> None:
+        if sample.timestamp == 1:
+            raise KeyboardInterrupt
+        handled(sample.timestamp)
+
+    desk.all.subscribe("map", handle)
+    with pytest.raises(KeyboardInterrupt):
+        desk.open["map"].take(sample(1), WRITER)
+    desk.open["map"].take(sample(2), WRITER)
+    assert handled.items == [2]
+
+
+@pytest.fixture
+def endpoint() -> Any:
+    """A router's."""
+    router = RouterProcess()
+    yield router.endpoint
+    router.kill()
+
+
+def test_a_new_publisher_is_asked_once_by_a_session(endpoint: str) -> None:
+    """Whatever the session has opened and closed before, and however many readers it has."""
+    with zenoh_sessions(endpoint) as sessions:
+        sender, reading, inbox, asked = sessions(), sessions(), Inbox(), list[str]()
+        for _ in range(20):
+            reading.subscribe("map", Done, Inbox(), latched=True).close()
+        for _ in range(2):
+            reading.subscribe("map", Done, lambda _, message: inbox(message.tick), latched=True)
+        sender.serve("sender/sync", NoRequest, lambda _: NoRequest())
+        callback = zenoh.handlers.Callback(lambda query: asked.append(str(query.key_expr)), indirect=False)
+        beside = sender.transport._session.declare_queryable("map/@adv/**", callback)
+        wait_until_true(lambda: bool(reading.query("sender/sync", NoRequest)))
+        sender.publisher("map", Done, latched=True).put(Done(tick=1))
+        assert inbox.wait_count(2) == [1, 1]
+        # Behind all questions.
+        reading.query("sender/sync", NoRequest)
+        assert len(asked) == 1
+        beside.undeclare()
