@@ -1,18 +1,23 @@
 """A team whose processes are killed one after the other, and what was commanded while a part of it was away."""
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 
 import pytest
+import zenoh
 
 from support.freezing import wait_until_frozen
 from support.limits import LIMIT
+from support.transports import Inbox
+from support.web_view import open_page
 from zteam import names
-from zteam.bus import BusOptions, connect
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, pause
 from zteam.config.resources import find_team
-from zteam.messages import Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
+from zteam.messages import OccupancyGrid, Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
 from zteam.node.shutdown import Stop
@@ -26,6 +31,7 @@ from zteam.team.launch.run import ANY_PORT, ProcessRun
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.testing.processes import WARM_PARENT
 from zteam.team.testing.view import ObservedTeam
+from zteam.view.frames import GRID, POSES, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]
 
@@ -49,8 +55,9 @@ TICKS = 10
 class Line:
     """The shipped line of four robots and a view, as `zteam up line restart=on-failure --view` has them."""
 
-    def __init__(self, run: ProcessRun, lines: list[tuple[str, str]], seen: ObservedTeam) -> None:
-        self.run, self.lines, self.seen = run, lines, seen
+    def __init__(self, run: ProcessRun, lines: list[tuple[str, str]], bus: Bus) -> None:
+        self.run, self.lines, self.bus = run, lines, bus
+        self.seen = ObservedTeam(bus, lambda _: None)
         self.moved: dict[int, int] = {}
         """By robot: the stamp of the newest truth in which it moved."""
 
@@ -133,7 +140,7 @@ def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
         run.start()
         bus = connect(BusOptions(connect=run.endpoint, lease=LEASE))
         stack.callback(bus.close)
-        line = Line(run, lines, ObservedTeam(bus, lambda _: None))
+        line = Line(run, lines, bus)
         bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, line.take_truth)
         line.wait_until_all_drive()
         line.wait_for(lambda: bool(line.said(names.VIEW, "the view is at")))
@@ -189,6 +196,50 @@ def test_robots_that_are_stopped_stand_whatever_is_killed(monkeypatch: pytest.Mo
         line.wait_for(lambda: all(getattr(line.seen.robot(i).status, "is_stopped", False) for i in ROBOTS))
         assert [result.is_done for result in client.release()] == [True] * len(ROBOTS)
         line.wait_until_all_drive()
+
+
+def seen_by_a_page(port: int) -> None:
+    """Load a page, wait until it has the map and all robots' poses, and leave."""
+    with open_page(port, "") as page:
+        page.wait(lambda: {(GRID, TEAM), (POSES, TEAM)} <= page.blocks.keys())
+
+
+@pytest.mark.real_time
+def test_readers_that_have_come_and_gone_cut_nobody_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After 100 loads of a page and 100 readers of the map in one session, simulator, robots and view are back after
+    each of five restarts of the router, and no session that reads the map asks for it twice."""
+    # Not longer after each restart.
+    monkeypatch.setattr(supervising, "DELAYS", 5 * (0.1,))
+    with started(monkeypatch, Pace()) as line:
+        port = int(line.said(names.VIEW, "the view is at")[0].partition("127.0.0.1:")[2].partition("/")[0])
+        bus, maps, asked = line.bus, Inbox(), Inbox()
+        for _ in range(100):
+            seen_by_a_page(port)
+            bus.subscribe(names.MAP, OccupancyGrid, Inbox(), latched=True).close()
+        bus.subscribe(names.MAP, OccupancyGrid, maps, latched=True)
+        maps.wait_count(1)
+        # The simulator's publisher answers; this sees the questions, but those that pass a router before it is back.
+        callback = zenoh.handlers.Callback(lambda query: asked(str(query.key_expr)), indirect=False)
+        beside = bus.transport._session.declare_queryable(names.latched_tokens_key(names.MAP), callback)
+        with open_page(port, "") as page:
+            page.wait(lambda: (GRID, TEAM) in page.blocks)
+            before = len(asked.items)
+            times = []
+            for restart in range(1, 6):
+                begin = monotonic()
+                line.kill(ROUTER)
+                line.wait_for(lambda restart=restart: line.run.supervisor.restarts.counts.get(ROUTER) == restart)  # type: ignore[misc]
+                line.wait_for(lambda: bool(bus.find(names.info_key(names.SIMULATOR), ProcessInfo)))
+                line.wait_until_all_drive()
+                seen_by_a_page(port)
+                times.append(round(monotonic() - begin, 1))
+                assert len(asked.items) <= before + 2 * restart
+        beside.undeclare()
+        assert len(maps.items) == 1
+        with capsys.disabled():
+            sys.stdout.write(f"\nall back after {times} s\n")
 
 
 @pytest.mark.real_time

@@ -13,7 +13,7 @@ from websockets.typing import Subprotocol
 from support.limits import LIMIT
 from support.web_view import TOKEN, Page, open_page
 from zteam import names
-from zteam.messages import PoseStamped, Twist
+from zteam.messages import PoseStamped, Twist, Vector3
 from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
@@ -111,6 +111,37 @@ def test_one_page_drives_a_robot_and_all_see_which(team: TeamFixture) -> None:
         first.wait(lambda: robots(first).get(0, {}).get("driver") == "teleop")
         assert first.command(op="release", robot=0) == ""
         assert second.command(op="take", robot=0) == ""
+
+
+@pytest.mark.real_time
+def test_a_robot_that_was_driven_is_heard_when_it_is_out_of_sight(team: TeamFixture) -> None:
+    """The page lets it go and looks elsewhere: whoever drives it then, the page still has the robot's newest status."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    teleop, scans = team.bus.publisher("robot_1/cmd_vel_teleop", Twist), "robot_1/base_scan$*"
+
+    def view_hears(key: str) -> bool:
+        return key in {each.key for each in team.bus.declarations() if not each.publishes}
+
+    with open_page(start_view(team)) as page:
+
+        def driver() -> object:
+            return robots(page).get(1, {}).get("driver")
+
+        look(page, "scans")
+        page.wait(lambda: (SCAN, 1) in page.blocks)
+        assert page.command(op="take", robot=1) == ""
+        page.say(op="drive", robot=1, linear=0.0, angular=0.5)
+        page.wait(lambda: driver() == "teleop")
+        assert page.command(op="release", robot=1) == ""
+        page.wait(lambda: driver() != "teleop")
+        page.say(op="look", layers=["scans"], docs=[], beams=90, viewport=[900.0, 900.0, 901.0, 901.0])
+        team.wait_for(lambda: not view_hears(scans))
+
+        def driven_again() -> bool:
+            teleop.put(Twist(angular=Vector3(z=0.5)))
+            return driver() == "teleop"
+
+        page.wait(driven_again)
 
 
 @contextmanager

@@ -23,8 +23,8 @@ _MAX_WRITERS = 4096
 
 Writer = tuple[str, str, str]
 """Key, session and number of a publisher."""
-Ask = Callable[[str, Callable[[RawSample, Writer], object], Callable[[], object]], None]
-"""`ask(token, take, end)` asks the publisher with this token, without waiting: `take(sample, writer)`, then `end()`."""
+Ask = Callable[[str, Callable[[RawSample], object], Callable[[], object]], None]
+"""`ask(token, take, end)` asks the publisher with this token, without waiting: `take(sample)`, then `end()`."""
 
 
 class _Reader:
@@ -160,7 +160,13 @@ class LatchedSubscription:
             if each is None or each.asked:
                 return
             each.asked = True
-        self._ask(each.token, self.take, partial(setattr, each, "asked", False))
+
+        def answer(sample: RawSample) -> None:
+            # Others may answer as well.
+            if sample.key == writer[0]:
+                self.take(sample, writer)
+
+        self._ask(each.token, answer, partial(setattr, each, "asked", False))
 
 
 class LatchedSubscriptions:

@@ -391,11 +391,10 @@ class ZenohTransport:
         )
         return Handle(watch.close, live.close)
 
-    def _ask_latched(self, token: str, take: Callable[[RawSample, Writer], object], end: Callable[[], object]) -> None:
+    def _ask_latched(self, token: str, take: Callable[[RawSample], object], end: Callable[[], object]) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                raw = read_sample(reply.ok, self._clocks)
-                take(raw, _writer_of(reply.ok, raw))
+                take(read_sample(reply.ok, self._clocks))
 
         try:
             self._session.get(

@@ -10,7 +10,7 @@ import zenoh
 from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, wait_until_true, zenoh_sessions
 from zteam.bus import NoRequest, latched
-from zteam.bus.latched import LatchedSubscriptions, Writer
+from zteam.bus.latched import LatchedSubscriptions
 from zteam.bus.transport import Handle, RawSample
 from zteam.messages import Done
 
@@ -22,7 +22,7 @@ class Desk:
     """Latched subscriptions without a bus: what is asked, and what is open."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[str, Callable[[RawSample, Writer], object], Callable[[], object]]] = []
+        self.asked: list[tuple[str, Callable[[RawSample], object], Callable[[], object]]] = []
         self.open: dict[str, Any] = {}
         self.all = LatchedSubscriptions(self._declare, lambda *asked: self.asked.append(asked))
 
@@ -39,7 +39,8 @@ class Desk:
     def answer(self, timestamp: int) -> None:
         """The publisher answers the oldest question."""
         _, take, end = self.asked.pop(0)
-        take(sample(timestamp), WRITER)
+        take(RawSample("other", b"", "", timestamp + 1, "f2"))
+        take(sample(timestamp))
         end()
 
 
