@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 from zteam import names
+from zteam.clock import NOT_KNOWN, Sent
 from zteam.messages import Header, TFMessage, TransformStamped, encode, ns_from_time
 from zteam.messages.tf_stamps import is_base
 from zteam.transforms.buffer import Buffer
@@ -102,10 +103,10 @@ class Merger:
         for transform in self._keep_own(robot_id, transforms):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
-    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: int = 0) -> None:
+    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
         """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent.
 
-        They are merged by child frame. `sent` is when they were sent, in the source's own count; 0 where it has none.
+        They are merged by child frame.
         """
         authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}

@@ -9,6 +9,7 @@ from hypothesis import given
 
 from support.arrivals import TICK, Data, Event, Sent, arrive, orders, sent_messages
 from support.transforms import S, stamped
+from zteam import clock
 from zteam.messages import (
     Quaternion,
     TFMessage,
@@ -40,8 +41,8 @@ def test_a_second_authority_is_refused_and_named() -> None:
 def test_an_older_message_takes_back_no_newer_parent() -> None:
     """Late history of a source comes after its newer message: the newer parent of the frame stays."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", 2)
-    merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", 1)
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", clock.Sent(2))
+    merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", clock.Sent(1))
     assert _names(merger.statics.message().transforms) == [("robot_0/base_link", "robot_0/camera")]
 
 

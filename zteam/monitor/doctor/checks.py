@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from zteam import names
 from zteam.bus.lateness import CLOCKS_APART, LATE
 from zteam.bus.receiving import KeyCount
-from zteam.bus.stamps import APART
-from zteam.clock import to_seconds
+from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState

@@ -139,7 +139,7 @@ class Aggregator:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
         if target is not None and message is not None:
             with self._node.changed:
-                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.timestamp)
+                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
                 self._publish_statics()
                 self._bundle.placed.add(target[0])
                 self._part.advance()
