@@ -252,9 +252,10 @@ class Participant:
         """
         if self.tick is None or stamp <= self.stamp:
             return
-        if self._ahead is None:
-            self._ahead = monotonic(), stamp
-        elif stamp > self._ahead[1] and monotonic() - self._ahead[0] > TICKLESS:
+        since, first = self._ahead or (monotonic(), stamp)
+        # The least one: a single message may have a stamp of another clock.
+        self._ahead = since, min(first, stamp)
+        if stamp > first and monotonic() - since > TICKLESS:
             log.warning("data goes on without a tick for %g s: not in lock-step any more", TICKLESS)
             self._forget()
             self._node.take_time_from_clock()
