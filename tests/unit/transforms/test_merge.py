@@ -16,7 +16,7 @@ from zteam.messages import (
     TransformStamped,
     ns_from_time,
 )
-from zteam.transforms.merge import MAX_CONFLICTS, Merger
+from zteam.transforms.merge import MAX_CONFLICTS, MAX_HELD, Merger
 
 
 def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
@@ -259,3 +259,23 @@ def test_the_number_of_conflicts_is_bounded() -> None:
         merger.take(0, TFMessage([stamped("odom", f"/frame_{number}", S)]))
     assert len(merger.conflicts()) == len(merger.take_conflicts()) == MAX_CONFLICTS
     assert f"frame_{MAX_CONFLICTS - 1} " in merger.conflicts()[-1]
+
+
+def test_frames_that_wait_for_a_tick_are_bounded() -> None:
+    """The world stands still while a process sends frames of a robot: a thousand wait, more are a conflict, and those
+    of another robot are taken."""
+    merger = Merger()
+    for number in range(2 * MAX_HELD):
+        merger.take(0, TFMessage([stamped("base_link", f"tag_{number % 7}", number + 1)]), tick=S)
+    merger.take(1, TFMessage([stamped("base_link", "tag", 1)]), tick=S)
+    assert merger.conflicts() == ["robot_0 sends more than 1000 frames within a tick: the others do not count"]
+    assert len(merger.take_pending(2 * S)) == MAX_HELD + 1
+
+
+def test_a_stamp_ahead_of_all_clocks_is_refused_before_the_time_is_known() -> None:
+    """Else the base of a robot whose host's clock was ahead would be too old for good after that clock was set."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", 5000 * S)]), wall=1000 * S)
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]), wall=1000 * S)
+    assert merger.take_pending() == [stamped("robot_0/odom", "robot_0/base_footprint", S)]
+    assert "4000.0 s ahead of the team's clock" in merger.conflicts()[0]
