@@ -197,3 +197,19 @@ def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Scripte
         desk.hear(tick)
         script.tick(tick, NAME)
     assert desk.acted == [*range(2, 50)]
+
+
+def test_tokens_of_simulators_are_asked_for_a_few_times_in_vain(
+    hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each question is waited for, and any program may hold tokens: a thousand make eight questions. A simulator that
+    comes then is asked when its first tick comes."""
+    ask, asked, strangers = desk.node.bus.transport.get, list[str](), hub.bus()
+    monkeypatch.setattr(desk.node.bus.transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
+    for number in range(1000):
+        strangers.declare_token(names.token_key(names.SIMULATOR, f"z{number}"))
+    assert len(asked) == 8
+    late = ScriptedSimulator(hub, NAME)
+    late.appear()
+    late.tick(2, NAME)
+    assert desk.node.wait(lambda: late.answers == [Done(1, 2)], LIMIT)
