@@ -212,8 +212,9 @@ class RobotNode:
         self._inputs.team = status
 
     def _on_tf(self, key: str, bundle: TFMessage) -> None:
-        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
-            self._inputs.transforms.take_bundle(bundle)
+        now = self._node.clock.now()
+        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), now):
+            self._inputs.transforms.take_bundle(bundle, now)
             self._go_on()
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
