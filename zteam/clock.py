@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
 STILL = 2.0
@@ -52,6 +53,36 @@ def monotonic_times() -> Iterator[int]:
 def wall_ns() -> int:
     """Nanoseconds since the Unix epoch on the host's clock."""
     return time.time_ns()
+
+
+APART = 0.25
+"""Seconds that the clocks of two hosts may differ before people are told."""
+_TOGETHER = 1.0
+"""Host seconds within which a late subscriber gets what living writers of a latched key have kept."""
+
+
+class Sent(NamedTuple):
+    """When a message was sent, by the clock of its sender, and when it came."""
+
+    stamp: int = 0
+    """Of any unit; 0 where it is not known."""
+    delay: float = 0.0
+    """Seconds from the stamp to its arrival, by two clocks that may differ."""
+    arrival: float = 0.0
+    """Host time."""
+
+    def hides(self, other: "Sent") -> bool:
+        """Whether a message that comes after this one was not sent later.
+
+        Stamps are compared for a moment only, in which a late subscriber gets what was kept. Whatever comes later
+        counts: the clock of its host may be behind, or have been set back since. A stamp that is ahead of the host's
+        clock hides nothing.
+        """
+        is_together = other.arrival - self.arrival < _TOGETHER and self.delay >= -APART
+        return is_together and 0 < other.stamp <= self.stamp
+
+
+NOT_KNOWN = Sent()
 
 
 _EPOCH_NS = time.time_ns() - time.monotonic_ns()

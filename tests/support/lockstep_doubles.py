@@ -144,7 +144,7 @@ class ScriptedParticipant:
 
 def show_simulator(bus: Bus, lockstep: bool = True, robots: Sequence[int] = ()) -> Closeable:
     """Let a session hold the simulator's name and serve `sim/status`; return its presence token."""
-    status = SimStatus("scripted", [*robots], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep)
+    status = SimStatus("scripted", [*robots], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep, instance=bus.instance)
     bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     return bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))
 

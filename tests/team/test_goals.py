@@ -191,6 +191,18 @@ def test_goals_as_a_node_of_lock_step_repeat(team: TeamFixture, second_team: Tea
     assert same == trajectory
 
 
+def test_the_shipped_navigation_has_no_commands_from_outside(empty_folder: Path) -> None:
+    """`zteam up navigation --lockstep`, twice: its one navigation holds a name for each of four robots and takes part
+    under one of them. Both reports count no external command, and the runs are the same."""
+    found = []
+    for name in ("first.json", "second.json"):
+        command = zteam_command("zteam", "up", "navigation", "--lockstep", "--for", "6", "--report", name)
+        subprocess.run(command, cwd=empty_folder, check=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
+        report = json.loads((empty_folder / name).read_text())
+        found.append((report["external_commands"], report["trajectory_sha256"]))
+    assert found == [(0, found[0][1])] * 2
+
+
 def test_a_mistake_in_the_goals_starts_nothing(team: TeamFixture, empty_folder: Path) -> None:
     """The lines are named, and the exit code is that of usage."""
     team.start("arena", robots=1, behavior="idle")

@@ -185,8 +185,8 @@ class Bus:
     ) -> Closeable:
         """Call `callback(key, message)` for every message that decodes; the others are counted and dropped.
 
-        With `latched`, also call it with the last message of each key that was put before. A message that is older
-        than one handled before is then skipped, such as that of a second writer.
+        With `latched`, also call it with the last message of each key that was put before, if it has several writers
+        with the newest one of theirs.
         """
         check_message_type(key_expr, message_type)
         handler = self._receiver.messages(message_type, callback, latched=latched)

@@ -1,8 +1,12 @@
-"""Messages that were long on their way, told by their time stamps although the clocks of hosts differ. Pure.
+"""Messages that were long on their way, found by their time stamps although the clocks of hosts differ. Pure.
 
-A message's delay is that of its link plus the difference of two clocks, which is not known. So a session is measured
-by itself: its quickest message tells the difference, and what a message took longer than that one is its lateness.
+A message's delay is that of its link plus the difference of two clocks, which is not known. So each key is measured by
+itself: its quickest message of the last seconds shows the difference, and what a message took longer than that one is
+its lateness. The sender chooses a time stamp, so the session's id in it plays no part, and a stamp that is ahead of the
+host's clock is taken for one of now: it makes no later message late.
 """
+
+import math
 
 from zteam.bus.transport import RawSample
 from zteam.clock import monotonic
@@ -10,33 +14,66 @@ from zteam.clock import monotonic
 LATE = 0.5
 """Host seconds from which on a message is too old to act on, as other old data is."""
 CLOCKS_APART = 1.0
-"""Seconds that the clocks of hosts may differ: a session whose quickest message took longer has a slow link."""
+"""Seconds that the clocks of hosts may differ: a key whose quickest message took longer has a slow link."""
 _LONGEST_LINK = 10.0
 """Seconds beyond which no link explains a quickest message: that clock was never set, or set again."""
-_FORGETTING = 1e-3
-"""Seconds a second by which the quickest message is forgotten: clocks drift, and are set at half this rate at most."""
-_MAX_SESSIONS = 4096
-"""A sender can invent sessions; beyond this many each message is measured by itself."""
+_WINDOW = 2.0
+"""Host seconds after which the quickest message begins to be forgotten; after two windows it is."""
+_LONGEST_GAP = 0.5
+"""Host seconds that a pause between two messages counts at most: what a cut link held up is measured by what came
+before the cut, however long that was."""
+
+
+class _Window:
+    """The quickest messages of a while, in seconds; infinite without one."""
+
+    near = far = math.inf
+    """Of those that a link explains, and of the others."""
+
+
+class _Key:
+    """The windows of one key."""
+
+    def __init__(self, now: float) -> None:
+        self._last, self._passed = now, 0.0
+        self._newer, self._older = _Window(), _Window()
+        self._is_slow = False
+        """Whether its link was slow, when last a link explained all messages of a window."""
+
+    def take(self, took: float, now: float) -> float:
+        """A message comes that took so long (s); how long the quickest one took that it is compared with."""
+        self._passed += min(now - self._last, _LONGEST_GAP)
+        self._last = now
+        if self._passed >= _WINDOW:
+            self._passed, self._older, self._newer = 0.0, self._newer, _Window()
+            if self._older.near < self._older.far == math.inf:
+                self._is_slow = self._older.near > CLOCKS_APART
+        newer, older = self._newer, self._older
+        near = min(newer.near, older.near)
+        if took <= _LONGEST_LINK:
+            newer.near = min(took, newer.near)
+            return min(took, near, CLOCKS_APART)
+        newer.far = min(took, newer.far)
+        # A link becomes slow little by little, a clock is set at once.
+        return min(near, CLOCKS_APART) if near < math.inf or self._is_slow else min(newer.far, older.far)
 
 
 class Lateness:
-    """How late the messages of each session come. Fed with all of them, in the order of their arrival."""
+    """How late the messages of each key come. Fed with all of them, in the order of their arrival."""
 
     def __init__(self) -> None:
-        self._quickest: dict[str, tuple[float, float]] = {}
-        """By session: the shortest delay, and the host time of the last message."""
+        self._keys: dict[str, _Key] = {}
 
-    def measure(self, session: str, delay: float, now: float) -> float:
-        """Host seconds by which a message that comes at host time `now`, `delay` after its stamp, is late."""
-        quickest, before = self._quickest.get(session, (delay, now))
-        quickest = min(delay, quickest + _FORGETTING * (now - before))
-        if session in self._quickest or len(self._quickest) < _MAX_SESSIONS:
-            self._quickest[session] = quickest, now
-        apart = quickest if quickest > _LONGEST_LINK else min(quickest, CLOCKS_APART)
-        return delay - apart
+    def measure(self, key: str, delay: float, now: float) -> float:
+        """Host seconds by which a message that comes on `key` at host time `now`, `delay` after its stamp, is late."""
+        known = self._keys.get(key)
+        if known is None:
+            known = self._keys[key] = _Key(now)
+        took = max(delay, 0.0)
+        return took - known.take(took, now)
 
     def problem(self, sample: RawSample) -> str:
         """Why a message that has just come is too old to act on; empty if it is in time."""
-        is_late = self.measure(sample.source, sample.delay, monotonic()) > LATE
+        is_late = self.measure(sample.key, sample.delay, monotonic()) > LATE
         # The same text each time: the log repeats it ever less often.
         return f"it came more than {LATE:g} s late: its link is slow, or was cut" if is_late else ""

@@ -5,6 +5,7 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
+import logging
 import os
 import socket
 import threading
@@ -21,10 +22,15 @@ from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
 
+log = logging.getLogger("zteam.bus")
+
 CLAIM_WAIT = 0.1 * HOST_FACTOR
 """Host seconds for the tokens of others to come."""
 ASK_AGAIN = 1.0
-"""Host seconds until another holder of the name that did not answer is asked again."""
+"""Host seconds between two questions to other holders of the name. One question is for all of them, and one thread
+asks, however many tokens come: any program may hold tokens."""
+_LAST_ANSWER = 0.3
+"""Host seconds that the end of a claim waits for that thread."""
 
 
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
@@ -95,6 +101,11 @@ class Claim:
         self._changed = threading.Condition()
         self._alive: set[str] = set()
         self._claims: set[str] = set()
+        self._unmet: set[str] = set()
+        """Of `_alive`, those that have not answered yet to this holder of the name."""
+        self._has_lost = False
+        """Whether another token has ended since this process's answer was declared."""
+        self._meeting: threading.Thread | None = None
         self._on_rival: Callable[[ProcessInfo], None] | None = None
         self._token: Closeable | None = None
         self._released = False
@@ -118,14 +129,11 @@ class Claim:
             return
         with self._changed:
             (known.add if alive else known.discard)(instance)
+            if known is self._alive:
+                (self._unmet.add if alive else self._unmet.discard)(instance)
+            self._has_lost |= not alive
             self._changed.notify_all()
-            if not alive and self._token is not None and not self._released:
-                # When two sessions answered a query, and one of them has ended, its router forgets the other one when
-                # next the link to that one's router is lost and back, unless that one declares its query anew.
-                self._server.close()
-                self._server = self._serve_info()
-        if known is self._alive and alive and self._token is not None:
-            self._meet_aside(instance)
+            self._meet_aside()
 
     def win(self, on_rival: Callable[[ProcessInfo], None], on_win: Callable[[], None] = lambda: None) -> None:
         """Take the name. Raises DuplicateNameError that names the process that holds it.
@@ -151,9 +159,8 @@ class Claim:
         self._claim.close()
         with self._changed:
             # A token that came since the look above was not compared with one of this process.
-            rivals = sorted(self._alive)
-        for instance in rivals:
-            self._meet_aside(instance)
+            self._has_lost = False
+            self._meet_aside()
 
     def is_taken(self) -> bool:
         """Whether another process holds the name or claimed it earlier. Waits as long as `win`, which then does not."""
@@ -185,29 +192,56 @@ class Claim:
         found = find_processes(self._bus, self.name, timeout=1.0)
         return [info for info in found if info.instance != self._bus.instance]
 
-    def _meet_aside(self, instance: str) -> None:
-        threading.Thread(target=self._meet_rival, args=(instance,), name="rival", daemon=True).start()
+    @property
+    def _must_meet(self) -> bool:
+        """Whether there is something to do about other tokens of the name (under `_changed`)."""
+        return bool(self._unmet or self._has_lost) and self._token is not None and not self._released
 
-    def _meet_rival(self, instance: str) -> None:
+    def _meet_aside(self) -> None:
+        """Under `_changed`."""
+        if self._must_meet and self._meeting is None:
+            self._meeting = threading.Thread(target=self._meet_rivals, name="rival", daemon=True)
+            self._meeting.start()
+
+    def _meet_rivals(self) -> None:
         """Two holders, such as after a healed network: the one that started later gives way.
 
         A rival that does not answer is asked again as long as both hold the name.
         """
         while True:
-            rival = next((info for info in self._others() if info.instance == instance), None)
-            if rival is not None:
-                if rival.is_older(self.start, self._bus.instance) and self._on_rival:
-                    self._on_rival(rival)
-                return
             with self._changed:
-                if wait_until(self._changed, lambda: self._released or instance not in self._alive, ASK_AGAIN):
+                if not self._must_meet:
+                    self._meeting = None
                     return
+                if self._has_lost:
+                    # When two sessions answered a query, and one of them has ended, its router forgets the other one
+                    # when next the link to that one's router is lost and back, unless that one declares its query anew.
+                    self._has_lost = False
+                    self._server.close()
+                    try:
+                        self._server = self._serve_info()
+                    except BusError as error:
+                        # The session was closed meanwhile.
+                        log.debug("%s", error)
+                        return
+                is_met = not self._unmet
+            for rival in () if is_met else self._others():
+                with self._changed:
+                    is_new = rival.instance in self._unmet
+                    self._unmet.discard(rival.instance)
+                if is_new and rival.is_older(self.start, self._bus.instance) and self._on_rival:
+                    self._on_rival(rival)
+            with self._changed:
+                wait_until(self._changed, lambda: self._released, ASK_AGAIN)
 
     def release(self) -> None:
         """Give the name back; the session may go on without it."""
         with self._changed:
-            self._released = True
+            self._released, meeting = True, self._meeting
             self._changed.notify_all()
+        if meeting is not None and meeting is not threading.current_thread():
+            # At the interpreter's end it must not wait for an answer of Zenoh (`Aside`).
+            meeting.join(_LAST_ANSWER)
         for handle in (self._server, self._token, self._claim, *self._watches, *self.under_name):
             if handle:
                 handle.close()

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from zteam.bus.transport import RawSample, SampleHandler, size_problem
-from zteam.clock import monotonic
+from zteam.clock import Sent, monotonic
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
 from zteam.names import all_robots_key, is_wildcard, split_robot_key
@@ -25,8 +25,6 @@ _MAX_REASON = 300
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
 """Host seconds between two warnings about a key: a cause that stays must not fill the log."""
 _CDR = "application/cdr;"
-_TOGETHER = 1.0
-"""Host seconds within which a late subscriber gets what living writers of a latched key have kept."""
 
 
 class KeyCount(msgspec.Struct):
@@ -48,23 +46,6 @@ class _Drop(NamedTuple):
     warned: float
     pause: float
     """Seconds from that warning to the next; twice as long after each."""
-
-
-class _Newest(NamedTuple):
-    """The newest message of a latched key."""
-
-    timestamp: int
-    source: str
-    arrival: float
-
-    def is_older(self, sample: RawSample) -> bool:
-        """Whether a sample is not newer; of another writer that comes later, its clock does not tell.
-
-        Such a writer has taken the place of the first one. Its host's clock may be behind, or have been set back.
-        """
-        if not 0 < sample.timestamp <= self.timestamp:
-            return False
-        return sample.source == self.source or monotonic() - self.arrival < _TOGETHER
 
 
 def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
@@ -170,18 +151,25 @@ class Receiver:
     ) -> SampleHandler:
         """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        With `latched`, not for a message that is not newer than the last one of its key that was handled. A sample with
-        which `problem` finds one is dropped.
+        With `latched`, not for a message that comes again, and not for one that another of its key hides (`Sent`). A
+        sample with which `problem` finds one is dropped.
         """
         due = encoding_of(message_type)
-        newest: dict[str, _Newest] = {}
+        newest: dict[str, tuple[Sent, str]] = {}
+        """Of latched keys: when the last message that counts was sent, and by which session."""
         known: dict[str, KeyCount] = {}
         """By keys on which messages came in memory: the next ones need no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
             key, message = sample.key, sample.content
-            if latched and (last := newest.get(key)) and last.is_older(sample):
-                return
+            if latched and key in newest:
+                (last, source), sent = newest[key], sample.sent(monotonic())
+                if 0 < last.stamp == sent.stamp and source == sample.source:
+                    # It comes again, after a loss of the router, perhaps with older ones of others.
+                    newest[key] = sent, source
+                    return
+                if last.hides(sent):
+                    return
             if problem is not None and (why := problem(sample)):
                 self._counters.drop(key, why)
                 return
@@ -197,7 +185,7 @@ class Receiver:
                     known[key] = count
                 message = decoded
             if latched and (key in newest or len(newest) < MAX_KEYS):
-                newest[key] = _Newest(sample.timestamp, sample.source, monotonic())
+                newest[key] = sample.sent(monotonic()), sample.source
             if with_source:
                 callback(key, message, sample.source)
             else:

@@ -10,12 +10,10 @@ from collections.abc import Callable
 
 import zenoh
 
-from zteam.clock import NS_PER_S, stamp_ns, to_seconds
+from zteam.clock import APART, NS_PER_S, stamp_ns, to_seconds
 
 log = logging.getLogger("zteam.bus")
 
-APART = 0.25
-"""Seconds that the clocks of two hosts may differ before people are told."""
 _MAX_SENDERS = 4096
 """A sender can invent ids; beyond this many they are not looked at."""
 

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 import msgspec
 import zenoh
 
+from zteam.clock import Sent
 from zteam.errors import BusError
 from zteam.messages import Message, encode
 
@@ -72,6 +73,10 @@ class RawSample(msgspec.Struct, eq=False, gc=False):
     delay: float = 0.0
     """Host seconds from its stamp to its arrival by the clocks of two hosts, which may differ; 0 where there is no
     stamp, and in memory."""
+
+    def sent(self, now: float) -> Sent:
+        """When it was sent; it comes at host time `now`."""
+        return Sent(self.timestamp, self.delay, now)
 
     @property
     def payload(self) -> bytes:

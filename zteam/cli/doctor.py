@@ -132,6 +132,8 @@ _SETTLE = 0.3
 """Host seconds to wait for the tokens of other namespaces."""
 _CLOCK_QUESTIONS = 3
 """To each host; the answer that came soonest counts."""
+_MOST_HOSTS = 16
+"""Whose clocks are compared: an answer may name any host."""
 _MAX_ROUTERS = 32
 """Other routers that are asked."""
 
@@ -253,7 +255,8 @@ def _listen(bus: Bus, nodes: list[ProcessInfo]) -> _Survey:
 def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
     """The clocks of all hosts of the team, told by one process of each."""
     found: dict[str, HostClock] = {}
-    for host, name in {node.host: node.name for node in nodes if node.now}.items():
+    hosts = {node.host: node.name for node in nodes if node.now}
+    for host, name in [*hosts.items()][:_MOST_HOSTS]:
         looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
         if known := [clock for clock in looks if clock is not None]:
             found[host] = min(known, key=lambda clock: clock.error)

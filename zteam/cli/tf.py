@@ -116,7 +116,7 @@ class TreeListener:
         self.buffer.take_time(self.now)
 
     def _on_tf(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_transforms(message.transforms, names.TF)
+        self.buffer.set_transforms(message.transforms, names.TF, self.now)
         self.waiter.notify()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:

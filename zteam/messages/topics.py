@@ -1,5 +1,7 @@
 """Which message goes over which key, for tools that receive a payload without an encoding."""
 
+from functools import lru_cache
+
 from zteam import messages, names
 
 _TEAM: dict[str, type[messages.Message]] = {
@@ -49,6 +51,20 @@ _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_
 _LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
 
 
+@lru_cache(maxsize=1024)
+def is_measured(key: str) -> bool:
+    """Whether the simulator, or a base, publishes a key."""
+    target = names.split_robot_key(key)
+    if target is None:
+        return key == names.CLOCK
+    return target[1] in (names.CMD_VEL, names.TF) or _sensor(target[1]) is not None
+
+
+def _sensor(topic: str) -> type[messages.Message] | None:
+    stem, _, number = topic.rpartition("_")
+    return SENSORS.get(topic) or (SENSORS.get(stem) if number.isdigit() else None)
+
+
 def is_latched(key: str) -> bool:
     """Whether a late subscriber of a key, or of that topic of every robot, gets the last message."""
     single = names.keys_in(key, [0])[:1]
@@ -65,8 +81,4 @@ def type_of_key(key: str) -> type[messages.Message] | None:
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)
-    topic = target[1]
-    if topic in _ROBOT:
-        return _ROBOT[topic]
-    stem, _, number = topic.rpartition("_")
-    return SENSORS.get(topic) or (SENSORS.get(stem) if number.isdigit() else None)
+    return _ROBOT.get(target[1]) or _sensor(target[1])

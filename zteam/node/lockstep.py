@@ -22,6 +22,9 @@ GRACE = 1.0
 
 _WINDOW = 1000
 """Ticks that timing looks back."""
+_IN_VAIN = 8
+"""Tokens of simulators in a row that no answer belongs to: then a simulator is asked when its first tick comes. Each
+question is waited for, and any program may hold tokens."""
 TICKLESS = 2.0
 """Host seconds of newer and newer data without a tick after which this is real time."""
 
@@ -43,6 +46,8 @@ class Ticks:
         self._settling = False
         self._asking = 0
         """Questions that are under way."""
+        self._in_vain = 0
+        """Questions since one was answered for its session."""
         self._input: Closeable | None = None
         node.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_token)
         self.listen()
@@ -79,7 +84,7 @@ class Ticks:
                 self._lockstep[instance] = None
             else:
                 self._lockstep.pop(instance, None)
-        if alive:
+        if alive and self._in_vain < _IN_VAIN:
             self._ask(instance)
 
     def _ask(self, instance: str) -> None:
@@ -90,6 +95,7 @@ class Ticks:
         told = [status for _, status in answers if status.get("instance", "") in ("", instance)]
         with self._node.changed:
             self._asking -= 1
+            self._in_vain = 0 if told else self._in_vain + 1
             self._node.changed.notify_all()
             if not told or instance not in self._lockstep:
                 return
@@ -252,9 +258,10 @@ class Participant:
         """
         if self.tick is None or stamp <= self.stamp:
             return
-        if self._ahead is None:
-            self._ahead = monotonic(), stamp
-        elif stamp > self._ahead[1] and monotonic() - self._ahead[0] > TICKLESS:
+        since, first = self._ahead or (monotonic(), stamp)
+        # The least one: a single message may have a stamp of another clock.
+        self._ahead = since, min(first, stamp)
+        if stamp > first and monotonic() - since > TICKLESS:
             log.warning("data goes on without a tick for %g s: not in lock-step any more", TICKLESS)
             self._forget()
             self._node.take_time_from_clock()

@@ -13,6 +13,7 @@ from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist, ns_from_time
 from zteam.messages.message import check_message_type
+from zteam.messages.topics import is_measured, type_of_key
 from zteam.messages.velocity import checked_command
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
@@ -166,8 +167,6 @@ class Node(ProcessNode):
 
         Raises UsageError for a wildcard, and for a type that a key of zteam does not carry.
         """
-        from zteam.messages.topics import type_of_key
-
         if names.is_wildcard(key) or len(key.split()) != 1:
             raise UsageError(
                 f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'"
@@ -207,15 +206,18 @@ class Node(ProcessNode):
                 key, lambda: stamp_of_tick(message), self.clock.now()
             ):
                 return
-            part, due = self._part, self._inputs.take(key, message) if every_tick else None
+            part, due = self._part, stamp_of_tick(message) if every_tick else None
             if latched or not part.active:
                 handle(key, message)
             else:
                 arrival = HeldMessage(number, key, message, source, part.is_simulator(source), due, handle)
                 if problem := self._messages.take(arrival, part.stamp, is_open=part.is_open):
                     self.bus.counters.drop(key, problem)
+                    return
             if due is not None:
-                part.take_stamp(due)
+                self._inputs.take(key, due)
+                if key == names.TF or is_measured(key):
+                    part.take_stamp(due)
             part.advance()
 
         if latched:

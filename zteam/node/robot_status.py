@@ -12,7 +12,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Publisher
-from zteam.clock import to_ns
+from zteam.clock import Every, to_ns
 from zteam.messages import (
     Header,
     NavigationState,
@@ -31,6 +31,8 @@ from zteam.node.stopping import STOPPED, StopSwitch
 
 log = logging.getLogger("zteam")
 
+_MONITORS = 0.1
+"""Host seconds between two statuses for monitors that have just come: any program may hold tokens."""
 PERIOD = to_ns(1.0)
 """Simulated nanoseconds between two statuses of a robot in lock-step."""
 NO_SAFETY = "no safety layer"
@@ -155,11 +157,12 @@ class StatusReport:
         self._spoke = False
         """Whether one was published since the last `beat`."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        self._may_tell = Every(_MONITORS)
         node.on_time_reset(self._forget)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
-        if alive:
+        if alive and self._may_tell.due():
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
             self.say_again()
 

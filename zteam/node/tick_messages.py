@@ -6,6 +6,7 @@ the stamp of a tick was sent in the tick that is open when it comes. Nothing is 
 next tick: what it publishes then could come before that tick or after it.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import count, groupby
 from typing import Any, NamedTuple
@@ -16,11 +17,12 @@ from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
 from zteam.messages.tf_stamps import bases_stamp
+from zteam.messages.topics import is_measured
 
 MAX_AHEAD = to_ns(10.0)
 """A stamp that is farther ahead of the open tick is of another clock: as far as the aggregator takes transforms."""
-MOST = 10_000
-"""Messages that are kept; the world may stand still while others send."""
+MOST, MOST_OF_KEY = 10_000, 1000
+"""Messages that are kept, of all keys and of one; the world may stand still while others send."""
 
 Handle = Callable[[str, Any, int], None]
 """Takes the key, the message, and the stamp (ns) of the tick in which it was sent; 0 for messages of their tick."""
@@ -83,6 +85,8 @@ class TickMessages:
         self._sent: dict[_Place, HeldMessage] = {}
         self._ticks: dict[tuple[str, str], int] = {}
         """The newest tick of `_sent`, by sender and key."""
+        self._count = Counter[str]()
+        """Of what is kept, by key."""
         self._newest: dict[tuple[int, str], int] = {}
         """Stamp of the simulator's newest message, by subscription and key."""
         self._heard = 0
@@ -93,35 +97,53 @@ class TickMessages:
 
         `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
         """
-        if arrival.is_data and self._is_repeated(arrival):
+        if arrival.is_data and self._is_repeated(arrival, stamp):
             return ""
         belongs = arrival.is_data or arrival.due is not None
-        if belongs and is_open and (arrival.due or 0) <= stamp:
+        if not belongs:
+            return self.hold(arrival, stamp)
+        if is_open and (arrival.due or 0) <= stamp:
             arrival.handle(arrival.key, arrival.message, 0)
-        elif len(self._of_ticks) + len(self._sent) >= MOST:
-            return f"{MOST} messages wait for the next tick already"
-        elif belongs:
+        elif (arrival.due or 0) > stamp + MAX_AHEAD:
+            return "its stamp is far ahead of the open tick"
+        elif problem := self._fullness(arrival.key):
+            return problem
+        else:
             # Of the coming tick, or too late for this one.
             self._of_ticks.append(arrival)
-        else:
-            self.hold(arrival, stamp)
+            self._count[arrival.key] += 1
         return ""
 
-    def _is_repeated(self, arrival: HeldMessage) -> bool:
+    def _is_repeated(self, arrival: HeldMessage, open_stamp: int) -> bool:
         """Whether it has come before: a tick that is not answered is sent again with its data."""
         stamp, place = stamp_of(arrival.message), (arrival.subscription, arrival.key)
-        self._heard = max(self._heard, stamp)
+        # The sender chooses the id of its session. So what it sends on its own keys delays no other's messages.
+        if stamp <= open_stamp + MAX_AHEAD and is_measured(arrival.key):
+            self._heard = max(self._heard, stamp)
         known, self._newest[place] = self._newest.get(place, 0), stamp
         return known == stamp > 0
 
-    def hold(self, arrival: HeldMessage, stamp: int) -> None:
-        """A message of another process than the simulator has come while the tick of `stamp` is open."""
-        sender = arrival.source, arrival.key
+    def _fullness(self, key: str) -> str:
+        """Why no further message of a key is kept; empty if one is. One key does not keep out the others."""
+        if self._count[key] >= MOST_OF_KEY:
+            return f"{MOST_OF_KEY} messages of this key wait for the next tick already"
+        is_full = len(self._of_ticks) + len(self._sent) >= MOST
+        return f"{MOST} messages wait for the next tick already" if is_full else ""
+
+    def hold(self, arrival: HeldMessage, stamp: int) -> str:
+        """A message of another process than the simulator has come while the tick of `stamp` is open; why it is
+        dropped, empty if it is not."""
+        key, sender = arrival.key, (arrival.source, arrival.key)
         # What a sender sent later on a key is handled later.
         tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
+        place = tick, key, arrival.subscription, arrival.source, 0 if self._newest_only else next(self._numbers)
+        if place not in self._sent:
+            if problem := self._fullness(key):
+                return problem
+            self._count[key] += 1
         self._ticks[sender] = tick
-        number = 0 if self._newest_only else next(self._numbers)
-        self._sent[tick, arrival.key, arrival.subscription, arrival.source, number] = arrival
+        self._sent[place] = arrival
+        return ""
 
     def handle_due(self, stamp: int | None) -> None:
         """Handle what is due in the tick of `stamp`; everything with None, when there are no ticks any more.
@@ -129,19 +151,36 @@ class TickMessages:
         First what other processes sent before, by tick and key, then what belongs to this tick, in the order in which
         it came. Of several senders of one key, the one that counts (`precedence`) comes last.
         """
+        if stamp is not None:
+            # The data of the next tick does not come before this one is answered.
+            self._heard = min(self._heard, stamp)
         if not (self._of_ticks or self._sent):
             return
         due = [entry for entry in self._of_ticks if stamp is None or (entry.due or 0) <= stamp]
         self._of_ticks = [entry for entry in self._of_ticks if stamp is not None and (entry.due or 0) > stamp]
         sent = sorted((place for place in self._sent if stamp is None or place[0] < stamp), key=_without_sender)
         for (tick, *_), group in groupby(sent, _without_sender):
-            for arrival in _in_order([self._sent.pop(place) for place in group]):
+            for arrival in _in_order([self._take_out(place) for place in group]):
                 arrival.handle(arrival.key, arrival.message, tick)
         for arrival in due:
+            self._release(arrival.key)
             arrival.handle(arrival.key, arrival.message, 0)
+
+    def _release(self, key: str) -> None:
+        self._count[key] -= 1
+        if not self._count[key]:
+            del self._count[key]
+
+    def _take_out(self, place: _Place) -> HeldMessage:
+        tick, key, _, source, _ = place
+        self._release(key)
+        if self._ticks.get((source, key)) == tick:
+            del self._ticks[source, key]
+        return self._sent.pop(place)
 
     def forget(self) -> None:
         """Time jumped back."""
+        self._count.clear()
         self._of_ticks.clear()
         self._sent.clear()
         self._ticks.clear()
@@ -191,10 +230,9 @@ class TickInputs:
         """Each tick needs what `lacks(tick)` names."""
         self._needs.append(lacks)
 
-    def take(self, key: str, message: Any) -> int:
-        """A message has come; its stamp in ns."""
-        stamp = self._stamps[key] = stamp_of_tick(message)
-        return stamp
+    def take(self, key: str, stamp: int) -> None:
+        """A message of this stamp (ns) has come."""
+        self._stamps[key] = stamp
 
     def forget(self) -> None:
         """Time jumped back."""

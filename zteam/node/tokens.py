@@ -13,24 +13,35 @@ _MAX_SESSIONS = 64
 class TokenSet(dict[str, set[str]]):
     """Instances (sessions) alive, by process name. Pure: fed with presence tokens; the caller holds a lock."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._names: dict[str, set[str]] = {}
+        """By instance."""
+
     def take(self, name: str, instance: str, alive: bool) -> bool:
         """A token came or went; True if with it the name got its first holder or lost its last one.
 
         A token that comes twice changes nothing, nor does the loss of an unknown one.
         """
-        was_held, held = name in self, self.setdefault(name, set())
-        (held.add if alive else held.discard)(instance)
-        if not held:
-            del self[name]
+        was_held = name in self
+        for table, one, other in ((self, name, instance), (self._names, instance, name)):
+            found = table.setdefault(one, set())
+            (found.add if alive else found.discard)(other)
+            if not found:
+                del table[one]
         return (name in self) != was_held
 
     def instances(self, name: str) -> frozenset[str]:
         """The sessions that hold this name."""
         return frozenset(self.get(name, ()))
 
+    def names_of(self, instance: str) -> frozenset[str]:
+        """The names that this session holds: a navigation of several robots has one for each."""
+        return frozenset(self._names.get(instance, ()))
+
     def name_of(self, instance: str) -> str | None:
-        """A name that this session holds; None if it holds none."""
-        return next((name for name, held in self.items() if instance in held), None)
+        """The first of the names that this session holds; None if it holds none."""
+        return min(self._names.get(instance, ()), default=None)
 
 
 class TokenLossFilter:

@@ -75,14 +75,21 @@ class Buffer:
         refused = self.set_transforms((transform,), authority)
         return refused[0] if refused else None
 
-    def set_transforms(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
-        """Store a sample of each of these moving edges; why some were refused."""
-        found, add = [], self._tree.add
+    def set_transforms(self, transforms: Iterable[TransformStamped], authority: str, now: int = 0) -> list[Rejection]:
+        """Store a sample of each of these moving edges; why some were refused.
+
+        Where the time `now` (ns) is known, a sample that is further ahead of it than the buffer remembers is refused:
+        with it, all later ones would be too old.
+        """
+        found, add, last = [], self._tree.add, now + self._tree.cache if now else None
         with self.lock:
             for transform in transforms:
                 header, pose = transform.header, transform.transform
                 p, q, stamp = pose.translation, pose.rotation, header.stamp
                 time = stamp.sec * _NS + stamp.nanosec
+                if last is not None and time > last:
+                    found.append(Rejection("TF_FUTURE_DATA", _future_text(transform.child_frame_id, time - now)))
+                    continue
                 floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
                 refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
                 if refused is not None:
@@ -264,6 +271,10 @@ class Buffer:
         """The figures of every child frame, sorted by name."""
         with self.lock:
             return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
+
+
+def _future_text(child: str, ahead: int) -> str:
+    return f"{child} is {ahead / 1e9:.1f} s ahead of the time"
 
 
 def _parent_in(transform: TransformStamped | None) -> str | None:

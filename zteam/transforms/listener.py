@@ -16,7 +16,7 @@ class TransformListener:
     """
 
     def __init__(self, node: Node) -> None:
-        self.buffer = Buffer()
+        self.buffer, self._clock = Buffer(), node.clock
         self._connected: set[int] = set()
         """Robots that have been seen in `map`."""
         node.on_time_reset(self.buffer.clear)
@@ -25,7 +25,7 @@ class TransformListener:
         node.need(self._lacks)
 
     def _take(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_transforms(message.transforms, names.TF)
+        self.buffer.set_transforms(message.transforms, names.TF, self._clock.now())
 
     def _take_static(self, _key: str, message: TFMessage) -> None:
         self.buffer.set_all_static(message.transforms, names.TF)

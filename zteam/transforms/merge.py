@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 from zteam import names
+from zteam.clock import NOT_KNOWN, Sent
 from zteam.messages import Header, TFMessage, TransformStamped, encode, ns_from_time
 from zteam.messages.tf_stamps import is_base
 from zteam.transforms.buffer import Buffer
@@ -19,6 +20,8 @@ TEAM_FILE = "team file"
 
 MAX_APART = 10_000_000_000
 """Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""
+MAX_HELD = 1000
+"""Frames of a robot that wait for the bundle of their tick; the world may stand still while others send."""
 MAX_CONFLICTS = 1000
 """Conflicts that are recorded; later ones are dropped, so that a faulty robot cannot fill the memory."""
 
@@ -41,24 +44,30 @@ class Merger:
         self._bases: list[TransformStamped] = []
         self._others: list[TransformStamped] = []
         """For the next bundle: the robots' bases, and frames of the user's processes."""
-        self._held: list[tuple[int, TransformStamped, str]] = []
-        """Frames of the user's processes in lock-step, which are not stored before their bundle: the stamp (ns) of the
-        tick in which each was sent, the transform and its authority."""
+        self._held: dict[str, list[tuple[int, TransformStamped, str]]] = {}
+        """Frames of the user's processes in lock-step, by authority, which are not stored before their bundle: the
+        stamp (ns) of the tick in which each was sent, the transform and its authority."""
         for transform in configured:
             self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
-    def take(self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0) -> None:
-        """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known.
+    def take(self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0) -> None:
+        """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known, and `wall` then the
+        host's, which no clock of a team is ahead of.
 
         In lock-step `tick` is the stamp (ns) of the tick in which they were sent: see `take_pending`.
         """
-        authority = names.robot_name(robot_id)
+        authority, known = names.robot_name(robot_id), now or wall
         for transform in self._keep_own(robot_id, message.transforms):
             stamp = transform.header.stamp
-            if now and not -MAX_APART <= stamp.sec * 1_000_000_000 + stamp.nanosec - now <= MAX_APART:
-                self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, now))
+            apart = stamp.sec * 1_000_000_000 + stamp.nanosec - known
+            if known and (apart > MAX_APART or (now and apart < -MAX_APART)):
+                self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, known))
             elif tick and not is_base(transform.child_frame_id):
-                self._held.append((tick, transform, authority))
+                held = self._held.setdefault(authority, [])
+                if len(held) < MAX_HELD:
+                    held.append((tick, transform, authority))
+                else:
+                    self._report("", authority, _refuse_number(authority))
             else:
                 self._store(transform, authority)
 
@@ -102,10 +111,10 @@ class Merger:
         for transform in self._keep_own(robot_id, transforms):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
-    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: int = 0) -> None:
+    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
         """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent.
 
-        They are merged by child frame. `sent` is when they were sent, in the source's own count; 0 where it has none.
+        They are merged by child frame.
         """
         authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}
@@ -133,8 +142,13 @@ class Merger:
         With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
         comes at any moment of the tick, so it is taken with the next one, in an order that does not depend on when.
         """
-        due = [held for held in self._held if held[0] < tick or not tick]
-        self._held = [held for held in self._held if held[0] >= tick > 0]
+        due: list[tuple[int, TransformStamped, str]] = []
+        for authority, frames in [*self._held.items()]:
+            due += [held for held in frames if held[0] < tick or not tick]
+            if later := [held for held in frames if held[0] >= tick > 0]:
+                self._held[authority] = later
+            else:
+                del self._held[authority]
         for _, transform, authority in sorted(due, key=_order):
             self._store(transform, authority)
         # Bases stand last: readers look there for the stamp of the tick.
@@ -200,6 +214,10 @@ def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, byte
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
     tick, transform, _ = held
     return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
+
+
+def _refuse_number(authority: str) -> Rejection:
+    return Rejection("full", f"{authority} sends more than {MAX_HELD} frames within a tick: the others do not count")
 
 
 def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:

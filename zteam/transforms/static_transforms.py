@@ -16,6 +16,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from zteam import names
+from zteam.clock import NOT_KNOWN, Sent
 from zteam.messages import TFMessage, TransformStamped
 from zteam.transforms.buffer import Buffer
 from zteam.transforms.tree import Rejection
@@ -43,8 +44,7 @@ class Static(NamedTuple):
     rank: Rank
     transform: TransformStamped
     authority: str
-    sent: int = 0
-    """When, in the source's own count; 0 where it has none."""
+    sent: Sent = NOT_KNOWN
 
 
 def is_start_pose(transform: TransformStamped) -> bool:
@@ -77,7 +77,9 @@ class StaticTransforms:
         child = transform.child_frame_id
         said = self._said.setdefault(child, {})
         before = said.get(authority)
-        if before is not None and sent < before.sent:
+        if before is not None and before.sent.hides(sent):
+            if before.sent.stamp == sent.stamp:
+                said[authority] = before._replace(sent=sent)
             return None
         said[authority] = static
         refused = self._choose(child)
@@ -136,11 +138,11 @@ class StaticTransforms:
             if authority in said and len(said) > 1:
                 self._choose(child)
 
-    def drop_reparented(self, authority: str, new: Mapping[str, TransformStamped], sent: int = 0) -> None:
+    def drop_reparented(self, authority: str, new: Mapping[str, TransformStamped], sent: Sent = NOT_KNOWN) -> None:
         """Drop what the source said before it `sent` its `new` edges (by child frame) and that contradicts them."""
         parents = {transform.header.frame_id for transform in new.values()}
         for child, said in list(self._said.items()):
-            if authority in said and said[authority].sent <= sent:
+            if authority in said and not said[authority].sent.hides(sent):
                 parent = said[authority].transform.header.frame_id
                 if new[child].header.frame_id != parent if child in new else child in parents and parent in new:
                     self._take_back(child, authority)

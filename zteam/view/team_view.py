@@ -100,8 +100,8 @@ class Places:
         if stamp and stamp < self.stamp:
             # Time was set back: what was known of the other time does not count.
             self.buffer.clear()
-        self.buffer.set_transforms(message.transforms, names.TF)
         self.stamp = stamp or self.stamp
+        self.buffer.set_transforms(message.transforms, names.TF, self.stamp)
         self._taken = self.number = arrival.number
         self.time = arrival.time
         return True

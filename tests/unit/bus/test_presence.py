@@ -114,6 +114,31 @@ def test_a_silent_rival_is_forgotten_with_its_token(hub: MemoryHub) -> None:
             assert not thread.is_alive()
 
 
+def test_tokens_make_no_threads_and_hide_no_holder(hub: MemoryHub) -> None:
+    """Three thousand tokens of the name that nobody answers for, which end again: one thread asks, with one question
+    for all of them. A second process is refused by the name of the true holder, and an older one is met."""
+    holder, flood, asked, meeting = hub.bus(), hub.bus(), list[str](), Meeting()
+    get, before = holder.transport.get, threading.active_count()
+    claim = Claim(holder, NAME)
+    claim.win(meeting)
+    holder.transport.get = lambda key, *rest: asked.append(key) or get(key, *rest)  # type: ignore[method-assign, func-returns-value]
+    tokens = [flood.declare_token(names.token_key(NAME, f"z{number}")) for number in range(3000)]
+    assert threading.active_count() <= before + 1
+    with pytest.raises(DuplicateNameError, match=f"taken by process {os.getpid()}"):
+        Claim(hub.bus(), NAME).win(Meeting())
+    for token in tokens[:2000]:
+        token.close()
+    rival = Rival(hub, start=1)
+    rival.show()
+    meeting.wait()
+    assert [info.instance for info in meeting.rivals] == [rival.bus.instance]
+    assert threading.active_count() <= before + 1
+    claim.release()
+    assert threading.active_count() == before
+    # A second's wait is between two questions, and the test takes a few.
+    assert len(asked) < 100
+
+
 def test_a_holder_declares_its_answer_anew_when_another_claim_has_ended(
     hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
 ) -> None:

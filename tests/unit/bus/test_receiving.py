@@ -105,23 +105,47 @@ def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.L
     assert "robot_$*/cmd_vel" not in found.snapshot()
 
 
-def test_a_new_writer_of_a_latched_key_is_heard_whatever_its_clock(now: list[float]) -> None:
-    """Of two writers that are there when a subscriber comes, the later message counts. One that comes afterwards has
-    taken the place of the first, though its clock be behind; each one's own older messages are left out."""
-    heard: list[bool] = []
-    receiver = Receiver(Counters())
-    take = receiver.messages(Bool, lambda _, message: heard.append(message.data), latched=True)
+class Lamp:
+    """A latched key, and what a subscriber has heard on it."""
 
-    def send(source: str, timestamp: int, lamp: bool) -> None:
-        take(RawSample("lamp", encode(Bool(lamp)), encoding_of(Bool), timestamp, source))
+    def __init__(self, now: list[float]) -> None:
+        self._now = now
+        self.heard: list[bool] = []
+        handle = Receiver(Counters()).messages(Bool, lambda _, message: self.heard.append(message.data), latched=True)
+        self._take = handle
 
-    send("old", 1000, True)
-    send("other", 999, False)
-    assert heard == [True]
-    now[0] += 2.0
-    send("old", 998, False)
-    assert heard == [True]
-    send("new", 500, False)
-    send("new", 501, True)
-    send("new", 499, False)
-    assert heard == [True, False, True]
+    def send(self, timestamp: int, lamp: bool, source: str = "old", delay: float = 0.0, after: float = 0.0) -> None:
+        """A message comes `after` seconds."""
+        self._now[0] += after
+        self._take(RawSample("lamp", encode(Bool(lamp)), encoding_of(Bool), timestamp, source, delay))
+
+
+def test_of_what_is_kept_the_newest_counts(now: list[float]) -> None:
+    """When a subscriber comes, it gets what several writers have kept in any order; and after each loss of the router
+    the same again."""
+    lamp = Lamp(now)
+    for after in (0.0, 60.0, 60.0):
+        lamp.send(1000, True, "old", after=after)
+        lamp.send(999, False, "other")
+        lamp.send(998, False, "old")
+    assert lamp.heard == [True]
+
+
+@pytest.mark.parametrize("source", ["old", "new"])
+def test_what_comes_later_counts_whatever_the_clock(now: list[float], source: str) -> None:
+    """Another writer has taken the place of the first one, or the clock of its host was set back: a second later its
+    messages count, also if they go on without a pause."""
+    lamp = Lamp(now)
+    lamp.send(10**6, True)
+    for number in range(8):
+        lamp.send(500 + number, bool(number % 2), source, after=0.3)
+    assert lamp.heard == [True, True, False, True, False, True]
+
+
+@pytest.mark.parametrize("source", ["old", "other"])
+def test_a_stamp_that_is_ahead_hides_nothing(now: list[float], source: str) -> None:
+    """Whoever put a message an hour ahead on the key, the next one counts at once."""
+    lamp = Lamp(now)
+    lamp.send(10**9, True, source, delay=-3600.0)
+    lamp.send(1000, False)
+    assert lamp.heard == [True, False]

@@ -3,7 +3,8 @@
 import pytest
 
 from support.log_capture import captured_log
-from zteam.bus.stamps import APART, ClockWatch, read_stamp, stamping_as
+from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
+from zteam.clock import APART
 
 
 @pytest.mark.parametrize("session", ["955b777d3b85846280c89ce442bac183", "a5b777d3b85846280c89ce442bac183", "7"])

@@ -66,6 +66,20 @@ def test_a_process_that_joins_tells_its_start(hub: MemoryHub) -> None:
     assert texts(reader) == ["starting", "ready"]
 
 
+def test_many_that_join_are_asked_with_one_question(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any program may hold tokens, of any names."""
+    bus = hub.bus()
+    reader = LogReader(bus, ["*"], lambda: None)
+    reader.follow()
+    late = Talker(hub, "robot_7", "starting")
+    for number in range(1000):
+        late.bus.declare_token(names.token_key(f"z{number}", "a"))
+    ask, asked = bus.transport.get, list[str]()
+    monkeypatch.setattr(bus.transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
+    assert reader.fetch_joined() == {"robot_7"}
+    assert (len(asked), texts(reader)) == (1, ["starting"])
+
+
 def test_patterns_choose_processes(hub: MemoryHub) -> None:
     """Lines and histories of other processes do not come."""
     talkers = [Talker(hub, name, f"{name} starts") for name in ("sim", "robot_0", "robot_1")]

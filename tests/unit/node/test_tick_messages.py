@@ -4,12 +4,14 @@ from functools import partial
 from random import Random
 from typing import Any
 
+import pytest
 from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Point, Pose, PoseStamped, Twist, time_from_ns
-from zteam.node.tick_messages import MAX_AHEAD, MOST, HeldMessage, TickMessages, stamp_of, tick_of
+from zteam.node.tick_messages import MAX_AHEAD, MOST, MOST_OF_KEY, HeldMessage, TickMessages, stamp_of, tick_of
 
+SCAN = "robot_0/base_scan"
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""
 
@@ -35,7 +37,7 @@ def handle_all(sent: list[Sent], random: Random) -> Handled:
         elif isinstance(event, Data):
             # A tick that is not answered is sent again with its data.
             for _ in range(2):
-                scan = HeldMessage(0, "scan", pose(event.tick * TICK), "sim", True, None, handle)
+                scan = HeldMessage(0, SCAN, pose(event.tick * TICK), "sim", True, None, handle)
                 messages.take(scan, opened, is_open=False)
         else:
             key, message = f"topic_{event.topic}", pose(event.stamp_ns, event.value)
@@ -56,7 +58,7 @@ def test_the_order_of_arrival_changes_nothing(sent: list[Sent], ways: list[Rando
 def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[Random]) -> None:
     """Those of one sender are handled in the tick after the one in which they were sent, in the order of each key."""
     timely = [s for s in sent if s.stamp != "later"]
-    handled = [entry for entry in handle_all(timely, ways[0]) if entry[1] != "scan"]
+    handled = [entry for entry in handle_all(timely, ways[0]) if entry[1] != SCAN]
     for topic in (0, 1):
         mine = [(tick, value) for tick, key, value in handled if key == f"topic_{topic}"]
         assert mine == [(s.tick + 1, s.value) for s in timely if s.topic == topic]
@@ -94,7 +96,7 @@ def test_after_the_last_tick_all_is_handled() -> None:
 
 
 def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
-    """At once while that tick is open, with it if it comes first; a node that hears no tick keeps no more than MOST."""
+    """At once while that tick is open, with it if it comes first."""
     messages, kept = TickMessages(), list[int]()
 
     def take(due: int | None, stamp: int) -> str:
@@ -108,8 +110,61 @@ def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
     messages.handle_due(2 * TICK)
     take(2 * TICK, 2 * TICK)
     assert kept == [2 * TICK] * 2
-    problems = [take(None, 2 * TICK) for _ in range(MOST + 1)]
-    assert [bool(problem) for problem in problems] == [False] * MOST + [True]
+
+
+class Waiting:
+    """The messages that a node keeps, tick 2 being open, and what it has handled of them."""
+
+    def __init__(self) -> None:
+        self.messages, self.handled, self._open = TickMessages(), list[str](), 2 * TICK
+
+    def take(self, key: str, stamp: int = 0, due: int | None = None, source: str = "a", data: bool = False) -> str:
+        """A message comes; why it is dropped."""
+        handle = lambda told, *_: self.handled.append(told)  # noqa: E731
+        arrival = HeldMessage(1, key, pose(stamp), source, data, due, handle)
+        return self.messages.take(arrival, self._open, is_open=True)
+
+    def next(self) -> list[str]:
+        """What is handled in the next tick."""
+        self.handled.clear()
+        self._open += TICK
+        self.messages.handle_due(self._open)
+        return self.handled
+
+
+@pytest.mark.parametrize("key", [SCAN, "robot_2/status"])
+@pytest.mark.parametrize("stamp", [3 * TICK, 2 * TICK + MAX_AHEAD, 2**31 * 10**9])
+def test_data_of_a_far_tick_delays_no_message_for_good(key: str, stamp: int) -> None:
+    """Whoever sends it with the simulator's id, on whatever key: what others send after the next tick is handled in the
+    tick after it. On a key that is not the simulator's it delays nothing at all."""
+    waiting = Waiting()
+    waiting.take(key, stamp, data=True)
+    waiting.take("robot_1/status")
+    assert waiting.next() == ([] if key == SCAN and stamp <= 2 * TICK + MAX_AHEAD else ["robot_1/status"])
+    waiting.take("robot_0/status")
+    assert "robot_0/status" in waiting.next()
+
+
+@pytest.mark.parametrize("due", [None, 3 * TICK])
+def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
+    """A node that hears no tick keeps so many messages of a key, and those of other keys besides, MOST in all; when
+    they are handled, there is room again. One session after the other may send them."""
+    waiting = Waiting()
+    problems = [waiting.take("near/distance", 0, due, str(i)) for i in range(MOST_OF_KEY + 1)]
+    assert [bool(problem) for problem in problems] == [False] * MOST_OF_KEY + [True]
+    keys = [f"near/{i % 20}" for i in range(20 * MOST_OF_KEY)]
+    assert sum(not waiting.take(key, 0, due) for key in keys) == MOST - MOST_OF_KEY
+    assert len(waiting.next()) == MOST
+    assert not waiting.take("near/distance", 0, due)
+    assert not (waiting.messages._ticks.keys() - {("a", "near/distance")})
+
+
+def test_what_a_step_would_wait_for_in_a_far_tick_is_refused() -> None:
+    """It would stay for ever: ten thousand of them leave room for all others."""
+    waiting = Waiting()
+    far = 2 * TICK + MAX_AHEAD + 1
+    assert {waiting.take("near/distance", far, far) for _ in range(MOST)} == {"its stamp is far ahead of the open tick"}
+    assert not waiting.take("robot_1/status")
 
 
 def test_a_stamp_tells_the_tick_also_before_that_tick_comes() -> None:

@@ -170,9 +170,11 @@ def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
 def test_data_that_goes_on_without_ticks_is_of_real_time(
     desk: Desk, script: ScriptedSimulator, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The participant is idle again, and the clock counts; a tick takes it back into lock-step."""
+    """The participant is idle again, and the clock counts; a tick takes it back into lock-step. One message with a
+    stamp of another clock does not hide the others."""
     monkeypatch.setattr(module, "TICKLESS", 0.0, raising=False)
     script.tick(2, NAME)
+    desk.hear(10**9)
     # Of the tick itself, and of the next one, which may come before it.
     for stamp in (2, 2, 3, 3, 3):
         desk.hear(stamp)
@@ -195,3 +197,19 @@ def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Scripte
         desk.hear(tick)
         script.tick(tick, NAME)
     assert desk.acted == [*range(2, 50)]
+
+
+def test_tokens_of_simulators_are_asked_for_a_few_times_in_vain(
+    hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each question is waited for, and any program may hold tokens: a thousand make eight questions. A simulator that
+    comes then is asked when its first tick comes."""
+    ask, asked, strangers = desk.node.bus.transport.get, list[str](), hub.bus()
+    monkeypatch.setattr(desk.node.bus.transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
+    for number in range(1000):
+        strangers.declare_token(names.token_key(names.SIMULATOR, f"z{number}"))
+    assert len(asked) == 8
+    late = ScriptedSimulator(hub, NAME)
+    late.appear()
+    late.tick(2, NAME)
+    assert desk.node.wait(lambda: late.answers == [Done(1, 2)], LIMIT)

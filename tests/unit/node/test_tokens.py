@@ -1,5 +1,9 @@
 """Which processes hold their names."""
 
+from itertools import permutations
+
+import pytest
+
 from zteam.node.tokens import TokenSet
 
 
@@ -35,3 +39,15 @@ def test_holders_are_known_both_ways() -> None:
     assert tokens.instances("robot_1") == {"a", "b"}
     assert tokens.instances("tf") == frozenset()
     assert (tokens.name_of("b"), tokens.name_of("c"), tokens.name_of("d")) == ("robot_1", "sim", None)
+
+
+@pytest.mark.parametrize("order", [*permutations(("nav_2", "nav_0", "nav_1"))])
+def test_a_session_may_hold_several_names(order: tuple[str, ...]) -> None:
+    """Whatever the order in which their tokens come and go, all are known, and people read the first one."""
+    tokens = TokenSet()
+    for name in order:
+        tokens.take(name, "a", True)
+    assert (tokens.names_of("a"), tokens.name_of("a")) == ({*order}, "nav_0")
+    for count, name in enumerate(order, 1):
+        tokens.take(name, "a", False)
+        assert tokens.names_of("a") == {*order[count:]}

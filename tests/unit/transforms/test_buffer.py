@@ -126,6 +126,16 @@ def test_fixed_transforms_hold_at_any_time_and_carry_the_time_asked_for() -> Non
         assert (transform.header.frame_id, transform.child_frame_id) == ("f3", "f0")
 
 
+@pytest.mark.parametrize("ahead", [10, 11, 2**31])
+def test_a_sample_far_ahead_of_the_time_hides_no_later_one(ahead: int) -> None:
+    """Where the time is known, what is further ahead of it than the buffer remembers is refused."""
+    buffer = Buffer()
+    refused = buffer.set_transforms([stamped("map", "base", (100 + ahead) * S, 9.0)], "test", 100 * S)
+    assert [each.code for each in refused] == (["TF_FUTURE_DATA"] if ahead > 10 else [])
+    assert buffer.set_transforms([stamped("map", "base", 100 * S, 1.0)], "test", 100 * S) == []
+    assert buffer.lookup_pose2("map", "base", 100 * S)[0].x == 1.0
+
+
 def test_a_frame_seen_from_itself() -> None:
     """The answer is the identity, stamped with the time asked for or with the frame's newest sample."""
     buffer = Buffer()

@@ -9,13 +9,14 @@ from hypothesis import given
 
 from support.arrivals import TICK, Data, Event, Sent, arrive, orders, sent_messages
 from support.transforms import S, stamped
+from zteam import clock
 from zteam.messages import (
     Quaternion,
     TFMessage,
     TransformStamped,
     ns_from_time,
 )
-from zteam.transforms.merge import MAX_CONFLICTS, Merger
+from zteam.transforms.merge import MAX_CONFLICTS, MAX_HELD, Merger
 
 
 def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
@@ -40,8 +41,8 @@ def test_a_second_authority_is_refused_and_named() -> None:
 def test_an_older_message_takes_back_no_newer_parent() -> None:
     """Late history of a source comes after its newer message: the newer parent of the frame stays."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", 2)
-    merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", 1)
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", clock.Sent(2))
+    merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", clock.Sent(1))
     assert _names(merger.statics.message().transforms) == [("robot_0/base_link", "robot_0/camera")]
 
 
@@ -258,3 +259,23 @@ def test_the_number_of_conflicts_is_bounded() -> None:
         merger.take(0, TFMessage([stamped("odom", f"/frame_{number}", S)]))
     assert len(merger.conflicts()) == len(merger.take_conflicts()) == MAX_CONFLICTS
     assert f"frame_{MAX_CONFLICTS - 1} " in merger.conflicts()[-1]
+
+
+def test_frames_that_wait_for_a_tick_are_bounded() -> None:
+    """The world stands still while a process sends frames of a robot: a thousand wait, more are a conflict, and those
+    of another robot are taken."""
+    merger = Merger()
+    for number in range(2 * MAX_HELD):
+        merger.take(0, TFMessage([stamped("base_link", f"tag_{number % 7}", number + 1)]), tick=S)
+    merger.take(1, TFMessage([stamped("base_link", "tag", 1)]), tick=S)
+    assert merger.conflicts() == ["robot_0 sends more than 1000 frames within a tick: the others do not count"]
+    assert len(merger.take_pending(2 * S)) == MAX_HELD + 1
+
+
+def test_a_stamp_ahead_of_all_clocks_is_refused_before_the_time_is_known() -> None:
+    """Else the base of a robot whose host's clock was ahead would be too old for good after that clock was set."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", 5000 * S)]), wall=1000 * S)
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]), wall=1000 * S)
+    assert merger.take_pending() == [stamped("robot_0/odom", "robot_0/base_footprint", S)]
+    assert "4000.0 s ahead of the team's clock" in merger.conflicts()[0]

@@ -6,6 +6,7 @@ from itertools import permutations
 import pytest
 
 from support.transforms import S, stamped
+from zteam.clock import Sent
 from zteam.messages import TransformStamped
 from zteam.transforms.buffer import Buffer
 from zteam.transforms.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms
@@ -166,8 +167,19 @@ def test_what_a_source_said_last_counts() -> None:
     """A message that was sent earlier and comes later changes nothing: a session may have two publishers."""
     statics = StaticTransforms(Buffer())
     for x, sent in ((0.2, 20), (0.1, 10)):
-        statics.put(Static(Rank.SIMULATOR, _camera(x), "sim", sent))
+        statics.put(Static(Rank.SIMULATOR, _camera(x), "sim", Sent(sent)))
     assert _shown(statics) == [("robot_0/camera", 0.2)]
+
+
+@pytest.mark.parametrize("first", [Sent(10**6, 0.0), Sent(10**9, -3600.0, 1.9)], ids=["set back", "ahead"])
+def test_what_a_source_says_later_counts_whatever_its_stamp(first: Sent) -> None:
+    """The clock of its host was ahead, or it was set back since; an edge with another parent counts as well."""
+    statics = StaticTransforms(Buffer())
+    statics.put(Static(Rank.SIMULATOR, _camera(0.2), "sim", first))
+    later = Static(Rank.SIMULATOR, _camera(0.1, "mast"), "sim", Sent(10, 0.0, 2.0))
+    statics.drop_reparented("sim", {"robot_0/camera": later.transform}, later.sent)
+    statics.put(later)
+    assert statics.message().transforms == [later.transform]
 
 
 def test_invented_sources_do_not_fill_the_memory() -> None:

@@ -1,12 +1,12 @@
 """All checks of a team, in the order in which they are told: causes come before what follows from them."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from zteam import names
 from zteam.bus.lateness import CLOCKS_APART, LATE
 from zteam.bus.receiving import KeyCount
-from zteam.bus.stamps import APART
-from zteam.clock import to_seconds
+from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
@@ -183,14 +183,17 @@ def _listed(found: Sequence[str]) -> str:
 
 
 def check_processes(facts: Facts) -> Iterator[Finding]:
-    """One finding per kind of process, and one for every process that does not answer."""
+    """One finding per kind of process, and one for each of some names whose process does not answer."""
     findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.beside]
     yield from (finding for finding in findings if finding.good or finding.next_step)
-    for node in facts.nodes:
-        if not node.pid:
-            text = f"{node.name} is alive but does not answer: it is stopped (Ctrl+Z, SIGSTOP) or hangs"
-            step = "continue it ('fg', 'kill -CONT PID') or end it; its name is free when its lease has run out"
-            yield problem("process", text, step)
+    silent = Counter(node.name for node in facts.nodes if not node.pid)
+    for name, count in sorted(silent.items())[:_SHOWN]:
+        times = f" ({count} sessions hold the name)" if count > 1 else ""
+        text = f"{name} is alive but does not answer{times}: it is stopped (Ctrl+Z, SIGSTOP) or hangs"
+        step = "continue it ('fg', 'kill -CONT PID') or end it; its name is free when its lease has run out"
+        yield problem("process", text, step)
+    if len(silent) > _SHOWN:
+        yield problem("process", f"{len(silent) - _SHOWN} further processes do not answer", "see 'zteam node list'")
 
 
 def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:

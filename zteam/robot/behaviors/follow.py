@@ -11,7 +11,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior, View
 from zteam.robot.behaviors.evasion import Around
-from zteam.robot.behaviors.line import NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
+from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
 from zteam.robot.behaviors.line_member import LineMember
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
@@ -28,7 +28,7 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
     law: Annotated[Law, Meta(description="trail: along the leader's trail; direct: straight to the leader")] = "trail"
     gap: Annotated[
-        float, Meta(ge=0.4, le=100.0, description="m along the trail to the robot ahead, base to base; law trail")
+        float, Meta(ge=0.4, le=MOST_GAP, description="m along the trail to the robot ahead, base to base; law trail")
     ] = 0.8
     min_dist: Annotated[
         float, Meta(ge=0.0, le=100.0, description="m; it stands while the leader is nearer; law direct")

@@ -1,13 +1,15 @@
 """A line of robots, which can be led from either end: which robot each one follows now, and which one leads.
 
 Each robot is started to follow the one before it. The robot in front that gets on no more hands over to the one at the
-other end: it says `turns` + 1 in its status, and each robot takes the highest number that it hears. While that is even,
-each follows the robot that it was started to follow; while it is odd, the one behind. So no robot has to turn round in
-its place, or to be passed.
+other end: it says `turns` + 1 in its status, and the others count on with it. While the number is even, each follows
+the robot that it was started to follow; while it is odd, the one behind. So no robot has to turn round in its place, or
+to be passed. A number counts from the robot whose turn it is, and as one turn more: whatever other robots say, they do
+not turn the line.
 """
 
 import math
-from collections.abc import Mapping, Set
+from collections import Counter
+from collections.abc import Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
@@ -54,14 +56,16 @@ GONE = " is gone"
 """The end of what a robot says that stands because another one is lost."""
 WAITS = "waits: "
 """The beginning of what a robot says that stands because one before it does, or comes past."""
-GAP = 0.8
-"""Metres between neighbours that have told nothing else."""
+GAP, MOST_GAP = 0.8, 100.0
+"""Metres between neighbours that have told nothing else, and that a robot may tell."""
 STRETCHED, TORN = 0.8, 1.5
 """Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
 LEAST_SHARE = 0.05
 """A smaller share of its speed is 0."""
 NO_TURNS = -1
 """`turns` of a robot that cannot follow the robot behind it."""
+_ROUND = 2**31
+"""The number of turns begins again at 0 after so many."""
 
 
 class Place(NamedTuple):
@@ -100,6 +104,8 @@ class Line:
     def __init__(self) -> None:
         self.turns = 0
         """How often the line has been led from the other end since it was there."""
+        self._has_heard = False
+        """Whether another robot has told how often the line has turned."""
         self._seen: set[int] = set()
         """The robots that have been alive."""
 
@@ -132,11 +138,12 @@ class Line:
         told = {robot: statuses[robot] for robot in order if robot in statuses}
         turns = {robot: status.turns for robot, status in told.items()}
         turns[view.robot_id] = 0 if may_turn else NO_TURNS
-        self.turns = max(self.turns, *turns.values())
         living = [robot for robot in order if robot not in gone]
         stays = turns.get(living[0], NO_TURNS) == NO_TURNS
         others = [turns.get(robot, 0) for robot in living[stays:]]
         can_turn = not is_tree and len(others) > 1 and NO_TURNS not in others
+        # Behind a head that keeps its place the last robot turns the line, which is not the one that leads.
+        self._count_turns(view.robot_id, turns, [] if is_tree else living[:0:-1] if stays else living)
         if self.turns % 2 and not is_tree:
             living[stays:] = living[stays:][::-1]
         at = living.index(view.robot_id)
@@ -151,10 +158,46 @@ class Line:
             head=head,
             may_turn=can_turn and not stays,
             may_reverse=can_turn and stays,
-            gap=max([GAP, *[status.gap for status in told.values()]]),
+            gap=max([GAP, *[min(status.gap, MOST_GAP) for status in told.values() if status.gap > 0.0]]),
             gone=gone,
             turns=self.turns,
         )
+
+    def _count_turns(self, own: int, turns: Mapping[int, int], line: Sequence[int]) -> None:
+        """Count on with what the robots of the line tell. Of `line` the first hands over while the number is even, the
+        last while it is odd; it is empty where the line cannot turn.
+
+        A robot that begins, or that has missed some turns, takes the number that most of the others tell.
+        """
+        told = {robot: turns[robot] for robot in line if robot != own and turns.get(robot, NO_TURNS) != NO_TURNS}
+        if told:
+            counts = Counter(told.values())
+            most = max(counts.values())
+            agreed = min(number for number, count in counts.items() if count == most)
+            if not self._has_heard or (most > 1 and 2 * most > len(told) and self._ahead(agreed)):
+                self.turns = agreed
+            self._has_heard = True
+        if len(line) > 1:
+            # The next number at which it is an end's turn that has not told more.
+            ends = (line[0], 0), (line[-1], 1)
+            self._turn_on(min(self._until(told.get(robot, self.turns), rest) for robot, rest in ends))
+
+    def _ahead(self, number: int) -> int:
+        """How many turns a number is ahead; 0 if it is behind, also round the end of the numbers."""
+        ahead = (number - self.turns) % _ROUND
+        return ahead if ahead < _ROUND // 2 else 0
+
+    def _until(self, number: int, rest: int) -> int:
+        """The turns from now to `number` or after it that leave this rest, by 2."""
+        ahead = self._ahead(number)
+        return ahead + ((self.turns + ahead) % 2 != rest)
+
+    def _turn_on(self, turns: int) -> None:
+        self.turns = (self.turns + turns) % _ROUND
+
+    def hand_over(self) -> None:
+        """It is this robot's turn, and it turns the line."""
+        self._turn_on(1)
 
 
 def _told_leaders(statuses: Mapping[int, Any], own: int, leader: int | None) -> dict[int, int]:

@@ -69,7 +69,7 @@ class LineMember(Behavior):
 
     def _turn_line(self) -> None:
         """The line is led from its other end from now on."""
-        self._line.turns += 1
+        self._line.hand_over()
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:

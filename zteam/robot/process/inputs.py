@@ -138,12 +138,12 @@ class TransformInputs:
         self._found: dict[tuple[str, str], tuple[Pose2, int] | None] = {}
         """The answers of `find_pose`, of the newest messages: these put another dictionary in its place."""
 
-    def take_bundle(self, bundle: TFMessage) -> None:
-        """A message of `tf` has come."""
+    def take_bundle(self, bundle: TFMessage, now: int = 0) -> None:
+        """A message of `tf` has come at time `now` (ns), 0 = not known."""
         if bundle is self._bundle or bundle == self._bundle:
             # From another robot of this process; or sent again, which in lock-step is frequent on a busy machine.
             return
-        self.buffer.set_transforms(bundle.transforms, names.TF)
+        self.buffer.set_transforms(bundle.transforms, names.TF, now)
         self._bundle, self._found = bundle, {}
         self.stamp = bases_stamp(bundle) or self.stamp
 

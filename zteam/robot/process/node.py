@@ -35,7 +35,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.stopping import StopSwitch
-from zteam.node.tick_messages import HeldMessage, stamp_of
+from zteam.node.tick_messages import MAX_AHEAD, HeldMessage, stamp_of
 from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.behavior import declared_inputs
@@ -246,8 +246,9 @@ class RobotNode:
         self._inputs.team = status
 
     def _on_tf(self, key: str, bundle: TFMessage) -> None:
-        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
-            self._inputs.transforms.take_bundle(bundle)
+        now = self._node.clock.now()
+        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), now):
+            self._inputs.transforms.take_bundle(bundle, now)
             self._go_on()
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
@@ -266,9 +267,10 @@ class RobotNode:
             take(key, message, clock.now())
             return
         # The tick itself may be on its way; what it brings to this robot left before it.
-        messages.hold(
-            HeldMessage(number, key, message, source, False, None, take), max(part.stamp, self._inputs.scan_stamp)
-        )
+        arrival = HeldMessage(number, key, message, source, False, None, take)
+        ahead = self._inputs.scan_stamp
+        if problem := messages.hold(arrival, ahead if part.stamp < ahead <= part.stamp + MAX_AHEAD else part.stamp):
+            self._node.bus.counters.drop(key, problem)
 
     def _go_on(self) -> None:
         """An input has come: lock-step goes on in this very thread, real time in the main loop."""

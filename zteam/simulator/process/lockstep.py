@@ -33,6 +33,8 @@ _NAME_EVERY = 5.0
 """Host seconds between two such lines in the log."""
 TOKEN_GRACE = 1.0 * HOST_FACTOR
 """Host seconds for the token of a session whose answer has come."""
+_MOST_SENT = 256
+"""Ticks that are sent again for tokens within a second; then one for all further tokens. Any program may hold some."""
 _MOST_EARLY = 64
 """Sessions without a token that are remembered: a sender can invent sessions."""
 _LACKING_LIMIT = 0.5
@@ -94,6 +96,8 @@ class LockStep:
         """The newest answer by name and session, of sessions that do not hold the name yet."""
         self._refused: deque[tuple[str, str]] = deque(maxlen=_MOST_EARLY)
         """Those whose token has not come in time."""
+        self._for_tokens = 0.0, 0
+        """Since when tokens are counted that a tick is sent again for, in host time, and how many they are."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         node.stop.on_request(self._wake)
         CertainTokens(node.bus, names.tokens_key(), self._on_token)
@@ -122,8 +126,25 @@ class LockStep:
             if early is not None:
                 self._take(*token, early)
             if must_send:
-                self._send_again()
+                self._send_for_token()
             self._changed.notify_all()
+
+    def _send_for_token(self) -> None:
+        now = monotonic()
+        since, count = self._for_tokens if now - self._for_tokens[0] < 1.0 else (now, 0)
+        self._for_tokens = since, count + 1
+        if count < _MOST_SENT:
+            self._send_again()
+        elif count == _MOST_SENT:
+            # Host time: tokens come while the world is held, too.
+            timer = threading.Timer(1.0, self._send_late)  # noqa: TID251
+            timer.name, timer.daemon = "tokens", True
+            timer.start()
+
+    def _send_late(self) -> None:
+        with self._changed:
+            if self.tick.message.tick:
+                self._send_again()
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
         sender = names.split_done_key(key) or "", session

@@ -3,9 +3,14 @@
 from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
+_MOST_TICKS = 8
+"""Of lock-step, for which robots have spoken: the newest one, the next one, and others."""
 PATIENCE = 0.03
 """Host seconds that a bundle waits for the last robot of its tick; by the host's clock, because simulated time stands
 still within a tick."""
+
+
+_NOBODY: AbstractSet[int] = frozenset()
 
 
 class Bundle:
@@ -19,15 +24,16 @@ class Bundle:
         self.placed = set(placed)
         """Robots that have sent their fixed transforms."""
         self.stamp = 0
-        """The bundle's tick: its newest stamp."""
+        """Real time: the bundle's tick, its newest stamp."""
         self._opened: float | None = None
         """Host time of the bundle's first transform; None while it is empty."""
         self._spoken: dict[int, int] = {}
         """Real time: robots that a bundle waits for, and the stamp that each spoke for last."""
-        self._fresh: set[int] = set()
-        """Lock-step: robots that have spoken for `stamp`."""
-        self._left: set[int] = set()
-        """Lock-step: robots whose transforms of `stamp` have left."""
+        self._fresh: dict[int, set[int]] = {}
+        """Lock-step: robots that have spoken, by stamp, from the newest tick on. Another process that may write a
+        robot's transforms may send any stamp: it delays no other one."""
+        self._left: dict[int, set[int]] = {}
+        """Lock-step: of these, robots whose transforms have left."""
 
     @property
     def is_open(self) -> bool:
@@ -50,28 +56,36 @@ class Bundle:
         self._spoken[robot_id] = stamp
         return all(spoken >= self.stamp for spoken in self._spoken.values())
 
-    def close(self) -> None:
-        """It has left."""
+    def close(self, stamp: int = 0) -> None:
+        """It has left; in lock-step, that of the tick of `stamp`."""
         self._opened = None
-        self._left = {*self._fresh}
+        if stamp in self._fresh:
+            self._left[stamp] = {*self._fresh[stamp]}
 
     def forget_silent(self) -> None:
         """Do not wait any more for robots that have not spoken for this tick."""
         self._spoken = {robot_id: stamp for robot_id, stamp in self._spoken.items() if stamp >= self.stamp}
 
-    def take_in_lockstep(self, robot_id: int, stamp: int) -> None:
-        """Lock-step: a robot has spoken for the tick of `stamp`, which itself may arrive later."""
-        if stamp > self.stamp:
-            self.stamp = stamp
-            self._fresh.clear()
-            self._left.clear()
-        if stamp == self.stamp:
-            self._fresh.add(robot_id)
+    def take_in_lockstep(self, robot_id: int, stamp: int, newest: int = 0) -> None:
+        """Lock-step: a robot has spoken for the tick of `stamp`, which itself may arrive later; `newest` has come."""
+        for known in [known for known in self._fresh if known < newest]:
+            del self._fresh[known]
+            self._left.pop(known, None)
+        if stamp >= newest:
+            self._fresh.setdefault(stamp, set()).add(robot_id)
+        if len(self._fresh) > _MOST_TICKS:
+            del self._fresh[max(self._fresh)]
 
-    def has_all(self, robots: AbstractSet[int]) -> bool:
+    def begun(self, newest: int) -> int:
+        """Lock-step: the stamp of the tick that has begun: a robot may have spoken for the one after the `newest`."""
+        return min((stamp for stamp in self._fresh if stamp > newest), default=newest)
+
+    def has_all(self, robots: AbstractSet[int], stamp: int) -> bool:
         """Lock-step: whether all these robots have spoken for `stamp`, and their fixed transforms have come."""
-        return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self.placed
+        fresh = self._fresh.get(stamp, _NOBODY)
+        return len(fresh) >= len(robots) and robots <= fresh and robots <= self.placed
 
-    def may_leave(self, robots: AbstractSet[int]) -> bool:
-        """Lock-step: whether it is complete and has not left yet."""
-        return self.has_all(robots) and self._fresh != self._left
+    def leaves(self, robots: AbstractSet[int]) -> int | None:
+        """Lock-step: the stamp of a bundle that is complete and has not left yet; None if there is none."""
+        whole = (stamp for stamp in sorted(self._fresh) if self.has_all(robots, stamp))
+        return next((stamp for stamp in whole if self._fresh[stamp] != self._left.get(stamp)), None)

@@ -12,14 +12,14 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
-from zteam.clock import Every, Rate, monotonic, to_ns
+from zteam.clock import Every, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import AggregatorOptions
 from zteam.node.tokens import GRACE, TokenLossFilter, TokenSet
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
-from zteam.transforms.merge import Merger, base_stamp
+from zteam.transforms.merge import MAX_APART, Merger, base_stamp
 from zteam.transforms.process.bundle import PATIENCE, Bundle
 from zteam.transforms.process.queries import answer_frames, answer_history, answer_lookups
 from zteam.transforms.urdf import Description
@@ -58,7 +58,7 @@ class Aggregator:
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._bundle.stamp), self._repeat)
+        self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._part.stamp), self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # Every sample: the newest one of each broadcaster counts, and not of each key alone.
@@ -92,11 +92,15 @@ class Aggregator:
             return
         frames = TFMessage(description.moving_transforms(message))
         # The open tick of lock-step may still be on its way; the transforms that it brings left before it.
-        tick = max(self._part.stamp, self._bundle.stamp) if self._part.active else 0
-        self._merger.take(target[0], frames, self._node.clock.now(), tick)
+        tick = self._bundle.begun(self._part.stamp) if self._part.active else 0
+        self._merge(target[0], frames, tick)
         if self._rate is None and not self._bundle.is_open and not self._part.active:
             # No bundle is being filled that they could travel with.
             self._flush()
+
+    def _merge(self, robot_id: int, message: TFMessage, tick: int = 0) -> None:
+        now = self._node.clock.now()
+        self._merger.take(robot_id, message, now, tick, 0 if now else wall_ns())
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
@@ -117,19 +121,21 @@ class Aggregator:
         if self._rate is None and self._bundle.ends_with(stamp):
             # Transforms of the tick before must not wait any longer.
             self._flush_late()
-        self._merger.take(robot_id, message, self._node.clock.now())
+        self._merge(robot_id, message)
         is_whole = self._bundle.take(robot_id, stamp, monotonic()) if stamp >= 0 else not self._bundle.is_open
         if self._rate is None and is_whole:
             self._flush()
 
     def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        self._merger.take(robot_id, message, self._node.clock.now(), max(self._part.stamp, self._bundle.stamp, stamp))
-        self._bundle.take_in_lockstep(robot_id, stamp)
-        if not self._part.advance() and self._bundle.may_leave(self._part.robots):
-            self._flush(self._bundle.stamp)
+        part, bundle = self._part, self._bundle
+        if stamp <= part.stamp + MAX_APART:
+            bundle.take_in_lockstep(robot_id, stamp, part.stamp)
+        self._merge(robot_id, message, bundle.begun(part.stamp))
+        if not part.advance() and (leaves := bundle.leaves(part.robots)) is not None:
+            self._flush(leaves)
 
     def _has_inputs(self, tick: Tick) -> bool:
-        return self._bundle.stamp >= self._part.stamp and self._bundle.has_all(self._part.robots)
+        return self._bundle.has_all(self._part.robots, self._part.stamp)
 
     def _repeat(self) -> None:
         if self._last.transforms:
@@ -139,7 +145,7 @@ class Aggregator:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
         if target is not None and message is not None:
             with self._node.changed:
-                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.timestamp)
+                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
                 self._publish_statics()
                 self._bundle.placed.add(target[0])
                 self._part.advance()
@@ -195,7 +201,7 @@ class Aggregator:
         pending = self._merger.take_pending(tick)
         # Before the bundle: what a localiser has taken over ends for all robots together with the bundle that has it.
         self._publish_statics()
-        self._bundle.close()
+        self._bundle.close(tick)
         if pending:
             bundle, last = TFMessage(pending), self._last.transforms
             same_tick = last and ns_from_time(last[-1].header.stamp) == ns_from_time(pending[-1].header.stamp)

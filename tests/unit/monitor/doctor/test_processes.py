@@ -90,6 +90,16 @@ def test_a_frozen_process_is_named() -> None:
     assert "kill -CONT" in step
 
 
+def test_many_tokens_make_a_few_lines() -> None:
+    """Any program may hold tokens: a thousand of one name are one line, and of a thousand names a few are named."""
+    held = ["robot_1"] * 1000 + [f"z{number:03}" for number in range(1000)]
+    facts = team_facts(nodes=nodes("monitor", "robot_0", "sim", "tf", *held, silent=tuple(held)))
+    told = [finding.text for finding in check_processes(facts) if not finding.good]
+    assert told[0].startswith("robot_1 is alive but does not answer (1000 sessions hold the name): ")
+    assert told[-1] == "995 further processes do not answer"
+    assert len(told) == 7
+
+
 def test_a_robot_that_the_world_lacks_is_named() -> None:
     """The process of robot 7 in a world of two robots is told once, with the ids that the world has."""
     facts = team_facts(nodes=nodes("monitor", "robot_0", "robot_1", "robot_7", "sim", "tf"), statuses={

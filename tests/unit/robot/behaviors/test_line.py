@@ -89,6 +89,31 @@ def test_an_odd_number_of_turns_is_a_line_that_is_led_from_its_other_end(turns: 
     assert ahead(places(LINE, turns=turns + 1)) == LINE
 
 
+@pytest.mark.parametrize("number", [1, 2, 3, 2**30 - 1, 2**31 - 1])
+@pytest.mark.parametrize("turns", [0, 1])
+@pytest.mark.parametrize("robot", [0, 1, 2, 3])
+def test_what_a_robot_tells_out_of_turn_turns_nothing(robot: int, turns: int, number: int) -> None:
+    """Only the robot that leads hands over, and by one turn, whatever number it tells."""
+    told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=turns, gap=0.8) for each in LINE}
+    own = {0: 1, 1: 2, 2: 1, 3: 2}[robot]
+    line, view = Line(), make_view(robot_id=own, inputs={"statuses": told})
+    line.find_place(view, own - 1)
+    told[robot] = RobotStatus(robot_id=robot, leader=robot - 1, turns=number, gap=0.8)
+    for _ in range(3):
+        line.find_place(view, own - 1)
+    leads = robot == (3 if turns else 0)
+    assert line.turns == turns + (leads and 0 < number - turns < 2**30)
+
+
+def test_of_two_the_other_one_cannot_turn_the_line() -> None:
+    """Where a line has two robots, no third one can say which of them is right."""
+    line, told = Line(), {1: RobotStatus(robot_id=1, leader=0, gap=0.8, turns=0)}
+    for number, expected in ((0, 0), (1, 0), (2**31 - 1, 0)):
+        told[1] = RobotStatus(robot_id=1, leader=0, gap=0.8, turns=number)
+        line.find_place(make_view(robot_id=0, inputs={"statuses": told}), None)
+        assert line.turns == expected
+
+
 def test_a_leader_of_which_nothing_is_known_is_the_head() -> None:
     """Before any status has come the named leader is all that there is, and the line cannot turn."""
     place = Line().find_place(make_view(robot_id=3), 2)

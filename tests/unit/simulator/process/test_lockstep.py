@@ -222,3 +222,15 @@ def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: Ha
     assert harness.lockstep.waiting_for() == "robot_0"
     robot.answer()
     assert harness.end()
+
+
+def test_a_flood_of_tokens_sends_no_flood_of_ticks(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Any program may hold tokens: two thousand let the open tick be sent again a few hundred times, and once more a
+    second later, for a process that may have come among them."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    strangers = hub.bus()
+    before = len(robot.heard)
+    for number in range(2000):
+        strangers.declare_token(names.token_key("robot_0", f"z{number}"))
+    wait_until_true(lambda: len(robot.heard) == before + 257)
