@@ -27,6 +27,8 @@ Place = PoseStamped | Pose2
 
 _LOOK = 0.1
 """Host seconds that `is_task_complete` waits for the end, as Nav2's does."""
+_PATIENCE = 3.0
+"""Host seconds after which it says what a goal waits for: navigation may speak once a second."""
 _POSE_LIMIT = 5.0
 """Host seconds for navigation to hear an initial pose."""
 _COVARIANCE = np.zeros(36)
@@ -80,7 +82,8 @@ class BasicNavigator:
         """When it was sent, in ns of the team's time."""
         self._is_sending = False
         self._client = NavigationClient(bus, robot_id, self._clock.now, link=link, on_change=self._advance)
-        self._nag = Every(10.0)
+        self._nag, self._waits_since = Every(10.0), math.inf
+        """When it began to wait for what takes goals, in host seconds."""
         self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
 
     def __enter__(self) -> "BasicNavigator":
@@ -189,7 +192,8 @@ class BasicNavigator:
         return self._is_over()
 
     def _complain(self, lack: str) -> None:
-        if lack and self._nag.due():
+        self._waits_since = min(self._waits_since, monotonic()) if lack else math.inf
+        if lack and monotonic() - self._waits_since >= _PATIENCE and self._nag.due():
             log.warning("%s: waiting for %s", self._client.name, lack)
 
     def get_feedback(self) -> NavigationFeedback | None:

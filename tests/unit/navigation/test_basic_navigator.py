@@ -15,6 +15,7 @@ from zteam.bus import MemoryHub
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped, PoseWithCovarianceStamped, ns_from_time
+from zteam.navigation import basic_navigator
 from zteam.navigation import client as navigation_service
 from zteam.testing import run_node
 
@@ -158,11 +159,16 @@ def test_the_initial_pose(hub: MemoryHub, navigator: zteam.BasicNavigator) -> No
     assert pose.pose.covariance[[0, 7, 35]] == pytest.approx([0.25, 0.25, 0.0685], abs=1e-4)
 
 
-def test_a_goal_waits_for_navigation(hub: MemoryHub, caplog: pytest.LogCaptureFixture) -> None:
-    """Without navigation the task lasts, and the log says once what is missing; then the goal goes out."""
+def test_a_goal_waits_for_navigation(
+    hub: MemoryHub, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without navigation the task lasts, and the log says once, after a while, what is missing; then the goal leaves."""
     navigator = zteam.BasicNavigator("robot_1", hub.bus())
     assert not navigator.is_active
     navigator.goToPose(Pose2(1.0, 2.0, 0.0))
+    assert not navigator.isTaskComplete()
+    assert caplog.records == []  # its first status is on its way
+    monkeypatch.setattr(basic_navigator, "_PATIENCE", 0.0)
     assert not navigator.isTaskComplete()
     assert not navigator.isTaskComplete()
     told = "robot_1: waiting for the navigation of robot_1: start 'zteam-nav --id 1'"
