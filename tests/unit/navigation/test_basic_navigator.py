@@ -162,7 +162,7 @@ def test_the_initial_pose(hub: MemoryHub, navigator: zteam.BasicNavigator) -> No
 def test_a_goal_waits_for_navigation(
     hub: MemoryHub, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without navigation the task lasts, and the log says once, after a while, what is missing; then the goal leaves."""
+    """Without navigation the task lasts, and the log says once, later, what is missing; then the goal leaves."""
     navigator = zteam.BasicNavigator("robot_1", hub.bus())
     assert not navigator.is_active
     navigator.goToPose(Pose2(1.0, 2.0, 0.0))
