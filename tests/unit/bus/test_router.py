@@ -314,6 +314,6 @@ def test_a_teams_router_that_returns_gets_its_port_back() -> None:
         options = RouterOptions((router.endpoint,))
         with closing(open_team_router(options, returns=True)) as team:
             assert team.endpoint == router.endpoint
-            assert simulator.instance in sessions_at(team.endpoint)
+            wait_until_true(lambda: simulator.instance in sessions_at(team.endpoint))
             with pytest.raises(PortInUseError):
                 open_team_router(options, returns=True)
