@@ -1,6 +1,8 @@
 """`zteam doctor` against teams with something wrong."""
 
 import json
+import socket
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -130,15 +132,20 @@ def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
 
 
 @pytest.mark.real_time
-def test_doctor_names_the_router_where_the_team_is(team: TeamFixture) -> None:
-    """At a router without processes, the other routers of this machine are told with their processes."""
+@pytest.mark.parametrize("place", ["an empty router", "another program"])
+def test_doctor_names_the_router_where_the_team_is(team: TeamFixture, place: str) -> None:
+    """Where no processes are, the other routers of this machine are told with their processes."""
     team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
-    empty = RouterProcess()
-    try:
-        code, found = doctor(team, "--connect", empty.endpoint)
-    finally:
-        empty.kill()
+    with ExitStack() as ends:
+        if place == "an empty router":
+            empty = RouterProcess()
+            ends.callback(empty.kill)
+            endpoint = empty.endpoint
+        else:
+            server = ends.enter_context(socket.create_server(("127.0.0.1", 0)))
+            endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        code, found = doctor(team, "--connect", endpoint)
     told = {row["next_step"]: row["text"] for row in found if row["what"] == "router"}
     assert code == 1
     text = told[f"--connect {team.endpoint} (or export ZTEAM_CONNECT={team.endpoint})"]

@@ -127,7 +127,7 @@ class Line:
 @contextmanager
 def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
     """The line at a router of its own, with GO and all robots driving."""
-    monkeypatch.setattr(running, "choose_endpoint", lambda: ANY_PORT)
+    monkeypatch.setattr(running, "DEFAULT_ENDPOINT", ANY_PORT)
     file = read_team_file(find_team("line"), {"restart": "on-failure"})
     view = ViewOptions(port=0, browser=False, name=names.VIEW)
     launch = TeamLaunch(file.team, check_team(file), team_file=file.path, pace=pace, view=view)

@@ -401,8 +401,6 @@ class LinkCheck:
         self._key = declarations_key(str(session.zid()))
         self._changes = 0
         self._cuts = 0
-        self._asking = threading.Lock()
-        """Held while a question is asked."""
 
     def on_link(self, up: bool) -> None:
         """The link was lost or is back: ask on a thread of its own."""
@@ -411,36 +409,37 @@ class LinkCheck:
             threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
 
     def _run(self, change: int) -> None:
-        # Python ends this thread where it comes back from a call. If that is a call of Zenoh, the process aborts.
-        end = partial(self._asking.acquire, timeout=_LAST_QUESTION)
+        # The interpreter ends this thread where it comes back from a call. If that is one of Zenoh, the process aborts.
+        in_zenoh = threading.Lock()
+        end = partial(in_zenoh.acquire, timeout=_LAST_QUESTION)
         atexit.register(end)
+        failed = 0
         try:
-            self._ask_repeatedly(change)
+            for _ in range(_LINK_QUESTIONS):
+                with in_zenoh:
+                    links, reached = links_of(self._session), self._is_reached()
+                    is_over = self._changes != change or self._session.is_closed()
+                    failed = failed + 1 if reached is False else 0
+                    if failed == _LINK_FAILURES and not is_over:
+                        self._mend(links)
+                if is_over or failed == _LINK_FAILURES:
+                    return
+                pause(_LINK_PERIOD)
+            self._cuts = 0
         finally:
             atexit.unregister(end)
 
-    def _ask_repeatedly(self, change: int) -> None:
-        failed = 0
-        for _ in range(_LINK_QUESTIONS):
-            links = links_of(self._session)
-            reached = self._is_reached()
-            if self._changes != change or self._session.is_closed():
-                return
-            failed = failed + 1 if reached is False else 0
-            if failed == _LINK_FAILURES:
-                if self._options.tls is not None and read_admin(self._options) is None:
-                    # No further link would carry more.
-                    log.error("%s", ": ".join(why_refused(self._options)))
-                else:
-                    self._replace(links)
-                return
-            pause(_LINK_PERIOD)
-        self._cuts = 0
+    def _mend(self, links: set[Ends]) -> None:
+        if self._options.tls is not None and read_admin(self._options) is None:
+            # No further link would carry more.
+            log.error("%s", ": ".join(why_refused(self._options)))
+        else:
+            self._replace(links)
 
     def _is_reached(self) -> bool | None:
         """Whether the session answers another one; None if that finds no router."""
         try:
-            with self._asking, open_session(client_config(self._options), "usual") as other:
+            with open_session(client_config(self._options), "usual") as other:
                 return any(reply.ok is not None for reply in other.get(self._key, timeout=_LINK_TIMEOUT))
         except zenoh.ZError as error:
             log.debug("link: %s", error)

@@ -343,8 +343,9 @@ def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router
     """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
 
     A router on demand there gives its port up if it is this user's and holds no team, and its clients have come over
-    when this returns. All else that listens there keeps the port. A router that `returns` after a failure finds its own
-    team there, and takes no other port.
+    when this returns: a process of theirs that holds a name is older than the team's, and keeps it. All else that
+    listens there keeps the port. A router that `returns` after a failure finds its own team there, and takes no other
+    port.
     """
     protocol, _, address = options.listen[0].partition("/")
     place = f"tcp/{address}"
@@ -360,7 +361,8 @@ def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router
         except PortInUseError:
             pause(_POLL)
         else:
-            router.wait_for(clients)
+            if not returns:
+                router.wait_for(clients)
             return router
     return Router(options if returns else msgspec.structs.replace(options, listen=(f"{protocol}/127.0.0.1:0",)))
 

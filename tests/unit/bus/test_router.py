@@ -214,6 +214,14 @@ def test_a_team_gets_the_port_from_a_router_without_a_team(name: str, is_team: b
             assert client.instance in sessions_at(router.endpoint)
 
 
+def test_another_programs_port_is_not_taken() -> None:
+    """The team's router takes another one."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        with closing(open_team_router(RouterOptions((endpoint,)))) as team:
+            assert team.endpoint != endpoint
+
+
 def test_a_router_that_is_not_on_demand_keeps_its_port() -> None:
     """Somebody started it, and it stays, though nobody uses it."""
     with closing(Router(RouterOptions(("tcp/127.0.0.1:0",)))) as router:
@@ -306,6 +314,6 @@ def test_a_teams_router_that_returns_gets_its_port_back() -> None:
         options = RouterOptions((router.endpoint,))
         with closing(open_team_router(options, returns=True)) as team:
             assert team.endpoint == router.endpoint
-            assert simulator.instance in sessions_at(team.endpoint)
+            wait_until_true(lambda: simulator.instance in sessions_at(team.endpoint))
             with pytest.raises(PortInUseError):
                 open_team_router(options, returns=True)

@@ -1,11 +1,22 @@
-"""How `zteam doctor` prints its findings."""
+"""How `zteam doctor` prints its findings, and what it says of routers and certificates."""
 
+import os
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from support.certificates import Authority
-from zteam.cli.doctor import check_authority, check_certificate, format_findings
+from zteam.bus import BusOptions
+from zteam.bus.options import RouterOptions
+from zteam.bus.router import Router
+from zteam.cli.doctor import (
+    check_authority,
+    check_certificate,
+    check_default_port,
+    check_router,
+    format_findings,
+)
 from zteam.monitor.doctor.facts import note, ok, problem
 from zteam.team.security import certificates
 from zteam.team.security.access import Rights
@@ -84,3 +95,20 @@ def test_certificates_that_pass_as_the_routers_are_a_problem(tmp_path: Path) -> 
     assert found == problem("authority", found.text, found.next_step)
     assert found.text.startswith("the certificates robot_1.1 pass as the router's")
     assert "make a new authority with 'zteam certs init'" in found.next_step
+
+
+def test_the_router_at_the_default_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the team has another port; with its user where it is another one's, whose router is not joined unasked."""
+    owner = os.getuid()
+    with closing(Router(RouterOptions(("tcp/127.0.0.1:0",)))) as router:
+        default, pid = router.endpoint, os.getpid()
+        monkeypatch.setattr("zteam.bus.options.DEFAULT_ENDPOINT", default)
+        assert check_router(BusOptions()).text.startswith(f"zteam-router at {default}, process {pid}, Zenoh ")
+        assert check_default_port(BusOptions()) == []
+        assert check_default_port(BusOptions(connect="tcp/10.0.0.1:7447")) == []
+        monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+        found = check_router(BusOptions())
+        assert (found.good, found.text) == (False, f"the router at {default} belongs to user id {owner}")
+        (told,) = check_default_port(BusOptions(connect="tcp/127.0.0.1:1"))
+        assert (told.level, told.next_step) == ("note", "export ZTEAM_CONNECT=tcp/127.0.0.1:1")
+        assert f"zteam-router at {default}, process {pid}, of user id {owner}, Zenoh " in told.text

@@ -1,7 +1,6 @@
 """One run of a team: the router's start, the end of the run, and what ends it early."""
 
 import os
-import socket
 import sys
 import threading
 from collections.abc import Iterator
@@ -17,30 +16,20 @@ from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import BusOptions, NoRequest
 from zteam.bus.memory import MemoryHub
-from zteam.bus.options import LEASE
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
-from zteam.team.launch import run as running
 from zteam.team.launch.process import Process
-from zteam.team.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
+from zteam.team.launch.run import ProcessRun, node_environment
 from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 
 WORLD = Path("/w/arena.world")
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
-
-
-def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The default port if it is free, else any port."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
-        assert choose_endpoint() == ANY_PORT
-    assert choose_endpoint() == endpoint
 
 
 def python(code: str) -> list[str]:
@@ -55,10 +44,10 @@ ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
 
 
 class Pretend:
-    """Runs of small Python texts: `routers` for one router after the other, `others` for all other processes."""
+    """Runs of small Python texts: `router` for the router, `others` for all other processes."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.routers = [ANNOUNCE]
+        self.router = ANNOUNCE
         self.hub = MemoryHub()
         self.others = WAIT
         self.asked: list[tuple[str, ...]] = []
@@ -74,7 +63,7 @@ class Pretend:
         if command != "zteam-router":
             return python(self.others)
         self.asked.append(arguments)
-        return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
+        return python(self.router)
 
     def run(self, run_for: float | None = None) -> ProcessRun:
         """A run whose processes are not started yet."""
@@ -110,36 +99,11 @@ def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
+        how = ("--listen", DEFAULT_ENDPOINT, "--for-team", "starts", "--announce", "--lease", str(LEASE))
+        assert pretend.asked == [how]
         expected = {("router", "tcp/127.0.0.1:5")} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
     assert not any(p.running for p in run.supervisor.processes.values())
-
-
-def test_a_router_that_cannot_start_is_started_on_any_port(pretend: Pretend) -> None:
-    """If another program took the port meanwhile, the run uses another port and no process counts as failed."""
-    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
-    with pretend.run() as run:
-        run.start()
-        assert run.endpoint == "tcp/127.0.0.1:5"
-        assert pretend.asked[1] == ("--listen", ANY_PORT, "--announce", "--lease", str(LEASE))
-        assert run.supervisor.failures == []
-
-
-def test_a_robot_that_fails_while_the_router_is_retried_has_failed(pretend: Pretend) -> None:
-    """The second router takes the first one's failure back, and not that of a process that ended meanwhile."""
-    pretend.others = "raise SystemExit(2)"
-    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
-    with pretend.run() as run:
-        first = run._wait_for_endpoint
-
-        def wait_for_robot() -> str:
-            # All others have failed when the first router's end is looked at.
-            assert run.supervisor.wait(lambda: run.failed >= set(run.plan.own), LIMIT)
-            return first()
-
-        run._wait_for_endpoint = wait_for_robot  # type: ignore[method-assign]
-        run.start()
-        assert run.failed == set(run.plan.own)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +126,7 @@ def test_only_a_step_that_hangs_at_the_end_is_a_failure(
 
 def test_no_router_is_an_error(pretend: Pretend) -> None:
     """If no router starts at all, the launcher raises an error and leaves no process."""
-    pretend.routers = ["raise SystemExit(1)"]
+    pretend.router = "raise SystemExit(1)"
     with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
         run.start()
     assert not any(p.running for p in run.supervisor.processes.values())
@@ -171,19 +135,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
     """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
     log_first = "print('12:00:00 router at tcp/127.0.0.1:5', flush=True)\n"
-    pretend.routers = [log_first + ANNOUNCE]
-    with pretend.run() as run:
-        run.start()
-        assert run.endpoint == "tcp/127.0.0.1:5"
-
-
-def test_a_router_whose_port_is_in_use_is_started_again(pretend: Pretend) -> None:
-    """The real router logs the port that is in use and ends a moment later: the run uses any port."""
-    # The pause is the router's own. The launcher waits for the end, however long it takes.
-    refused = (
-        "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
-    )
-    pretend.routers = [refused, ANNOUNCE]
+    pretend.router = log_first + ANNOUNCE
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
@@ -274,7 +226,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
 def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
     """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""
     pretend.others = "input(); input()" if gone else WAIT
-    pretend.routers = [ANNOUNCE.replace("600", "1")]
+    pretend.router = ANNOUNCE.replace("600", "1")
     with pretend.run() as run:
         if gone:
             ScriptedMonitor(pretend.hub).give_go()
