@@ -61,6 +61,11 @@ def printable(text: str, kept: str = "") -> str:
     return "".join(c if c.isprintable() or c in kept else "\ufffd" for c in text)
 
 
+def short(text: str, most: int = 2000) -> str:
+    """What is shown of a text that another process sends again and again: no more than `most` characters, printable."""
+    return printable(text if len(text) <= most else f"{text[:most]}…")
+
+
 def printable_json(text: str) -> str:
     """The same JSON, with escapes for what a terminal must not get. It has no line breaks between its texts."""
     if text.isprintable():

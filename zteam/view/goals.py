@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 import msgspec
 
 from zteam import names
-from zteam.errors import printable
+from zteam.errors import short
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, NavigationStatus, PoseStamped, ns_from_time
 from zteam.messages.planar import pose2_of
@@ -55,7 +55,7 @@ def goal_row(robot_id: int, goal: PoseStamped, status: NavigationStatus | None, 
     if status is None:
         return row
     row.state = NavigationState(min(status.state, NavigationState.CANCELED)).name.lower()
-    row.recoveries, row.text = status.recoveries, printable(status.text)
+    row.recoveries, row.text = status.recoveries, short(status.text)
     if status.state in ON_THE_WAY:
         left = status.estimated_time_remaining
         row.distance = round(status.distance_remaining, 1) or None

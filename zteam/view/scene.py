@@ -12,7 +12,7 @@ import msgspec
 from zteam import names
 from zteam.clock import monotonic
 from zteam.config.localisation import LOST_DEVIATION, LOST_DISTANCE, LOST_TURN
-from zteam.errors import printable
+from zteam.errors import short
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import (
     BaseInfo,
@@ -151,7 +151,7 @@ def robot_row(
         else:
             row.reason = "no status yet" if alive else "no process"
         return row
-    row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.followed
+    row.behavior, row.driver, row.leader = short(status.behavior), short(status.driver), status.followed
     row.age = round(age, 2)
     if not alive:
         row.state = "stopped" if status.state == RobotState.STOPPED else "lost"
@@ -162,7 +162,7 @@ def robot_row(
         row.state, row.reason = "silent", "does not answer"
         return row
     row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
-    row.reason = printable(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    row.reason = short(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
     if not row.speed and not row.reason:
         row.reason = "turns, or drives sideways"
     return row
@@ -211,7 +211,7 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateR
     started = {i for i in missing if i in robots and robots[i].state != NO_BEHAVIOR}
     reasons = {i: robots[i].reason if i in started else "no process yet" for i in missing}
     ready = f"{status.ready.size} of {status.team_size} ready"
-    waits = printable(status.waiting_for) or ", ".join(map(names.robot_name, missing))
+    waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))
     return GateRow("waiting", f"{ready}; waiting for {waits}", [Waiting(i, reasons[i]) for i in missing])
 
 
@@ -226,7 +226,7 @@ def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
         speed=status.speed,
         rtf=round(status.real_time_factor, 2),
         lockstep=status.lockstep,
-        waits_for=printable(status.waiting_for),
+        waits_for=short(status.waiting_for, 10_000),
         models=sorted(models),
         tick=status.tick,
     )

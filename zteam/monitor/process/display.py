@@ -15,7 +15,7 @@ import msgspec
 from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, ZteamError, printable, printable_json
+from zteam.errors import BusError, ZteamError, printable, printable_json, short
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
 from zteam.monitor.process.members import Event, EventLimit, KnownRobot, WatchedTeam
@@ -125,7 +125,7 @@ def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[st
     if status is None:
         row.reason = member.why_not_ready
         return row
-    row.behavior = printable(_behavior(status.behavior, status.followed, status.driver))
+    row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
     row.age = now - member.heard
     row.speed = status.speed
     if member.silent:
@@ -140,7 +140,7 @@ def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[st
         return row
     # A robot of an older version says only in its text why it does not drive.
     reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
-    row.reason = printable((member.absence or reason) if reason else "")
+    row.reason = short((member.absence or reason) if reason else "")
     return row
 
 
@@ -170,7 +170,7 @@ def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[
             continue
         lines.append(TableLine(text, row.state))
         lines += [TableLine(part) for part in _wrap(row.reason, width, " " * (widths[0] + _GAP))]
-    return lines + [TableLine(part) for note in notes for part in _wrap(printable(note), width, "")]
+    return lines + [TableLine(part) for note in notes for part in _wrap(short(note, 10_000), width, "")]
 
 
 def _cells(row: Row) -> tuple[str, ...]:

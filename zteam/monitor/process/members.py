@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.errors import printable
+from zteam.errors import short
 from zteam.messages import RobotState, RobotStatus
 from zteam.node.tokens import TokenSet
 
@@ -102,7 +102,7 @@ class KnownRobot(msgspec.Struct):
             return "no status yet"
         if self.silent:
             return "does not answer"
-        text = printable(self.status.text) or "not ready yet"
+        text = short(self.status.text) or "not ready yet"
         return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
 
@@ -144,7 +144,7 @@ class WatchedTeam:
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
         """Add an event."""
-        self._events.append(Event(kind, robot, printable(text)))
+        self._events.append(Event(kind, robot, short(text)))
 
     @property
     def has_events(self) -> bool:

@@ -51,6 +51,17 @@ def test_a_fault_is_told_with_its_text() -> None:
     assert told(gate, "fault") == ["robot_0 fault: laser dead"] * 2
 
 
+def test_a_long_text_of_a_robot_is_cut() -> None:
+    """What one robot says fills neither the log nor the line of all that GO waits for."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    told(gate)
+    gate.take_status(0, status(0, FAULT, text="x" * 10**6), 1.0)
+    (line,) = told(gate, "fault")
+    assert line.startswith("robot_0 fault: xxx") and line.endswith("…") and len(line) < 2100
+    assert len(gate.waiting_for()) < 2100
+
+
 def test_a_silent_robot_is_named_and_unnamed() -> None:
     """A living token without statuses is told once, and once when it answers again."""
     gate = Gate([0, 1], 2)
