@@ -1,4 +1,4 @@
-"""What the router's access control drops: Zenoh reports it to nobody, so a process with a certificate finds it out."""
+"""What the router's access control drops: Zenoh does not report it, so a process with a certificate finds it out."""
 
 import logging
 import secrets

@@ -96,6 +96,8 @@ def _init(args: argparse.Namespace) -> None:
         authority.take_team(args.team, rights, strip_slash(args.namespace or ""))
         _issue_missing(authority, [ROUTER], args.host, args.days)
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
+    # An authority that is there is kept.
+    _print_posing(args.folder)
 
 
 def _check_hosts(args: argparse.Namespace) -> None:
@@ -170,8 +172,12 @@ def _list(args: argparse.Namespace) -> None:
         return
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state) for row in rows]
     print_block(format_table(("name", "serial", "expires in", "state"), cells))
-    if older := posing(args.folder):
-        print_line(": ".join(posing_text(older, args.folder)))
+    _print_posing(args.folder)
+
+
+def _print_posing(folder: Path) -> None:
+    if older := posing(folder):
+        print_line(": ".join(posing_text(older, folder)))
 
 
 def _row(name: str, issued: Issued) -> Row:

@@ -95,9 +95,10 @@ def test_an_authority_of_an_older_zteam_is_named(capsys: pytest.CaptureFixture[s
         del issued[0]["passes_as_router"]
     (place / "certs" / "index.json").write_text(json.dumps(index))
     certs(capsys, "renew", "robot_1")
-    last = certs(capsys, "list")[-1]
-    assert "pass as the router's" in last
-    assert "remove the folder certs, make a new authority with 'zteam certs init'" in last
+    for words in (["list"], ["init", "mine.toml"]):
+        last = certs(capsys, *words)[-1]
+        assert "pass as the router's" in last
+        assert "remove the folder certs, make a new authority with 'zteam certs init'" in last
     rows = json.loads(certs(capsys, "list", "--json")[0])
     posing = {(row["name"], row["serial"]) for row in rows if row["passes_as_router"]}
     assert ("robot_1", 1) in posing

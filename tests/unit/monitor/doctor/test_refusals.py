@@ -32,6 +32,13 @@ def test_the_age_parts_now_from_history() -> None:
     assert is_recent(KeyCount(0, 1))
 
 
+def test_what_the_router_drops_is_a_problem() -> None:
+    """It names the key and the processes that publish on it; then it is not said that nothing was refused."""
+    (finding,) = check_refusals(team_facts(dropped={"robot_0/near": ["far", "near"]}))
+    text = "the router drops robot_0/near, which far, near publishes: the certificate may not publish it"
+    assert (finding.level, finding.text) == ("problem", text)
+
+
 def test_nothing_was_refused() -> None:
     """Processes that received good messages only."""
     (finding,) = check_refusals(team_facts(counts={"sim": {"robot_0/cmd_vel": KeyCount(10)}}))

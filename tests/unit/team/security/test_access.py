@@ -44,6 +44,24 @@ def test_nothing_is_granted_unless_the_file_says_so() -> None:
     }
 
 
+def test_a_node_that_is_a_command_of_zteam_may_do_what_it_is_for() -> None:
+    """Without a grant: the team file names the command. A node of the user's own may not."""
+    nodes = [
+        {"name": "errands", "command": ["zteam", "goals", "goals.yaml"]},
+        {"name": "joystick", "command": ["zteam", "teleop", "--id", "0"]},
+        {"name": "echo", "command": ["zteam", "topic", "echo", "map"]},
+        {"name": "near", "command": ["python", "goals.py"]},
+    ]
+    found = rights_of(team(nodes=nodes))
+    topics = {name: {key.rpartition("/")[2] for key in found[name].publishes} for name in found}
+    assert "goal_pose" in topics["errands"]
+    assert "cmd_vel_teleop" in topics["joystick"]
+    assert {name: sum(key.startswith("robot_") for key in found[name].publishes) for name in ("echo", "near")} == {
+        "echo": 0,
+        "near": 0,
+    }
+
+
 def test_each_query_that_changes_something_has_to_be_granted() -> None:
     """Those that the page of keys marks with a star are all that no certificate may ask by itself."""
     marked = re.findall(r"`([\w/]+)`\*", (DOCS / "keys.md").read_text())
