@@ -123,8 +123,8 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
 class Reasons:
     """Why a process has no link. Each reason is given once, and again when it has changed.
 
-    A Zenoh router accepts nothing for 0.1 s after a TLS handshake that fails, and a look makes some. So the pause between
-    looks doubles: otherwise a large team that is kept out could never come in.
+    A Zenoh router accepts nothing for 0.1 s after a TLS handshake that fails, and a look makes some. So the pause
+    between looks doubles: otherwise a large team that is kept out could never come in.
     """
 
     def __init__(self, options: BusOptions, first: float) -> None:
