@@ -233,7 +233,7 @@ def test_a_router_that_is_not_on_demand_keeps_its_port() -> None:
 @pytest.mark.parametrize("is_idle", [True, False])
 def test_a_secure_team_gets_the_port_only_where_no_client_is(is_idle: bool, tmp_path: Path) -> None:
     """A client without a certificate could not come over."""
-    tls = Authority(tmp_path).issue("router")
+    tls = Authority(tmp_path).issue("router", server=True)
     with on_demand() as router, ExitStack() as stack:
         if not is_idle:
             stack.enter_context(closing(_session(router)))

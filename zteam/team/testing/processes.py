@@ -400,7 +400,8 @@ def _last_words(name: str, said: list[str]) -> str:
         if found:
             # A process writes each line by itself, up to the next one of its log.
             text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
-            return "\n".join([*text[-1:], *text])
+            # A log indents the further lines of what it prints.
+            return "\n".join([*map(str.strip, text[-1:]), *text])
     return "\n".join(said[-_LAST_LINES:])
 
 
