@@ -4,6 +4,7 @@ While it is open, a session's link is watched: whether it carries both ways afte
 on demand must be started again.
 """
 
+import atexit
 import logging
 import os
 import random
@@ -12,6 +13,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -32,6 +34,7 @@ from zteam.bus.options import (
 from zteam.bus.rights import RightCheck
 from zteam.bus.router import (
     ON_DEMAND_DEADLINE,
+    RouterRecord,
     find_local_routers,
     read_admin,
     read_record,
@@ -58,12 +61,16 @@ _CLOSE = b"\x02\x00\x03"
 
 _SET_VARIABLES = f"set {', '.join(TLS_VARIABLES)} (docs/security.md)"
 
+_REVIVE_PERIOD = 1.0
+"""Host seconds from one look at the port of a router on demand to the next, while there is no link."""
 _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
 _LINK_TIMEOUT = 5.0
 """Host seconds for an answer: the process may be busy."""
+_LAST_QUESTION = 1.0
+"""Host seconds that the end of the interpreter waits for a question that is being asked."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
 _LINK_LOOK = 0.5
@@ -80,12 +87,16 @@ _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
 
 
+_MAX_ENDPOINT = 1024
+"""Characters of an endpoint on standard input."""
+
+
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
     # Host time: the read of an endpoint must notice a request to stop.
     while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:  # noqa: TID251
         # Nothing yet; a read would not see the request to stop.
         continue
-    line = "" if stopping() else sys.stdin.readline().strip()
+    line = "" if stopping() else sys.stdin.readline(_MAX_ENDPOINT).strip()
     if not line:
         raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
     return line
@@ -241,15 +252,22 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
 
 
 def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
-    """On a shared machine the default port may be another user's: two users' teams must not mix by accident."""
-    record = read_admin(options)
-    uid = record.metadata.uid if record and record.metadata else None
-    if uid is not None and uid != os.getuid():
+    if foreign := why_foreign(read_admin(options), options.endpoint):
         session.close()  # type: ignore[no-untyped-call]
-        raise BusError(
-            f"the router at {options.endpoint} belongs to user id {uid}: to join it on purpose use "
-            f"--connect {options.endpoint}, or run your own with 'zteam-router --listen tcp/127.0.0.1:PORT'"
-        )
+        raise BusError(": ".join(foreign))
+
+
+def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:
+    """Why the router at the default port is not joined, and what to do; None if it is joined.
+
+    On a shared machine it may be another user's: two users' teams must not mix by accident.
+    """
+    uid = record.metadata.uid if record and record.metadata else None
+    if uid is None or uid == os.getuid():
+        return None
+    own = "'zteam-router --listen tcp/127.0.0.1:PORT'"
+    step = f"to join it on purpose use --connect {endpoint}, or run your own with {own}"
+    return f"the router at {endpoint} belongs to user id {uid}", step
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
@@ -345,14 +363,21 @@ def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
 
     def on_link(up: bool) -> None:
         if not up:
-            # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers compete for the port.
-            # Host time: a restart must not block Zenoh's thread, and clients must not all try at once.
-            timer = threading.Timer(random.uniform(0.0, 0.2), revive)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+            # Spread out, so that few routers compete for the port.
+            revive_in(random.uniform(0.0, 0.2))
+
+    def revive_in(seconds: float) -> None:
+        # Not in the callback: it holds a Zenoh thread. Host time: a restart must not block Zenoh's thread.
+        timer = threading.Timer(seconds, revive)  # noqa: TID251
+        timer.daemon = True
+        timer.start()
 
     def revive() -> None:
-        if transport.up or transport.closed or port_accepts(options.endpoint):
+        if transport.up or transport.closed:
+            return
+        # A router that is there may end before Zenoh has connected to it.
+        revive_in(_REVIVE_PERIOD)
+        if port_accepts(options.endpoint):
             return
         try:
             spawn_router(options.endpoint, options.lease)
@@ -384,22 +409,32 @@ class LinkCheck:
             threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
 
     def _run(self, change: int) -> None:
+        # The interpreter ends this thread where it comes back from a call. If that is one of Zenoh, the process aborts.
+        in_zenoh = threading.Lock()
+        end = partial(in_zenoh.acquire, timeout=_LAST_QUESTION)
+        atexit.register(end)
         failed = 0
-        for _ in range(_LINK_QUESTIONS):
-            links = links_of(self._session)
-            reached = self._is_reached()
-            if self._changes != change or self._session.is_closed():
-                return
-            failed = failed + 1 if reached is False else 0
-            if failed == _LINK_FAILURES:
-                if self._options.tls is not None and read_admin(self._options) is None:
-                    # No further link would carry more.
-                    log.error("%s", ": ".join(why_refused(self._options)))
-                else:
-                    self._replace(links)
-                return
-            pause(_LINK_PERIOD)
-        self._cuts = 0
+        try:
+            for _ in range(_LINK_QUESTIONS):
+                with in_zenoh:
+                    links, reached = links_of(self._session), self._is_reached()
+                    is_over = self._changes != change or self._session.is_closed()
+                    failed = failed + 1 if reached is False else 0
+                    if failed == _LINK_FAILURES and not is_over:
+                        self._mend(links)
+                if is_over or failed == _LINK_FAILURES:
+                    return
+                pause(_LINK_PERIOD)
+            self._cuts = 0
+        finally:
+            atexit.unregister(end)
+
+    def _mend(self, links: set[Ends]) -> None:
+        if self._options.tls is not None and read_admin(self._options) is None:
+            # No further link would carry more.
+            log.error("%s", ": ".join(why_refused(self._options)))
+        else:
+            self._replace(links)
 
     def _is_reached(self) -> bool | None:
         """Whether the session answers another one; None if that finds no router."""
