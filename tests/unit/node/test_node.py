@@ -28,6 +28,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.node import node as node_module
+from zteam.node.shutdown import Stop
 from zteam.testing import run_node
 
 TICK = 100_000_000
@@ -309,3 +310,13 @@ def test_a_clock_that_comes_at_once_is_taken(
     node = make()
     assert node.wait(lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
     assert "error" not in caplog.text
+
+
+def test_a_user_without_a_step_is_not_told_to_do_less_in_it(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where steps take too long, the way out is in the user's code, but for navigation, which is zteam's own."""
+    ways: dict[str, str] = {}
+    monkeypatch.setattr(node_module, "StepWatch", lambda step, _rhythm, way_out: ways.update({step: way_out}))
+    for name in ("crowd", names.navigation_name(0)):
+        zteam.Node(name, hub.bus(), Stop())
+    assert ways["crowd: step"] == "do less in a step"
+    assert "machine" in ways["nav_0: step"]
