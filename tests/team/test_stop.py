@@ -173,7 +173,7 @@ def test_a_body_without_a_process_is_held_by_another_simulator_too(team: TeamFix
         # Of the first world, which begins anew.
         place = team.robot(1).pose
         team.restart(names.SIMULATOR)
-        assert team.sim_status.stopped == [0, 1]
+        team.wait_for(lambda: team.sim_status.stopped == [0, 1])
         team.wait_for(lambda: team.robot(1).pose != place)
         assert stands(team, [0, 1])
     team.restart("nav_0")

@@ -42,15 +42,18 @@ class StopReply(msgspec.Struct):
     by: str
     """The name of the process."""
     is_stopped: bool
+    is_known: bool = True
+    """False: the process has just begun, and does not know yet."""
 
 
 class StopService:
     """Answers a robot's three queries as one of the processes that stop it."""
 
     def __init__(
-        self, bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool], change: Callable[[bool], None]
+        self, bus: Bus, robot_id: int, by: str, is_stopped: Callable[[], bool | None], change: Callable[[bool], None]
     ) -> None:
-        """`by` is the process's name; `change(stopped)` is called on a thread of the bus."""
+        """`by` is the process's name; `is_stopped()` is None while that is not known; `change(stopped)` is called on a
+        thread of the bus."""
         self._bus, self._robot_id, self._by = bus, robot_id, by
         self._is_stopped, self._change = is_stopped, change
         self._lock = threading.Lock()
@@ -60,12 +63,16 @@ class StopService:
     def _serve(self) -> tuple[Closeable, ...]:
         serve, key, by = self._bus.serve, partial(names.robot_key, self._robot_id), self._by
 
+        def tell(_request: NoRequest) -> StopReply:
+            stopped = self._is_stopped()
+            return StopReply(by, bool(stopped), stopped is not None)
+
         def take(stopped: bool, _request: Change) -> StopReply:
             self._change(stopped)
             return StopReply(by, stopped)
 
         return (
-            serve(key(names.STOP), NoRequest, lambda _: StopReply(by, self._is_stopped())),
+            serve(key(names.STOP), NoRequest, tell),
             serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
             serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
         )
@@ -95,10 +102,10 @@ class StopService:
 
 
 def ask_stopped(bus: Bus, robot: str) -> list[tuple[int, StopReply]]:
-    """Robot and answer of each process that stops a robot of `robot_N`, or with ALL_ROBOTS of all."""
+    """Robot and answer of each process that stops `robot_N`, or with ALL_ROBOTS any robot, and knows what holds."""
     answers = bus.find(names.service_key(robot, names.STOP), StopReply, timeout=LEARN_LIMIT)
     targets = ((names.split_robot_key(key), reply) for key, reply in answers)
-    return [(target[0], reply) for target, reply in targets if target is not None]
+    return [(target[0], reply) for target, reply in targets if target is not None and reply.is_known]
 
 
 class StopSwitch:
@@ -113,13 +120,15 @@ class StopSwitch:
         self.is_stopped = False
         self.is_known = False
         """Whether it is known what holds: nothing is to be commanded before."""
-        self.served = StopService(bus, robot_id, self._name, lambda: self.is_stopped, self._change)
+        self.served = StopService(
+            bus, robot_id, self._name, lambda: self.is_stopped if self.is_known else None, self._change
+        )
         bus.watch_tokens([names.tokens_key(names.SIMULATOR)], lambda _, alive: None if alive else self.served.renew())
 
     def _change(self, stopped: bool) -> None:
         with self._lock:
             self._was_told, changed = True, stopped != self.is_stopped
-            self.is_stopped = stopped
+            self.is_stopped, self.is_known = stopped, True
         if changed:
             log.info("stopped: it stands until 'zteam stop --release'" if stopped else "released: it goes on")
             self._on_change()

@@ -93,6 +93,27 @@ def test_a_goal_that_is_not_reached_ends_with_1(
     assert output.err.endswith(f": {text}\n" if text else "yaw 0\n")
 
 
+def test_a_robot_that_is_stopped_is_told_as_that_once(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """The goal lasts: it is waited for, and reached after the release."""
+    navigation = FakeNavigation(hub, 1)
+    statuses = hub.bus().publisher("robot_1/status", RobotStatus)
+    run = Goto("1", "3", "4")
+    wait_for_goal(navigation)
+    told = ""
+
+    def is_told() -> bool:
+        nonlocal told
+        statuses.put(RobotStatus(robot_id=1, is_stopped=True))
+        told += capsys.readouterr().err
+        return "robot_1 is stopped (zteam stop --release)" in told
+
+    wait_until_true(is_told)
+    statuses.put(RobotStatus(robot_id=1))
+    navigation.say(State.SUCCEEDED)
+    assert run.end() == 0
+    assert (told + capsys.readouterr().err).count("is stopped") == 1
+
+
 def test_another_goal_takes_its_place(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """The command ends when navigation tells of a goal that it did not send, and says which."""
     navigation = FakeNavigation(hub, 1)

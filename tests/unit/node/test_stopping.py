@@ -70,10 +70,13 @@ def test_a_process_that_begins_finds_out(hub: MemoryHub, others: list[tuple[int,
     for robot_id, by, held in others:
         hold(hub, robot_id, by, stopped=held)
     switch = StopSwitch(hub.bus(), 1)
-    assert not switch.is_known
+    # Of two that begin together neither goes by the other.
+    StopSwitch(hub.bus(), 4)
+    assert (switch.is_known, hub.bus().ask("robot_4/stop", StopReply).is_known) == (False, False)
     switch.learn()
     assert (switch.is_known, switch.is_stopped) == (True, stopped)
-    assert dict(ask_stopped(hub.bus(), "robot_1"))[1].by in ("robot_1", "sim")
+    assert (1, StopReply("robot_1", stopped)) in ask_stopped(hub.bus(), "robot_1")
+    assert ask_stopped(hub.bus(), "robot_4") == []
 
 
 @pytest.mark.parametrize("change", [stop, release])

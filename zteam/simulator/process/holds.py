@@ -27,6 +27,8 @@ class Holds:
         """What the queries have said, by robot. A robot that comes back to the world is what it was."""
         self._before: dict[int, bool] = {}
         """What holds where no query has come: what others knew at the start, and the team for one that came later."""
+        self._is_known = False
+        """Whether the others have been asked."""
         bus.watch_tokens([names.tokens_key(names.ALL_ROBOTS)], self._on_robot)
 
     def _on_robot(self, key: str, alive: bool) -> None:
@@ -47,13 +49,16 @@ class Holds:
                 self._bus,
                 robot_id,
                 names.SIMULATOR,
-                partial(self.is_stopped, robot_id),
+                partial(self._known, robot_id),
                 partial(self._change, robot_id),
             )
 
     def is_stopped(self, robot_id: int) -> bool:
         """Whether the body of this robot is held."""
         return self._told.get(robot_id, self._before.get(robot_id, False))
+
+    def _known(self, robot_id: int) -> bool | None:
+        return self.is_stopped(robot_id) if self._is_known or robot_id in self._told else None
 
     @property
     def stopped(self) -> list[int]:
@@ -75,5 +80,6 @@ class Holds:
         told = {robot_id: reply.is_stopped for robot_id, reply in found if reply.by != names.SIMULATOR}
         team = bool(told) and all(told.values())
         self._before |= {robot_id: told.get(robot_id, team) for robot_id in self._served}
+        self._is_known = True
         if self.stopped:
             log.info("%s begin stopped, as they were: 'zteam stop --release'", format_robot_ids(self.stopped))

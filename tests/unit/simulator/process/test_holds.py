@@ -87,7 +87,9 @@ def test_a_simulator_that_begins_asks_the_robots(
     """A body without a process is held if all robots with one are stopped; a query that came before counts more."""
     for robot_id, held in told.items():
         StopService(hub.bus(), robot_id, f"robot_{robot_id}", lambda held=held: held, lambda _: None)  # type: ignore[misc]
+    assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", False, False)]
     parts.node.become_present()
+    assert [reply for _, reply in hub.bus().query("robot_2/stop", StopReply)] == [StopReply("sim", 2 in stopped)]
     assert parts.status().stopped == stopped
     assert moved(parts) == [i not in stopped for i in range(3)]
 
