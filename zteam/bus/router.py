@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -386,14 +387,19 @@ def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | Non
 def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] | None:
     """The sessions of the other clients of the router if it promises its port, else None."""
     end = monotonic() + _ANSWER_WITHIN
-    while True:
-        for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
-            if reply.ok is not None:
-                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
+    while monotonic() < end:
         record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
-        if record is None or record.metadata is None or not record.metadata.on_demand or monotonic() > end:
+        if record is None and not session.info.routers_zid():
+            # It has just ended.
+            return []
+        if record is None or record.metadata is None or not record.metadata.on_demand:
             return None
+        for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
+            with suppress(msgspec.DecodeError):
+                if reply.ok is not None:
+                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
         pause(_ASK_AGAIN)
+    return None
 
 
 _NOTE = "endpoint"

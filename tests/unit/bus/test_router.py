@@ -18,7 +18,7 @@ from support.limits import LIMIT
 from support.transports import RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus import router as routers
-from zteam.bus.options import RELEASE, RouterOptions, host_port, open_session, router_config
+from zteam.bus.options import RELEASE, RouterOptions, client_config, host_port, open_session, router_config
 from zteam.bus.router import PortInUseError, Router, find_local_routers, open_team_router, read_admin
 from zteam.names import token_key
 
@@ -305,6 +305,24 @@ def test_a_router_on_demand_that_has_just_begun_is_asked_until_it_answers() -> N
     thread.join(LIMIT)
     with closing(opened[0]) as team:
         assert team.endpoint == endpoint
+
+
+@pytest.mark.parametrize("nonsense", [b"", b"7", b'{"uid": 0}', b'{"uid": "0", "session": "\xff", "secure": 1}'])
+def test_nonsense_ends_no_router(nonsense: bytes) -> None:
+    """Neither the one that is asked for its port nor the one that asks."""
+    with on_demand() as router, closing(_session(router)) as client, ExitStack() as ends:
+        config = client_config(BusOptions(connect=router.endpoint))
+        stranger = ends.enter_context(open_session(config, "usual"))
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(RELEASE, nonsense)
+
+        ends.callback(stranger.declare_queryable(RELEASE, answer).undeclare)
+        list(stranger.get(RELEASE, payload=nonsense))
+        assert client.instance in sessions_at(router.endpoint)
+        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
+            assert read_admin(BusOptions(connect=team.endpoint)) is not None
 
 
 def test_a_teams_router_that_returns_gets_its_port_back() -> None:
