@@ -41,6 +41,8 @@ def test_the_tools_of_the_readme_work_on_a_running_team(
         assert done.stdout or words[1] == "teleop", command
         if words[1:3] == ["sim", "pause"]:
             assert team.command("sim", "resume").returncode == 0
+        if words[1] == "stop":
+            assert team.command("stop", "--release").returncode == 0
 
     def rate() -> float:
         measured = team.command("topic", "hz", "robot_0/base_scan", "--clock", "sim", "--once", "--json")

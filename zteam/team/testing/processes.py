@@ -13,6 +13,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
+from textwrap import dedent
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
@@ -399,9 +400,10 @@ def _last_words(name: str, said: list[str]) -> str:
         _, found, told = said[i].partition(ENDED)
         if found:
             # A process writes each line by itself, up to the next one of its log.
-            text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
+            lines = told.splitlines()[1:] or takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])
             # A log indents the further lines of what it prints.
-            return "\n".join([*map(str.strip, text[-1:]), *text])
+            text = dedent("\n".join(lines)).splitlines()
+            return "\n".join([*text[-1:], *text])
     return "\n".join(said[-_LAST_LINES:])
 
 
