@@ -148,6 +148,101 @@ def flood(act: Callable[[str, bytes], None], key: str, payloads: st.SearchStrate
         act(key, payload)
 
 
+CALM = """
+[team]
+world = "arena"
+[defaults]
+model = "erratic"
+[[robots]]
+id = 0
+behavior = "wander"
+pose = [0.0, 0.0, 0.0]
+[[robots]]
+id = 1
+follow = 0
+pose = [-0.8, 0.0, 0.0]
+[[robots]]
+id = 2
+follow = 1
+pose = [-1.6, 0.0, 0.0]
+[[robots]]
+id = 3
+pose = [3.0, -3.0, 1.0]
+navigation = {localizer = "fake"}
+[[robots]]
+id = 4
+pose = [3.0, 3.0, 1.0]
+behavior = "go_to"
+"""
+NODES = ["sim", "tf", "monitor", "robot_1", "nav_3"]
+"""Whose own keys get extreme values, besides those of ROBOTS."""
+_LAYERS = ["scans", "tf", "goals", "plans", "costmaps", "particles", "markers", "sonars", "fiducials", "obstacles"]
+
+
+class Calm:
+    """A team of all kinds of nodes in this process, in lock-step, with a view and an open page."""
+
+    def __init__(self, folder: Path) -> None:
+        self.team, self._ends = TeamFixture(), ExitStack()
+        self._ends.callback(self.team.close)
+        (folder / "team.toml").write_text(CALM)
+        self.team.launch(folder / "team.toml", in_process=True)
+        self.team.wait_for_go()
+        self.heard: dict[str, RawSample] = {}
+        self.team.bus.subscribe_raw("**", lambda sample: self.heard.setdefault(sample.key, sample), latched=True)
+        self.give_goals()
+        self.team.run(2.5)
+
+    def give_goals(self) -> None:
+        """Robots 3 and 4 are on their way."""
+        for robot_id in (3, 4):
+            goal = PoseStamped(Header(frame_id=names.MAP_FRAME), Pose(Point(-2.0, -2.0)))
+            self.team.bus.publisher(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped).put(goal)
+
+    def send_extremes(self, key: str) -> None:
+        """All that a message of the key may hold, one a tick; then the true one again, and the world at its start."""
+        kind, true = type_of_key(key), self.heard.get(key)
+        assert kind is not None
+        publisher = self.team.bus.transport.declare_publisher(key, encoding_of(kind), False)
+        for message in extremes(kind() if true is None else decode(kind, true.payload)):
+            publisher.put(encode(message))
+            self.team.run(0.1)
+        if true is not None:
+            publisher.put(true.payload)
+        publisher.close()
+        self.team.sim.reset()
+        self.give_goals()
+        self.team.run(0.3)
+
+    def close(self) -> None:
+        """End it."""
+        self._ends.close()
+
+
+@pytest.fixture
+def calm(tmp_path: Path) -> Iterator[Calm]:
+    """The team."""
+    made = Calm(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.mark.ci
+def test_no_number_in_a_message_ends_a_process(calm: Calm, caplog: pytest.LogCaptureFixture) -> None:
+    """Each field of each type that a team reads at each of its extremes, from whoever writes it: all nodes live, no
+    callback fails, and afterwards the line drives as before. What honest robots tell stays within bounds."""
+    told: list[RobotStatus] = []
+    own = {calm.team.sim_status.robots[0]: "robot_0"}
+    assert own
+    for key in expanded(listed("Keys"), NODES, [0, 1, 3, 4]):
+        calm.send_extremes(key)
+    assert not [record for record in caplog.records if record.exc_info]
+    before = [calm.team.robot(i).distance_travelled for i in range(3)]
+    calm.team.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, lambda _, status: told.append(status))
+    calm.team.until(lambda: all(calm.team.robot(i).distance_travelled > before[i] + 0.3 for i in range(3)), within=60)
+    assert all(0.0 <= status.gap <= 100.0 and -1 <= status.turns < 100 and abs(status.speed) < 2.0 for status in told)
+
+
 def test_hostile_payloads_do_no_harm(sender: Sender) -> None:
     """On every key and query: all processes live, answer, count what they refuse, keep their size, and still drive."""
     team = sender.team
