@@ -1,15 +1,18 @@
-"""Hostile payloads: arbitrary bytes, and valid ones that were damaged; the keys and queries that get them."""
+"""Hostile payloads: arbitrary bytes, valid ones that were damaged, and messages with extreme values; the keys and
+queries that get them."""
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from copy import deepcopy
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import msgspec
+import numpy as np
 from hypothesis import strategies as st
 
 from support.pages import DOCS
 from support.strategies import messages
-from zteam.messages import encode
+from zteam.messages import Message, encode
 from zteam.messages.topics import type_of_key
 
 NUMBERS = (b"0", b"-1", b"1e308", b"1e400", b"-1e-308", b"nan", b"inf", b"9" * 400, b"18446744073709551616", b"0x7f")
@@ -136,3 +139,54 @@ def requests() -> st.SearchStrategy[bytes]:
 
 def _as_json(value: Any) -> bytes:
     return msgspec.json.encode(value)
+
+
+_FLOATS = (np.inf, -np.inf, np.nan, 5e-324, -0.0)
+_LONG = 5000
+_TEXTS = ("", "x" * _LONG, "/", "robot_2", "robot_0/base_link", "map", "\x1b[2J\n", "robot_99999999999/odom")
+
+
+def _numbers(wire: str) -> tuple[Any, ...]:
+    """The extreme values of a number on the wire."""
+    if wire == "bool":
+        return False, True
+    if wire.startswith("float"):
+        most = float(np.finfo(wire).max)
+        return *_FLOATS, most, -most, 1e9, -1e9
+    limits = np.iinfo(wire)
+    return tuple({int(limits.min), int(limits.max), 0, 1, int(limits.max) // 2 + 1})
+
+
+def _extremes_of(hint: Any, value: Any) -> Iterator[Any]:
+    if isinstance(hint, type) and issubclass(hint, Message):
+        yield from extremes(value)
+    elif get_origin(hint) is list:
+        (kind,) = get_args(hint)
+        one = value[0] if value else kind()
+        yield from ([], [one] * 300)
+        yield from ([each, *value[1:]] for each in _extremes_of(kind, one))
+    elif hint is str:
+        yield from _TEXTS
+    else:
+        base, bracket, count = get_args(hint)[1].partition("[")
+        if not bracket:
+            yield from _numbers(base)
+            return
+        size = len(value) or 5
+        if count == "]":
+            yield from (np.zeros(0, base), np.zeros(1, base), np.zeros(_LONG, base))
+        for number in _numbers(base):
+            mixed = np.array(value, base) if len(value) else np.zeros(int(count[:-1]) if count != "]" else size, base)
+            yield np.full(len(mixed), number, base)
+            mixed[::2] = number
+            yield mixed
+
+
+def extremes(message: Message) -> Iterator[Any]:
+    """The message with each of its fields in turn at each of its extreme values; the others stay as they are."""
+    hints = get_type_hints(type(message), include_extras=True)
+    for field in message.__struct_fields__:
+        for value in _extremes_of(hints[field], getattr(message, field)):
+            changed = deepcopy(message)
+            setattr(changed, field, value)
+            yield changed

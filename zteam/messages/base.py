@@ -18,8 +18,11 @@ _DIGITS = 6
 _LEAST_AREA = 1e-6
 """m², twice: less than a square millimetre is a mistake, not a base."""
 
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+LEAST = 1e-6
+"""Of a speed, an acceleration or a length in SI units: no base has a smaller limit."""
+
+Positive = Annotated[float, msgspec.Meta(ge=LEAST)]
+Negative = Annotated[float, msgspec.Meta(le=-LEAST)]
 
 
 class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):

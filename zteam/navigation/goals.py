@@ -15,6 +15,7 @@ from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.navigation.maps import FAR
 from zteam.node.node import Node
 from zteam.robot.goal_lists import serve_list
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
-FAR = 1e6
-"""Metres: no goal lies further from the origin of the map."""
 MAX_BYTES = 2 * 2**20
 _EXAMPLE = "{robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"
 _KEYS = ("robot", "x", "y", "yaw")

@@ -11,6 +11,11 @@ from zteam.messages import Header, MapMetaData, OccupancyGrid, Pose, Time
 from zteam.messages.planar import pose_message
 from zteam.navigation.planning.grid import GridMap, make_map
 
+FAR = 1e6
+"""Metres from the origin of a map: no place is further away."""
+_RESOLUTIONS = 1e-4, 1e3
+"""Metres a cell, the least and the most."""
+
 
 def map_message(grid: GridMap) -> OccupancyGrid:
     """A map in the frame `map`, with stamp 0: it holds at all times."""
@@ -26,9 +31,11 @@ def map_grid(message: OccupancyGrid) -> GridMap:
         raise UsageError(f"the map has {message.data.size} cells, not {info.width} x {info.height}")
     origin = planar(info.origin)
     if origin is None:
-        raise UsageError("the origin of the map is not finite, or no pose in the plane")
+        raise UsageError("the origin of the map is not finite, too far away, or no pose in the plane")
     # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
     resolution = float(str(np.float32(info.resolution)))
+    if not _RESOLUTIONS[0] <= resolution <= _RESOLUTIONS[1]:
+        raise UsageError("the map has a resolution of {:g} m, not {:g} to {:g} m".format(resolution, *_RESOLUTIONS))
     try:
         return make_map(np.array(message.data, np.int8).reshape(info.height, info.width), resolution, origin)
     except ValueError as error:
@@ -36,10 +43,10 @@ def map_grid(message: OccupancyGrid) -> GridMap:
 
 
 def planar(pose: Pose) -> Pose2 | None:
-    """A pose of the wire in the plane; None if it is not finite or its orientation is no rotation."""
+    """A pose of the wire in the plane; None if it is not finite, too far away, or its orientation is no rotation."""
     p, q = pose.position, pose.orientation
     norm = math.hypot(q.x, q.y, q.z, q.w)
-    if not all(map(math.isfinite, (p.x, p.y, norm))) or not 0.9 < norm < 1.1:
+    if not (abs(p.x) <= FAR and abs(p.y) <= FAR and 0.9 < norm < 1.1):
         return None
     return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))
 

@@ -73,7 +73,7 @@ def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
         map_grid(OccupancyGrid())
     message = map_message(grid)
     message.info.resolution = 0.0
-    with pytest.raises(UsageError, match="resolution above 0"):
+    with pytest.raises(UsageError, match="a resolution of 0 m"):
         map_grid(message)
 
 

@@ -14,6 +14,8 @@ from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from
 from zteam.monitor.process.members import KnownRobot, WatchedTeam
 from zteam.simulator.client import absence_text
 
+_LAST_EPOCH = 2**32 - 1
+"""On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
 _NAMED = 8
 """Robots that the text of what GO waits for names at most."""
 
@@ -71,7 +73,7 @@ class Gate(WatchedTeam):
         """The simulator of this session is there. Another one than before begins another world, under the GO that
         stands, which gets the next epoch."""
         if self.gone and self._simulator not in ("", session):
-            self.epoch += 1
+            self._next_epoch()
             self.tell("anew", None, f"the world begins anew in another simulator (epoch {self.epoch})")
         self._simulator = session
 
@@ -122,12 +124,15 @@ class Gate(WatchedTeam):
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
-        self.epoch += 1
+        self._next_epoch()
         self.gone, self.go_stamp = True, stamp
         for member in self.members.values():
             member.told_go = member.ready
         self.tell("go", None, "All robots GO!")
         return True
+
+    def _next_epoch(self) -> None:
+        self.epoch = min(self.epoch + 1, _LAST_EPOCH)
 
     def renew(self, stamp: int) -> None:
         """Time went back: the standing GO holds from `stamp` on."""

@@ -181,7 +181,11 @@ def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
         if found is None:
             return f"the goal is in the frame {frame!r}, which no transform leads to"
         place = found.pose
-    return "the goal is not finite, or its orientation is no rotation" if pose is None else place.compose(pose)
+    return (
+        "the goal is not finite, too far away, or its orientation is no rotation"
+        if pose is None
+        else place.compose(pose)
+    )
 
 
 def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
@@ -189,4 +193,4 @@ def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
     frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
     if frame != names.MAP_FRAME:
         return f"its frame is {frame!r}, not {names.MAP_FRAME!r}"
-    return planar(message.pose.pose) or "it is not finite, or its orientation is no rotation"
+    return planar(message.pose.pose) or "it is not finite, too far away, or its orientation is no rotation"

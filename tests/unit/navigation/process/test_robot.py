@@ -261,7 +261,7 @@ def test_an_orientation_of_zeros_is_refused() -> None:
     robot.inputs.goal.pose.orientation.w = 0.0
     assert robot.step() == STOP
     assert (robot.state, robot.text) == (
-        NavigationState.ABORTED, "the goal is not finite, or its orientation is no rotation",
+        NavigationState.ABORTED, "the goal is not finite, too far away, or its orientation is no rotation",
     )  # fmt: skip
 
 
