@@ -11,7 +11,6 @@ from zteam.messages import Header, MapMetaData, OccupancyGrid, Pose, Time
 from zteam.messages.planar import pose_message
 from zteam.navigation.planning.grid import GridMap, make_map
 
-
 FAR = 1e6
 """Metres from the origin of a map: no place is further away."""
 _RESOLUTIONS = 1e-4, 1e3
