@@ -4,7 +4,7 @@ import logging
 import secrets
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +14,15 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 
 from support.examples import SHARE, examples
-from support.hostile import expanded, listed, payloads_of, requests
+from support.hostile import expanded, extremes, listed, payloads_of, requests
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
+from zteam.bus.transport import RawSample
 from zteam.errors import BusError, DecodeError
-from zteam.messages import decode
+from zteam.messages import Header, Point, Pose, PoseStamped, RobotStatus, decode, encode
+from zteam.messages.message import encoding_of
 from zteam.messages.topics import type_of_key
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
@@ -146,6 +148,105 @@ def flood(act: Callable[[str, bytes], None], key: str, payloads: st.SearchStrate
     # The first one that hypothesis draws is always the simplest.
     for payload in drawn[1:]:
         act(key, payload)
+
+
+CALM = """
+[team]
+world = "arena"
+[[robots]]
+id = 0
+behavior = "wander"
+[[robots]]
+id = 1
+follow = 0
+[[robots]]
+id = 2
+follow = 1
+model = "erratic"
+pose = [-3.5, 1.5, 0.0]
+[[robots]]
+id = 3
+model = "erratic"
+pose = [3.0, -3.0, 1.0]
+navigation = {localizer = "fake"}
+[[robots]]
+id = 4
+model = "erratic"
+pose = [3.0, 3.0, 1.0]
+behavior = "go_to"
+"""
+NODES = ["sim", "tf", "monitor", "robot_1", "nav_3"]
+"""Whose own keys get extreme values, besides those of ROBOTS."""
+
+
+class Calm:
+    """A team of all kinds of nodes in this process, in lock-step."""
+
+    def __init__(self, folder: Path) -> None:
+        self.team, self._ends = TeamFixture(), ExitStack()
+        self._ends.callback(self.team.close)
+        (folder / "team.toml").write_text(CALM)
+        self.team.launch(folder / "team.toml", in_process=True)
+        self.team.wait_for_go()
+        self.heard: dict[str, RawSample] = {}
+        self.team.bus.subscribe_raw("**", lambda sample: self.heard.setdefault(sample.key, sample), latched=True)
+        self.give_goals()
+        self.team.run(2.5)
+
+    def give_goals(self) -> None:
+        """Robots 3 and 4 are on their way."""
+        for robot_id in (3, 4):
+            goal = PoseStamped(Header(frame_id=names.MAP_FRAME), Pose(Point(-2.0, -2.0)))
+            self.team.bus.publisher(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped).put(goal)
+
+    def send_extremes(self, key: str) -> None:
+        """All that a message of the key may hold, one a tick; then the true one again, and the world at its start."""
+        kind, true = type_of_key(key), self.heard.get(key)
+        assert kind is not None
+        publisher = self.team.bus.transport.declare_publisher(key, encoding_of(kind), False)
+        for message in extremes(kind() if true is None else decode(kind, true.payload)):
+            publisher.put(encode(message))
+            self.team.run(0.1)
+        if true is not None:
+            publisher.put(true.payload)
+        publisher.close()
+        self.team.sim.reset()
+        self.give_goals()
+        self.team.run(0.3)
+
+    def close(self) -> None:
+        """End it."""
+        self._ends.close()
+
+
+@pytest.fixture
+def calm(tmp_path: Path) -> Iterator[Calm]:
+    """The team."""
+    made = Calm(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("robot_id", [0, 1, 3, 4, None])
+def test_no_number_in_a_message_ends_a_process(
+    calm: Calm, caplog: pytest.LogCaptureFixture, robot_id: int | None
+) -> None:
+    """Each field of each type on the keys of a robot, or of the team, is sent at each of its extremes: all nodes live,
+    no callback fails, and afterwards the line drives as before. What the robots publish stays within bounds."""
+    told: list[RobotStatus] = []
+    robots = [] if robot_id is None else [robot_id]
+    for key in expanded(listed("Keys"), [] if robots else NODES, robots):
+        if robots or not key.startswith("robot_$"):
+            calm.send_extremes(key)
+    assert not [record for record in caplog.records if record.exc_info]
+    # Not `team.robot`: what it saw of the robots was forged as well.
+    before = [robot.distance_m for robot in calm.team.report.robots[:3]]
+    calm.team.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, lambda _, status: told.append(status))
+    calm.team.run(20.0)
+    assert all(robot.distance_m > before[robot.id] + 0.3 for robot in calm.team.report.robots[:3])
+    assert told
+    assert all(0.0 <= status.gap <= 100.0 and -1 <= status.turns < 100 and abs(status.speed) < 2.0 for status in told)
 
 
 def test_hostile_payloads_do_no_harm(sender: Sender) -> None:

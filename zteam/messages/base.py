@@ -11,6 +11,8 @@ from zteam.config.problems import problems_of
 from zteam.geometry import Point2
 from zteam.messages import BaseInfo
 
+_LEAST = 1e-6
+"""Of a speed, an acceleration or a length in SI units that is not 0: a smaller one is a mistake, not a base's limit."""
 MAX_EXTENT = 100.0
 """Metres: no outline reaches further from the base's origin."""
 _DIGITS = 6
@@ -18,11 +20,8 @@ _DIGITS = 6
 _LEAST_AREA = 1e-6
 """m², twice: less than a square millimetre is a mistake, not a base."""
 
-LEAST = 1e-6
-"""Of a speed, an acceleration or a length in SI units: no base has a smaller limit."""
-
-Positive = Annotated[float, msgspec.Meta(ge=LEAST)]
-Negative = Annotated[float, msgspec.Meta(le=-LEAST)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+Negative = Annotated[float, msgspec.Meta(lt=0.0)]
 
 
 class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -117,7 +116,7 @@ def base_of(message: BaseInfo) -> Base:
         told["footprint"] = footprint
     for name in LIMITS:
         value = getattr(message, name)
-        if not problems_of({name: value}, BaseOverride):
+        if not (0.0 < abs(value) < _LEAST or problems_of({name: value}, BaseOverride)):
             told[name] = value
     return Base(**told)
 

@@ -20,6 +20,8 @@ TEAM_FILE = "team file"
 
 MAX_APART = 10_000_000_000
 """Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""
+MAX_PLACE = 1e9
+"""Metres: no frame is further away from its parent. With larger numbers its readers could not compute."""
 MAX_HELD = 1000
 """Frames of a robot that wait for the bundle of their tick; the world may stand still while others send."""
 MAX_CONFLICTS = 1000
@@ -76,7 +78,10 @@ class Merger:
         kept = []
         for transform in transforms:
             parent, child, problem = _own(robot_id, transform.header.frame_id, transform.child_frame_id)
-            if problem:
+            place = transform.transform.translation
+            if not (abs(place.x) <= MAX_PLACE and abs(place.y) <= MAX_PLACE and abs(place.z) <= MAX_PLACE):
+                self._report(child, names.robot_name(robot_id), _refuse_place(child, names.robot_name(robot_id)))
+            elif problem:
                 self._report(child, names.robot_name(robot_id), Rejection("foreign", problem))
             elif child == transform.child_frame_id and parent == transform.header.frame_id:
                 kept.append(transform)
@@ -214,6 +219,10 @@ def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, byte
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
     tick, transform, _ = held
     return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
+
+
+def _refuse_place(child: str, authority: str) -> Rejection:
+    return Rejection("far", f"{child} from {authority} is more than {MAX_PLACE:g} m away")
 
 
 def _refuse_number(authority: str) -> Rejection:

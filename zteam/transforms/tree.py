@@ -26,8 +26,6 @@ from zteam.transforms.rigid import IDENTITY, Floats, compose, interpolate, inver
 UNIT_TOLERANCE = 0.01
 """tf2 refuses a quaternion whose squared length is this far from 1."""
 
-_MOST_SQUARE = 1e24
-"""m²: a frame that is further away than 10¹² m is a mistake, and sums with it would lose all others."""
 ROUNDING = 1e-15
 """A quaternion whose squared length differs from 1 by less than this is not scaled: that is rounding of doubles."""
 
@@ -220,9 +218,9 @@ class Tree:
         edge = self.edges.get(child)
         if edge is not None and edge.parent == parent and not edge.static:
             x, y, z, i, j, k, w = floats
-            # A newer one, with a unit quaternion and usual numbers: NaN is less than nothing.
+            # A newer one, with a unit quaternion and finite numbers: NaN or inf would make the sum NaN.
             if edge.newest < stamp:
-                if -ROUNDING < i * i + j * j + k * k + w * w - 1.0 < ROUNDING and x * x + y * y + z * z < _MOST_SQUARE:
+                if -ROUNDING < i * i + j * j + k * k + w * w - 1.0 + (x + y + z) * 0.0 < ROUNDING:
                     edge.insert(stamp, edge.parent, floats, self.cache)
                     edge.authority = authority
                     return None
@@ -426,8 +424,6 @@ def _check_numbers(floats: Floats, child: str, authority: str) -> Rejection | No
     """Check that all numbers are finite and the quaternion is nearly a unit one; None, or why they are refused."""
     if not all(map(math.isfinite, floats)):
         return Rejection("TF_NAN_INPUT", f"{child} from {authority} holds a number that is not finite")
-    if not sum(x * x for x in floats[:3]) < _MOST_SQUARE:
-        return Rejection("TF_FAR_INPUT", f"{child} from {authority} is more than {math.sqrt(_MOST_SQUARE):g} m away")
     if abs(sum(q * q for q in floats[3:]) - 1.0) >= UNIT_TOLERANCE:
         return Rejection(
             "TF_DENORMALIZED_QUATERNION", f"{child} from {authority} has a rotation that is no unit quaternion"

@@ -61,6 +61,14 @@ def test_a_limit_that_is_not_told_is_the_default(value: float) -> None:
     assert base.min_vel_x == 0.0
 
 
+@pytest.mark.parametrize("value", [5e-324, -5e-324, 0.0, math.nan])
+def test_a_limit_that_no_base_has_is_as_by_default(value: float) -> None:
+    """With a speed or an acceleration of next to nothing a robot could not compute."""
+    told = base_of(BaseInfo(max_vel_x=value, max_vel_theta=value, acc_lim_theta=value, decel_lim_x=value))
+    expected = DEFAULT_BASE.max_vel_x, DEFAULT_BASE.max_vel_theta, DEFAULT_BASE.acc_lim_theta, DEFAULT_BASE.decel_lim_x
+    assert (told.max_vel_x, told.max_vel_theta, told.acc_lim_theta, told.decel_lim_x) == expected
+
+
 def test_an_override_holds_for_what_it_sets() -> None:
     """The sizes follow the new outline; all else is as told."""
     square = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
@@ -77,11 +85,11 @@ def test_an_override_holds_for_what_it_sets() -> None:
     ("table", "told"),
     [
         ({"max_velx": 1.0}, "max_velx: unknown key (did you mean max_vel_x?); known: footprint, max_vel_x"),
-        ({"max_vel_x": 0.0}, "max_vel_x: a number of at least 1e-06 is expected, not 0.0"),
-        ({"max_vel_theta": math.nan}, "max_vel_theta: a number of at least 1e-06 is expected, not NaN"),
+        ({"max_vel_x": 0.0}, "max_vel_x: a number above 0 is expected, not 0.0"),
+        ({"max_vel_theta": math.nan}, "max_vel_theta: a number above 0 is expected, not NaN"),
         ({"min_vel_x": 0.1}, "min_vel_x: a number of at most 0 is expected, not 0.1"),
         ({"min_vel_x": math.nan}, "min_vel_x: a number of at most 0 is expected, not NaN"),
-        ({"decel_lim_x": 2.0}, "decel_lim_x: a number of at most -1e-06 is expected, not 2.0"),
+        ({"decel_lim_x": 2.0}, "decel_lim_x: a number below 0 is expected, not 2.0"),
         ({"footprint": [[0, 0], [1, 0]]}, "footprint: a list of at least 3 values is expected, not [[0, 0], [1, 0]]"),
         ({"footprint": [[0, 0], [1, 0], [0, "a"]]}, 'footprint[2][1]: a number is expected, not "a"'),
         ({"footprint": [[0, 0], [1, 0], [2, 0]]}, "footprint: must enclose an area, with corners [x, y] of at most"),

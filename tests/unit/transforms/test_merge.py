@@ -279,3 +279,13 @@ def test_a_stamp_ahead_of_all_clocks_is_refused_before_the_time_is_known() -> No
     merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]), wall=1000 * S)
     assert merger.take_pending() == [stamped("robot_0/odom", "robot_0/base_footprint", S)]
     assert "4000.0 s ahead of the team's clock" in merger.conflicts()[0]
+
+
+@pytest.mark.parametrize("x", [2e9, -1.7e308, math.inf, math.nan])
+def test_a_frame_that_is_nowhere_near_is_a_conflict(x: float) -> None:
+    """Readers of the team's tree could not compute with it, moving or fixed."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, x)]))
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0, x)]))
+    assert merger.take_pending() == merger.statics.message().transforms == []
+    assert len(merger.conflicts()) == 2

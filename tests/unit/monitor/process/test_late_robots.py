@@ -3,7 +3,7 @@
 import pytest
 
 from support.gate_feed import BOOT, READY, RUNNING, STOPPED, come, status, told
-from zteam.messages import TeamState
+from zteam.messages import TeamState, TeamStatus, decode, encode
 from zteam.monitor.process.start_gate import Gate
 
 
@@ -134,6 +134,15 @@ def test_the_highest_epoch_is_adopted() -> None:
     come(gate, 0, state=RUNNING, epoch=1)
     come(gate, 1, state=RUNNING, epoch=4)
     assert gate.epoch == 4
+
+
+def test_the_last_epoch_of_the_wire_is_no_end() -> None:
+    """A robot may tell any epoch: after the last one another simulator still has a GO that can be told."""
+    gate = Gate([0], 1)
+    gate.take_simulator("one")
+    come(gate, 0, state=RUNNING, epoch=2**32 - 1)
+    gate.take_simulator("two")
+    assert (gate.epoch, decode(TeamStatus, encode(gate.status(1))).epoch) == (2**32 - 1, 2**32 - 1)
 
 
 @pytest.mark.parametrize("case", ["not expected", "not alive"])
