@@ -1,8 +1,10 @@
 """How an error of a user's own code is shown: its traceback without the frames of zteam around it."""
 
+import gc
 import logging
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -29,6 +31,22 @@ ENDED = "ended by an error:"
 def is_own(file: str) -> bool:
     """Whether the code of this file is zteam's."""
     return file.startswith(_OWN)
+
+
+@contextmanager
+def reading_frames() -> Iterator[None]:
+    """Within, frames of threads that run may be read.
+
+    Before Python 3.12, an allocation can run the garbage collector at once, also while CPython reads a frame. The
+    finalizers let the other threads run, and if the frame ends then, CPython reads memory that was freed.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def frames_text(frames: Iterable[FrameType]) -> str:

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.node.faults import frames_text, is_own
+from zteam.node.faults import frames_text, is_own, reading_frames
 from zteam.node.logs import KEEPER, node_of
 from zteam.node.step_watch import hanging
 from zteam.team.in_process.delivery import Delivery, current_owner
@@ -63,15 +63,18 @@ class UserCall(NamedTuple):
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self.thread), ctypes.py_object(_Ended))
 
 
-def user_calls() -> Iterator[UserCall]:
+def user_calls() -> list[UserCall]:
     """The calls that nodes of this process are in now, without those in a debugger."""
-    for thread, top in sys._current_frames().items():
-        inner = takewhile(lambda frame: not is_own(frame.f_code.co_filename), (frame for frame, _ in walk_stack(top)))
-        frames = [*inner][::-1]
-        owner = current_owner(top, "")
-        # What zteam itself calls of the standard library are waits.
-        if owner and frames and not _is_library(frames[0]) and not any(map(_is_debugger, frames)):
-            yield UserCall(owner, thread, frames)
+    found = list[UserCall]()
+    with reading_frames():
+        for thread, top in sys._current_frames().items():
+            above = (frame for frame, _ in walk_stack(top))
+            frames = [*takewhile(lambda frame: not is_own(frame.f_code.co_filename), above)][::-1]
+            owner = current_owner(top, "")
+            # What zteam itself calls of the standard library are waits.
+            if owner and frames and not _is_library(frames[0]) and not any(map(_is_debugger, frames)):
+                found.append(UserCall(owner, thread, frames))
+    return found
 
 
 class CallWatch:
@@ -106,7 +109,7 @@ class CallWatch:
     def _watch(self, ended: Event) -> None:
         looks: dict[FrameType, int] = {}
         while not ended.wait(_PERIOD):
-            calls = list(user_calls())
+            calls = user_calls()
             # Looks are counted and not seconds: a process that is frozen does not look.
             looks = {call.frames[0]: looks.get(call.frames[0], 0) + 1 for call in calls}
             for call in calls:
