@@ -59,9 +59,10 @@ def test_late_subscribers_beside_others_get_the_last_message(sessions: Sessions)
 
 def test_plain_and_latched_subscribers_stand_side_by_side(sessions: Sessions) -> None:
     """Whichever of one session's on a key is closed, the others go on."""
-    sender, listener = sessions(), sessions()
-    publisher = sender.publisher("a/b", Done, latched=True)
+    sender, listener, witness = three(sessions)
+    publisher, heard = sender.publisher("a/b", Done, latched=True), ticks(witness, "a/b")
     publisher.put(Done(tick=0))
+    heard.wait_for(("a/b", 0))
     inboxes, handles = [Inbox() for _ in range(4)], []
     for inbox, (key_expr, latched) in zip(
         inboxes, [("a/b", True), ("a/b", False), ("a/*", True), ("**", False)], strict=True
