@@ -33,6 +33,7 @@ def test_the_shipped_team_forms_a_wedge_and_closes_a_gap(team: Any) -> None:
     assert not any(team.robot(robot).stall for robot in range(5))
 
 
+@pytest.mark.ci
 @BOTH_PACES
 def test_the_shipped_chain_drives_with_its_arguments(team: Any) -> None:
     """The shipped chain drives in a line, with the number of robots and the speed that its user asks for."""

@@ -56,6 +56,7 @@ def collect(poses: list[PoseWithCovarianceStamped], node: Node) -> None:
     node.run(lambda now: None)
 
 
+@pytest.mark.ci
 def test_the_same_seed_gives_the_same_localisation(empty_folder: Path) -> None:
     """With noise AMCL knows where its robot is, and a second run gives the same poses, bit for bit."""
     path = empty_folder / "team.toml"

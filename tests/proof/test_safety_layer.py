@@ -32,6 +32,7 @@ def ahead(team: TeamFixture) -> float:
     return float(ranges[len(ranges) // 2])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["dazzle", "heights"])
 def test_without_the_safety_layer_they_collide(team: TeamFixture, name: str) -> None:
     """Without the safety layer a robot drives into another that its laser does not see."""
@@ -42,6 +43,7 @@ def test_without_the_safety_layer_they_collide(team: TeamFixture, name: str) -> 
     assert "no safety layer" in team.robot(0).status.text
 
 
+@pytest.mark.few(1)
 @BOTH_PACES
 @pytest.mark.parametrize("name", ["dazzle", "heights"])
 def test_with_the_safety_layer_they_stop_apart(team: TeamFixture, name: str) -> None:

@@ -41,6 +41,7 @@ def test_processes_in_any_order_give_the_same_run(team: TeamFixture, tmp_path: P
     assert team.report.trajectory_sha256 == run_team(path, seconds=8.0).trajectory_sha256
 
 
+@pytest.mark.ci
 def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
     """Two runs in which a robot is killed and started again at the same tick have the same trajectory hash."""
 

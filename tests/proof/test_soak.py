@@ -23,7 +23,7 @@ erratic ( name "robot_3" pose [-3.6 -2.5 0 0] )
 """A way of 12 m with three bays, each 4 m wide and 5 m deep."""
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_line_drives_among_dead_ends(team: TeamFixture, tmp_path: Path, seed: int) -> None:
     """With each seed the shipped line drives a minute among dead ends: no robot collides or falls behind."""

@@ -63,6 +63,7 @@ def commanded(team: TeamFixture) -> float:
     return robot.command.linear.x
 
 
+@pytest.mark.ci
 def test_a_set_counts_from_the_next_tick_on(team: TeamFixture) -> None:
     """`zteam param set` changes a robot's speed from the next tick on; a wrong value is refused in one line."""
     team.start("arena", behavior="forward", params={0: {"speed": 0.1}})

@@ -56,7 +56,7 @@ def test_the_reference_passes(tmp_path: Path) -> None:
     assert re.findall(r"^PASSED test_homework.py::(\w+)$", done.stdout, re.MULTILINE) == [*TESTS]
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("hand_in", WRONG)
 def test_a_wrong_hand_in_is_told_why(hand_in: str, tmp_path: Path) -> None:
     """It fails its exercise with the page's sentence. What it has of the others is the reference's."""

@@ -264,6 +264,7 @@ bus.close()
 """
 
 
+@pytest.mark.ci
 def test_a_process_may_end_while_its_link_is_looked_at(router: RouterProcess) -> None:
     """Just after its link came back; the interpreter would end the thread within Zenoh, which aborts the process."""
     command = [sys.executable, "-c", ENDS, router.endpoint]

@@ -41,6 +41,7 @@ def test_the_example_and_its_test_work(
     assert " passed" in done.stdout
 
 
+@pytest.mark.ci
 def test_the_example_passes_the_check(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam check` finds nothing wrong with the written behaviour."""
     assert zteam.main(["new", "behavior", "my_checked"]) == 0

@@ -128,7 +128,7 @@ sys.setswitchinterval(1e-5)
 gc.set_threshold(15, 1000, 1000)
 for _ in range(2):
     threading.Thread(target=work, daemon=True).start()
-for _ in range(3000):
+for _ in range(1000):
     Cycle(), Cycle()
     with reading_frames():
         for frame in sys._current_frames().values():

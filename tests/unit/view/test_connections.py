@@ -54,9 +54,11 @@ def has_ended(client: socket.socket) -> bool:
         b"GET /page/js/main.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 100,
         b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000000\r\n\r\nx",
         b"\0" * 1000,
-        UPGRADE,
-        UPGRADE + b"\x81\xfe",
-        UPGRADE + b"\x81\x81\0\0\0\0\xff",
+        *(
+            # The first one may be closed only when it has neither said hello nor answered the closing handshake.
+            pytest.param(UPGRADE + rest, marks=pytest.mark.ci)
+            for rest in (b"", b"\x81\xfe", b"\x81\x81\0\0\0\0\xff")
+        ),
     ],
 )
 def test_connections_that_wait_keep_no_page_away(view: View, caplog: pytest.LogCaptureFixture, sent: bytes) -> None:

@@ -26,6 +26,7 @@ def test_a_held_session_shows_nothing(sessions: Sessions) -> None:
     latched.hand_over(Done(tick=3))
     assert inbox.wait_for(("latched", 3)) == [("latched", 2), ("latched", 3)]
     gone.put(Done(tick=4))
+    wait_until_true(plain.find_subscribers)
     plain.put(Done(tick=5))
     latched.put(Done(tick=6))
     assert inbox.wait_for(("latched", 6))[2:] == [("plain", 5), ("latched", 6)]

@@ -214,6 +214,7 @@ def test_wander_stops_further_off_the_faster_it_is() -> None:
     assert speed_of("wander", wall, speed=1.0) == 0.0
 
 
+@pytest.mark.ci
 def test_the_same_run_twice_is_the_same() -> None:
     """Wandering is random by the seed alone."""
 

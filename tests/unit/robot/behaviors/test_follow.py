@@ -133,7 +133,7 @@ def test_it_is_ready_with_its_leaders_pose() -> None:
     assert behavior.missing(seeing(Pose2(1.0, 0.0, 0.0))) == []
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("law", ["trail", "direct"])
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_a_line_of_four_holds(delay: int, law: str) -> None:

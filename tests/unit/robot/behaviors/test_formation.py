@@ -82,7 +82,7 @@ def test_a_leader_that_only_stands_is_waited_for() -> None:
     assert all(math.dist(pose[:2], start[:2]) < 0.05 for pose, start in zip(floor.poses, COLUMN, strict=True))
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 def test_a_robot_behind_a_corner_comes_along_the_trail() -> None:
     """Its leader has driven round a corner out of its sight: it does not stand at the wall between."""
     walls: list[Segment] = [(1.0, 0.6, 1.0, 6.0), (-1.0, 0.6, 1.0, 0.6), (3.0, -2.0, 3.0, 6.0)]
@@ -103,6 +103,7 @@ def test_a_robot_behind_a_corner_comes_along_the_trail() -> None:
     assert math.dist(floor.poses[0][:2], floor.poses[1][:2]) < 1.0
 
 
+@pytest.mark.ci
 def test_a_robot_that_has_no_room_to_turn_to_its_slot_backs_out() -> None:
     """In a pocket that is too narrow to turn in it drives back until it can, and comes to its slot."""
     pocket: list[Segment] = [(-0.1, 0.21, 0.4, 0.21), (-0.1, -0.21, 0.4, -0.21), (0.4, -0.21, 0.4, 0.21)]

@@ -231,6 +231,7 @@ def test_a_door_is_found() -> None:
     assert room > BODY
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("walls", [box(3.0, -1.0, 5.0, 1.0), box(-2.0, -2.0, 2.0, 2.0)])
 def test_a_goal_without_a_way_is_given_up(walls: list[Segment]) -> None:
     """Where the goal or the robot is shut in, it goes all round once, says that there is no way, and stands."""

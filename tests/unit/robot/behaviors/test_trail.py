@@ -149,7 +149,7 @@ TURNING = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("way", TURNING)
 def test_no_robot_collides_whatever_the_leader_does(way: str) -> None:
     """Four robots of 0.35 m stay 0.42 m apart, base to base."""
@@ -302,7 +302,7 @@ def test_it_passes_a_robot_that_is_gone(side: float) -> None:
     assert nearest > 0.4
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(1, 7))
 @pytest.mark.parametrize("width", [1.2, 2.0])
 def test_a_line_gets_out_of_a_dead_end(width: float, seed: int) -> None:

@@ -83,7 +83,7 @@ class _Asked:
             TrialDrive(self, place, ViewMaker(self._behavior.inputs).messages()).run()  # type: ignore[arg-type]
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "params"), _CASES, ids=lambda value: value if isinstance(value, str) else None)
 def test_a_shipped_behavior_says_why_it_stands(name: str, params: dict[str, Any]) -> None:
     """In every view and world a command of zero comes with a reason or with a word on why it rests."""

@@ -38,7 +38,7 @@ def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[s
     assert run(order=order, staggered=True).trajectory_sha256 == usual.trajectory_sha256
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "order",
     [
@@ -124,7 +124,7 @@ def test_the_seed_matters(usual: SimReport) -> None:
     assert run(seed=2).trajectory_sha256 != usual.trajectory_sha256
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("speed", [0.81, 0.8000001])
 def test_the_slightest_other_command_matters(usual: SimReport, speed: float) -> None:
     """A leader that is a little faster is another run."""

@@ -42,6 +42,7 @@ def test_a_finished_run_may_be_run_again_and_again() -> None:
     assert len(hashes) == 1
 
 
+@pytest.mark.ci
 def test_a_reset_starts_the_same_run_again() -> None:
     """All processes forget the run, and robots that were added, removed or moved are as at the start."""
     with InProcessTeam(TeamOptions(paused=True)) as team:

@@ -76,7 +76,7 @@ def test_a_child_whose_folder_is_gone_leaves_the_warm_parent_alive(
     assert warm.pids == pids
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
@@ -178,7 +178,7 @@ def test_ps_shows_each_process_under_its_commands_name(lifeline: int) -> None:
         assert shown(*warm.pids.values()) == "zteam-parent"
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

@@ -106,6 +106,7 @@ def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("on_stop", "failed"),
     [("signal.SIG_IGN", False), ("lambda *_: os._exit(3)", True)],
@@ -206,6 +207,7 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monke
         run.watch()
 
 
+@pytest.mark.ci
 def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend: Pretend) -> None:
     """GO does not wait for it, so it may end a moment later than that: the run would stand for ever."""
     held = SimStatus("", [0], 1, 1, 0, tick=1, real_time_factor=0.0, lockstep=True, waiting_for="goals")
