@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from support.examples import SHARE, examples
 from support.hostile import expanded, extremes, listed, payloads_of, requests
+from support.web_view import open_page, open_view
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.bus.presence import ProcessInfo
@@ -28,6 +29,7 @@ from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.testing.team import TeamFixture
+from zteam.view.requests import DOCS, LAYERS
 
 pytestmark = pytest.mark.team
 
@@ -180,7 +182,7 @@ NODES = ["sim", "tf", "monitor", "robot_1", "nav_3"]
 
 
 class Calm:
-    """A team of all kinds of nodes in this process, in lock-step."""
+    """A team of all kinds of nodes in this process, in lock-step, and a page that looks at everything."""
 
     def __init__(self, folder: Path) -> None:
         self.team, self._ends = TeamFixture(), ExitStack()
@@ -188,6 +190,8 @@ class Calm:
         (folder / "team.toml").write_text(CALM)
         self.team.launch(folder / "team.toml", in_process=True)
         self.team.wait_for_go()
+        self.page = self._ends.enter_context(open_page(self._ends.enter_context(open_view(self.team.bus)).port))
+        self.page.say(op="look", layers=sorted(LAYERS), docs=sorted(DOCS), beams=90, selected=[0, 1, 2, 3, 4])
         self.heard: dict[str, RawSample] = {}
         self.team.bus.subscribe_raw("**", lambda sample: self.heard.setdefault(sample.key, sample), latched=True)
         self.give_goals()
@@ -213,6 +217,8 @@ class Calm:
         self.team.sim.reset()
         self.give_goals()
         self.team.run(0.3)
+        frames = len(self.page.frames)
+        self.page.wait(lambda: len(self.page.frames) > frames)
 
     def close(self) -> None:
         """End it."""
