@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.examples import examples
 from support.strategies import messages
 from zteam.errors import DecodeError
-from zteam.messages import Message, all_types, decode, encode
+from zteam.messages import Message, RobotStatus, all_types, decode, encode
 
 _ZTEAM_MSGS = {
     "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
@@ -124,10 +124,11 @@ def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.Da
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 def test_a_cut_message_is_refused(ros_type: str) -> None:
-    """Every proper prefix of an encoded message raises DecodeError."""
+    """Every proper prefix of an encoded message raises DecodeError, but the status of a robot of before `is_stopped`."""
     kind = all_types()[ros_type]
     payload = encode(kind())
-    for cut in range(len(payload)):
+    older = {len(payload) - 1} if kind is RobotStatus else set()
+    for cut in {*range(len(payload))} - older:
         with pytest.raises(DecodeError):
             decode(kind, payload[:cut])
 

@@ -104,10 +104,11 @@ def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Flo
     assert view.scan is not None
     assert view.scan.angle_increment > 0.0
     bearings, distances = read_beams(view.scan)
-    ends = np.stack((distances * np.cos(bearings), distances * np.sin(bearings)), axis=1) + view.laser
+    hit = distances < FAR
+    ends = distances[hit] * np.stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
     around = Surroundings()
     around.take(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
-    return ends[distances < FAR], around.points.T
+    return ends.T + view.laser, around.points.T
 
 
 def seen_by_navigation(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Costmap]:
