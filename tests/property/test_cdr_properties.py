@@ -124,7 +124,7 @@ def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.Da
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 def test_a_cut_message_is_refused(ros_type: str) -> None:
-    """Every proper prefix of an encoded message raises DecodeError, but the status of a robot of before `is_stopped`."""
+    """Every proper prefix of an encoded message raises DecodeError, but a status from before `is_stopped`."""
     kind = all_types()[ros_type]
     payload = encode(kind())
     older = {len(payload) - 1} if kind is RobotStatus else set()
