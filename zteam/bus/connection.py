@@ -361,22 +361,26 @@ def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> 
 def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
     """Start a router on demand again when it dies; Zenoh reconnects by itself."""
 
-    def on_link(up: bool) -> None:
-        if not up:
-            # Spread out, so that few routers compete for the port.
-            revive_in(random.uniform(0.0, 0.2))
+    losses = 0
 
-    def revive_in(seconds: float) -> None:
+    def on_link(up: bool) -> None:
+        nonlocal losses
+        if not up:
+            losses += 1
+            # Spread out, so that few routers compete for the port.
+            revive_in(random.uniform(0.0, 0.2), losses)
+
+    def revive_in(seconds: float, loss: int) -> None:
         # Not in the callback: it holds a Zenoh thread. Host time: a restart must not block Zenoh's thread.
-        timer = threading.Timer(seconds, revive)  # noqa: TID251
+        timer = threading.Timer(seconds, revive, (loss,))  # noqa: TID251
         timer.daemon = True
         timer.start()
 
-    def revive() -> None:
-        if transport.up or transport.closed:
+    def revive(loss: int) -> None:
+        if transport.up or transport.closed or loss != losses:
             return
         # A router that is there may end before Zenoh has connected to it.
-        revive_in(_REVIVE_PERIOD)
+        revive_in(_REVIVE_PERIOD, loss)
         if port_accepts(options.endpoint):
             return
         try:

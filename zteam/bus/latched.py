@@ -14,12 +14,15 @@ import msgspec
 
 from zteam.bus.held_declarations import Held
 from zteam.bus.transport import Closeable, Handle, RawSample, SampleHandler
+from zteam.clock import NOT_KNOWN, Sent, monotonic
 from zteam.names import split_latched_token
 
 KEPT_BYTES = 64 * 1024 * 1024
 """Of the messages that a subscription keeps. Those beyond it are asked for again when a reader comes."""
 _MAX_WRITERS = 4096
 """Writers can come and go; a reader may get the last message of an older one twice."""
+_MOST_OF_KEY = 64
+"""Publishers of one key that are asked for their last messages."""
 
 Writer = tuple[str, str, str]
 """Key, session and number of a publisher."""
@@ -28,23 +31,24 @@ Ask = Callable[[str, Callable[[RawSample], object], Callable[[], object]], None]
 
 
 class _Reader:
-    """Calls one handler on one thread at a time; of each writer, with nothing that is not newer than the last."""
+    """Calls one handler on one thread at a time; of a writer, with nothing that comes again, or that the last hides."""
 
     def __init__(self, handler: SampleHandler, kept: Iterable[tuple[RawSample, Writer]]) -> None:
         """What is `kept` comes first. Nothing is handled before `work`."""
         self._handler = handler
         self._lock = threading.Lock()
-        self._newest: dict[Writer, int] = {}
-        """Time stamps."""
+        self._newest: dict[Writer, Sent] = {}
         self._waiting = deque[RawSample]()
         self._works, self._closed = True, False
         for sample, writer in kept:
             self._put(sample, writer)
 
     def _put(self, sample: RawSample, writer: Writer) -> None:
-        if 0 < sample.timestamp <= self._newest.get(writer, 0):
+        newest, sent = self._newest.get(writer, NOT_KNOWN), sample.sent(monotonic())
+        # It comes again, or an older one comes late.
+        if 0 < sent.stamp == newest.stamp or newest.hides(sent):
             return
-        self._newest[writer] = sample.timestamp
+        self._newest[writer] = sent
         if len(self._newest) > _MAX_WRITERS:
             del self._newest[next(iter(self._newest))]
         self._waiting.append(sample)
@@ -86,6 +90,8 @@ class _Kept(msgspec.Struct):
     token: str
     sample: RawSample | None = None
     """Its last message, if that is known and there is room."""
+    sent: Sent = NOT_KNOWN
+    """When that was sent."""
     asked: bool = False
     """Whether its answer may still come."""
 
@@ -130,7 +136,9 @@ class LatchedSubscription:
         """A message came, or the answer of a publisher."""
         with self._lock:
             each = self._kept.get(writer)
-            if each is not None and (each.sample is None or each.sample.timestamp < sample.timestamp):
+            sent = sample.sent(monotonic())
+            if each is not None and (each.sample is None or (sent.stamp and not each.sent.hides(sent))):
+                each.sent = sent
                 self._keep(each, sample)
             readers = list(self._readers)
         for reader in readers:
@@ -151,7 +159,12 @@ class LatchedSubscription:
                 if (gone := self._kept.pop(writer, None)) is not None:
                     self._keep(gone, None)
                 return
-            self._kept.setdefault(writer, _Kept(token))
+            if writer not in self._kept:
+                # Any program may hold tokens.
+                of_key = sum(key == writer[0] for key, *_ in self._kept)
+                if of_key >= _MOST_OF_KEY or len(self._kept) >= _MAX_WRITERS:
+                    return
+                self._kept[writer] = _Kept(token)
         self._ask_for(writer)
 
     def _ask_for(self, writer: Writer) -> None:

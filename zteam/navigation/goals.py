@@ -138,6 +138,10 @@ class Rounds:
         """The next goal of this robot: its own first, then those that it shares; None if there is none."""
         return next(self._next[robot_id], None)
 
+    def put_back(self, robot_id: int, goal: FileGoal) -> None:
+        """It is the robot's next one again."""
+        self._next[robot_id] = chain((goal,), self._next[robot_id])
+
 
 def _rounds_of(goals: Sequence[FileGoal], rounds: int | None) -> Iterator[FileGoal]:
     """Goals in their order, again and again for so many rounds."""
@@ -248,8 +252,9 @@ class Dispatcher:
             # What a robot has said of itself until now came by chance.
             return
         for errand in self.errands.values():
-            if errand.is_paused:
-                errand.client.withdraw()
+            if errand.is_paused and errand.goal is not None and errand.client.withdraw():
+                self._rounds.put_back(errand.client.robot_id, errand.goal)
+                errand.goal = errand.watch = None
             errand.client.look()
             if errand.watch is not None and errand.watch.is_replaced:
                 if not errand.is_paused:
@@ -268,7 +273,9 @@ class Dispatcher:
         if watch.result == TaskResult.SUCCEEDED:
             errand.reached, errand.failures = errand.reached + 1, 0
         else:
-            errand.failed, errand.failures = errand.failed + 1, errand.failures + 1
+            # Who cancels a goal and pauses the list wants it to go on later.
+            is_users = errand.is_paused and watch.result == TaskResult.CANCELED
+            errand.failed, errand.failures = errand.failed + 1, errand.failures + (not is_users)
         self._ended.append(Ended(errand.client.robot_id, errand.goal, watch, to_seconds(now - errand.sent)))
 
     def _send_next(self, errand: Errand, now: int) -> None:

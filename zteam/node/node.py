@@ -302,10 +302,10 @@ class Node(ProcessNode):
         """A query has stopped or released its robot: out of lock-step at once, else from the next tick on."""
         if self._part.active:
             return
-        with self.changed:
-            self._drive(None)
-            if self._gate is not None:
-                self._gate.say_again()
+        # Without the lock, which a step that works long holds.
+        self._drive(None)
+        if self._gate is not None:
+            self._gate.say_again()
 
     def _halt(self) -> None:
         with self.changed:

@@ -278,7 +278,8 @@ def _result(
     """What became of one robot."""
     mine = {names.robot_key(robot_id, service) for service in (names.ENGAGE, names.RELEASE)}
     confirmed = {reply.by for key, reply in replies if key in mine and reply.is_stopped == stopped}
-    problem = "" if confirmed else next((problem for key, problem in problems.items() if key in mine and problem), "")
+    asked = {*mine, EngageRequest.wildcard}
+    problem = "" if confirmed else next((problem for key, problem in problems.items() if key in asked and problem), "")
     if not expected and not problem:
         problem = "nothing holds it: it has no process, and no simulator has its body"
     return StopResult(robot_id, stopped, sorted(confirmed), sorted(expected - confirmed), problem)

@@ -62,7 +62,7 @@ class Wheels:
         self._open.append(self._publisher)
         if self.direct:
             self._switch = StopSwitch(self._bus, self._id, lambda: self.drive(Twist()))
-            self._claim.under_name.append(self._switch.served)
+            self._claim.under_name.append(self._switch)
             self._switch.learn()
 
     def _give_way(self, pid: int, host: str) -> None:

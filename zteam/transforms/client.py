@@ -10,6 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
+from zteam.errors import BusError
 from zteam.messages import Time, TransformStamped, time_from_ns
 from zteam.transforms import errors
 from zteam.transforms.rigid import stamped_transform
@@ -143,6 +144,8 @@ class TransformClient:
         key = names.service_key(names.AGGREGATOR, "lookup")
         request = LookupRequest(list(lookups), timeout)
         replies = self._bus.ask(key, list[LookupReply], request, timeout=timeout + _GRACE)
+        if len(replies) != len(lookups):
+            raise BusError(f"{key}: {len(replies)} answers to {len(lookups)} look-ups")
         return [_result(lookup, reply) for lookup, reply in zip(lookups, replies, strict=True)]
 
     def history(self, request: HistoryRequest) -> HistoryReply:
@@ -153,7 +156,9 @@ class TransformClient:
 def _result(lookup: Lookup, reply: LookupReply) -> TransformStamped | errors.TransformException:
     if reply.error:
         # A newer aggregator may know exceptions that this process does not.
-        kind = getattr(errors, reply.error, errors.TransformException)
+        kind = getattr(errors, reply.error, None)
+        if not isinstance(kind, type) or not issubclass(kind, errors.TransformException):
+            kind = errors.TransformException
         return kind(reply.text)
     floats = (*reply.translation, *reply.rotation)
     return stamped_transform(time_from_ns(reply.stamp), lookup.target, lookup.source, floats)

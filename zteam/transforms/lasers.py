@@ -23,6 +23,8 @@ from zteam.transforms.rigid import Floats, floats_of
 MAX_TILT = math.radians(10.0)
 """Radians between the plane of a laser's beams and the base's, at most. At this angle a beam rises or falls by 17 cm in
 each metre: soon it sees the floor, or over what stands in the way."""
+MAX_OFFSET = 5.0
+"""Metres between a laser and the origin of its base, at most. More is a mistake, such as millimetres."""
 _LEVEL = 1e-4
 """Radians: with less tilt, ranges change by less than float32 rounds."""
 MAX_AGE = to_ns(0.5)
@@ -168,6 +170,12 @@ class LaserMounts:
             return LaserProblem(
                 f"newer transforms of its laser's frame {frame} ({self._tf})",
                 f"have the process that moves {frame} publish it with every scan, with the stamps of its clock",
+            )
+        offset = math.hypot(*mount[:2])
+        if not offset <= MAX_OFFSET:
+            return LaserProblem(
+                f"a laser on its base ({frame} is {offset:.3g} m away from it, {MAX_OFFSET:g} m is the most)",
+                f"correct the translation of {self._base} -> {frame}, in metres ('zteam tf echo' shows it)",
             )
         tilt, _ = tilt_of(mount[3:])
         if tilt > MAX_TILT + 1e-9:

@@ -195,9 +195,9 @@ class Commands:
             case requests.ReleaseRobots():
                 _need_done(self._stops.release())
             case requests.CancelGoals():
-                if request.pauses:
-                    pause_lists(self._state.node.bus, paused=True)
-                self._cancel_goals(request.robots)
+                # A list may have sent a goal that the page has not seen.
+                also = pause_lists(self._state.node.bus, paused=True) if request.pauses else []
+                self._cancel_goals(request.robots, also)
             case requests.ResumeLists():
                 pause_lists(self._state.node.bus, paused=False)
             case requests.InitialPose():
@@ -254,10 +254,13 @@ class Commands:
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
 
-    def _cancel_goals(self, robots: Sequence[int]) -> None:
+    def _cancel_goals(self, robots: Sequence[int], also: Sequence[int]) -> None:
+        """Give up the goals of these robots; others `also`, if they have one."""
         # All at once: each robot that hangs takes its time to say nothing.
         with ThreadPoolExecutor(CANCELS, "cancel") as threads:
+            others = threads.map(self._cancel_goal, [each for each in also if each not in robots])
             problems = [problem for problem in threads.map(self._cancel_goal, robots) if problem]
+            list(others)
         if problems:
             raise ZteamError("; ".join(problems))
 

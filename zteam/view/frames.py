@@ -49,7 +49,7 @@ def encode_frame(number: int, tick: int, stamp: float, age: float, blocks: Seque
 
     `stamp` (s) is of the clock that the team lives on; `age`: host seconds from the newest pose until it was sent.
     """
-    header = _HEADER.pack(KIND, VERSION, len(blocks), number & 0xFFFFFFFF, tick, stamp, age)
+    header = _HEADER.pack(KIND, VERSION, len(blocks), number & 0xFFFFFFFF, max(0, tick), stamp, age)
     return b"".join((header, *blocks))
 
 
@@ -87,11 +87,12 @@ def encode_scan(robot_id: int, index: int, scan: LaserScan, sensor: Pose2, beams
     step = RANGE_STEP
     if math.isfinite(scan.range_max):
         step = max(step, scan.range_max / MAX_STEPS)
-    with np.errstate(invalid="ignore"):
+    floats = np.array((*sensor, scan.angle_min, scan.angle_increment * stride, scan.range_max, step))
+    with np.errstate(invalid="ignore", over="ignore"):
         steps = np.minimum(np.rint(distances / np.float32(step)), MAX_STEPS)
+        head = _SCAN.pack(index, len(steps), *floats.astype(np.float32).tolist())
     found = np.where(distances > 0.0, steps, INVALID).astype("<u2")
     found[distances >= step * MAX_STEPS] = NO_RETURN
-    head = _SCAN.pack(index, len(found), *sensor, scan.angle_min, scan.angle_increment * stride, scan.range_max, step)
     return _block(SCAN, head + found.tobytes(), owner=robot_id)
 
 

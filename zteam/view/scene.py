@@ -31,7 +31,7 @@ from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames
 from zteam.view.commands import Tile, make_tiles
 from zteam.view.received import Arrival
-from zteam.view.team_view import TeamView
+from zteam.view.team_view import TeamView, shown
 
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
@@ -347,7 +347,8 @@ class Scene:
         if base is None and late:
             base = state.places.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
         if base is not None and seen.scan is not None:
-            return seen.scan, base.compose(Pose2(*seen.laser, 0.0))
+            sensor = shown(base.compose(Pose2(*seen.laser, 0.0)))
+            return None if sensor is None else (seen.scan, sensor)
         if not state.places.from_truth:
             return None
         # Without transforms: where the simulator says that the laser sits.

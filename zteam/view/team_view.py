@@ -40,7 +40,7 @@ _FAR = 1e6
 """Metres from the origin of the map: what is further away is not shown."""
 
 
-def _shown(pose: Pose2 | None) -> Pose2 | None:
+def shown(pose: Pose2 | None) -> Pose2 | None:
     return pose if pose is not None and abs(pose.x) <= _FAR and abs(pose.y) <= _FAR else None
 
 
@@ -120,7 +120,7 @@ class Places:
             return Pose2(0.0, 0.0, 0.0)
         for time in (stamp, 0) if stamp else (0,):
             try:
-                return _shown(self.buffer.lookup_pose2(names.MAP_FRAME, name, time)[0])
+                return shown(self.buffer.lookup_pose2(names.MAP_FRAME, name, time)[0])
             except TransformException:
                 pass
         return None
@@ -142,12 +142,12 @@ class Places:
             moved = self.buffer.lookup_pose2(odom, base, stamp)[0]
         except TransformException:
             return None
-        return None if origin is None else _shown(origin.compose(moved))
+        return None if origin is None else shown(origin.compose(moved))
 
     def truth_at(self, robot_id: int, stamp: int) -> Pose2 | None:
         """The pose of a robot without transforms at `stamp` (ns); None as long as it is not known until then."""
         try:
-            return _shown(self._truths.lookup_pose2(names.MAP_FRAME, names.robot_name(robot_id), stamp)[0])
+            return shown(self._truths.lookup_pose2(names.MAP_FRAME, names.robot_name(robot_id), stamp)[0])
         except TransformException:
             return None
 
@@ -165,8 +165,8 @@ class Places:
             with suppress(TransformException):
                 if message is not None:
                     stamp = ns_from_time(message.header.stamp)
-                    believed = _shown(self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0])
-                    if (truth := _shown(pose2_of(message.pose.pose))) is not None and believed is not None:
+                    believed = shown(self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0])
+                    if (truth := shown(pose2_of(message.pose.pose))) is not None and believed is not None:
                         self._compared[robot_id] = truth, believed
         return self._compared.get(robot_id)
 
@@ -197,7 +197,7 @@ class Places:
         self._truth[robot_id] = arrival.number, pose2_of(pose)
         if arrival.number > self.number:
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
-        return _shown(self._truth[robot_id][1])
+        return shown(self._truth[robot_id][1])
 
 
 LOOK = 0.2

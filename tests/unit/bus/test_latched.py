@@ -128,6 +128,26 @@ def test_nothing_older_comes_after_something_newer() -> None:
     assert desk.read().items == [6]
 
 
+def test_a_stamp_that_is_ahead_silences_no_publisher() -> None:
+    """Whoever may write on a key chooses the stamp and the session: the publisher is heard all the same."""
+    desk = Desk()
+    reader = desk.read()
+    desk.open["map"].on_token(TOKEN, True)
+    desk.open["map"].take(RawSample("map", b"", "", 10**6, "f1", -3600.0), WRITER)
+    desk.open["map"].take(sample(6), WRITER)
+    assert reader.items == [10**6, 6]
+    assert desk.read().items == [6]
+
+
+def test_publishers_without_number_are_not_asked() -> None:
+    """Any program may hold tokens."""
+    desk = Desk()
+    desk.read()
+    for number in range(1000):
+        desk.open["map"].on_token(f"map/@adv/pub/f1/{number}/_", True)
+    assert 0 < len(desk.asked) < 100
+
+
 def test_a_message_that_comes_while_another_is_handled_waits() -> None:
     """A handler runs on one thread at a time, which takes what has come meanwhile; no thread waits for it."""
     desk, handled = Desk(), Inbox()

@@ -260,6 +260,23 @@ def test_a_paused_list_sends_no_goal_until_it_goes_on(hub: MemoryHub) -> None:
         desk.tick_until(lambda: desk.places(1) == [1.0, 2.0])
 
 
+def test_a_paused_list_loses_no_goal(hub: MemoryHub) -> None:
+    """Neither one that waits for its robot's navigation, nor the rest of the list by a cancel."""
+    desk = Desk(Rounds([goal(1, 1.0)], rounds=2), hub)
+    desk.navigations[1].end()
+    with desk.running:
+        for paused in (True, False):
+            desk.running.tick()
+            pause_lists(hub.bus(), paused=paused)
+        desk.navigations[1] = FakeNavigation(hub, 1)
+        desk.tick_until(lambda: desk.places(1) == [1.0])
+        pause_lists(hub.bus(), paused=True)
+        desk.reach(1, State.CANCELED)
+        desk.tick_until(lambda: desk.dispatcher.errands[1].watch is None)
+        pause_lists(hub.bus(), paused=False)
+        desk.tick_until(lambda: desk.places(1) == [1.0, 1.0])
+
+
 def test_goals_wait_for_navigation(hub: MemoryHub) -> None:
     """Nothing is sent before a robot's navigation is there; the same goal goes out when it has come."""
     desk = Desk(Rounds([goal(1, 1.0)]), hub)

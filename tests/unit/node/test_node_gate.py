@@ -1,5 +1,6 @@
 """The start gate of a user's own node: READY, then GO, by `node.run(step, gate=True)`."""
 
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -129,6 +130,29 @@ def test_a_stopped_robot_commands_zero_whatever_its_step_returns(hub: MemoryHub,
         assert (heard[-1].is_stopped, heard[-1].reason) == (False, "")
 
     play(make_robot(make), driving, script(), gate=True)
+
+
+def test_a_stop_waits_for_no_step(hub: MemoryHub, make: Make) -> None:
+    """It is confirmed, and zero is commanded, while the step still works; what that returns is zero, too."""
+    bus, seen = hub.bus(), list[tuple[bool, list[Twist]]]()
+    commands: list[Twist] = []
+    bus.subscribe("robot_3/cmd_vel", Twist, lambda _key, command: commands.append(command))
+
+    def step(_now: int) -> Twist:
+        asker = threading.Thread(target=bus.ask, args=("robot_3/stop/engage", StopReply), daemon=True)
+        asker.start()
+        asker.join(5.0)
+        seen.append((not asker.is_alive(), list(commands)))
+        return AHEAD
+
+    def script() -> Iterator[None]:
+        bus.publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
+        bus.publisher(ODOM, Odometry).put(odometry(1))
+        ScriptedMonitor(hub).give_go(1, TICK)
+        yield
+        assert (seen, commands) == ([(True, [Twist()])], [Twist(), Twist()])
+
+    play(make_robot(make), step, script(), gate=True)
 
 
 def test_a_monitor_that_comes_is_told_at_once(hub: MemoryHub, make: Make) -> None:

@@ -113,6 +113,6 @@ def test_the_queries_are_declared_anew_when_the_other_process_has_ended(
     token.close()
     assert declared == ["robot_1/stop", "robot_1/stop/engage", "robot_1/stop/release"]
     assert stop(hub.bus(), 1) == StopReply("robot_1", True)
-    switch.served.close()
-    switch.served.renew()
-    assert ask_stopped(hub.bus(), "robot_1") == []
+    switch.close()
+    simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance)).close()
+    assert (len(declared), ask_stopped(hub.bus(), "robot_1")) == (3, [])

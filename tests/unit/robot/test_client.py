@@ -137,7 +137,9 @@ def test_a_refusal_has_its_reason(team: StoppingTeam) -> None:
         raise BusError("this certificate may not")
 
     open_named(team.hub, "robot_0").serve("robot_0/stop/engage", EngageRequest, refuse)
-    assert str(team.client.engage([0])[0]) == f"robot_0: not confirmed by robot_0 {WITHIN}; this certificate may not"
+    for robots in ([0], None):
+        (result,) = team.client.engage(robots)
+        assert str(result) == f"robot_0: not confirmed by robot_0 {WITHIN}; this certificate may not"
 
 
 def test_without_robots_there_is_no_result(team: StoppingTeam) -> None:

@@ -36,6 +36,7 @@ def buffer() -> Buffer:
         tree.set_transform(stamped(f"robot_{i}/odom", f"robot_{i}/base_footprint", S), "test")
         tree.set_transform_static(stamped(f"robot_{i}/base_footprint", f"robot_{i}/laser", 0, 0.1), "test")
     tree.set_transform_static(stamped("robot_0/base_footprint", "front_laser", 0, 0.2), "test")
+    tree.set_transform_static(stamped("robot_0/base_footprint", "robot_0/far_laser", 0, 180.0), "test")
     return tree
 
 
@@ -60,11 +61,12 @@ def test_a_level_laser_needs_no_turn(buffer: Buffer, frame: str, x: float) -> No
         ("robot_1/laser", "a laser on its own base (its scans are in robot_1/laser, which is not)"),
         ("odom", "a laser on its own base (its scans are in robot_0/odom, which is not)"),
         ("map", "a laser on its own base (its scans are in map, which is not)"),
+        ("far_laser", "a laser on its base (robot_0/far_laser is 180 m away from it, 5 m is the most)"),
     ],
 )
 def test_a_scan_from_no_known_place_on_the_base_is_of_no_use(buffer: Buffer, frame: str, noun: str) -> None:
-    """Its frame is in no tree, it is empty, it is another robot's, or the base moves away from it: what lacks is named,
-    and something to do."""
+    """Its frame is in no tree, it is empty, it is another robot's, the base moves away from it, or it is far away, as
+    in millimetres: what lacks is named, and something to do."""
     seen = LaserMounts(0, buffer).level(scan_in(frame))
     assert seen.problem is not None
     assert (seen.scan, seen.problem.noun) == (None, noun)

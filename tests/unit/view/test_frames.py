@@ -37,6 +37,8 @@ def test_the_header_has_32_bytes_and_blocks_begin_at_multiples_of_8() -> None:
     assert data[:8] == struct.pack("<BBHI", 1, 1, 2, 7)
     assert all(len(block) % 8 == 0 for block in blocks)
     assert len(data) == 32 + sum(map(len, blocks))
+    # A stamp before the beginning of time is in no tick.
+    assert frames.encode_frame(1, -5, -0.5, 0.0, blocks)[8:16] == bytes(8)
 
 
 def test_poses_are_steps_about_an_origin() -> None:
@@ -67,6 +69,13 @@ def test_a_scan_is_thinned_and_tells_what_it_did_not_see() -> None:
     assert (index, count) == (1, 5)
     assert floats == pytest.approx([1.0, 2.0, 0.25, -1.0, 0.25, 30.0, 0.002])
     assert np.frombuffer(body, "<u2", 5, 32).tolist() == [500, 0xFFFF, 0xFFFE, 0xFFFE, 0xFFFF]
+
+
+@pytest.mark.parametrize("number", [3e38, 1e300, -math.inf, math.nan])
+def test_a_scan_of_any_numbers_is_encoded(number: float) -> None:
+    """What a laser says of itself, and where it is, ends no page."""
+    scan = LaserScan(angle_min=number, angle_increment=number, range_max=number, ranges=np.ones(9, np.float32))
+    assert only_block(frames.encode_scan(0, 0, scan, Pose2(number, 0.0, 0.0), 1))[0] == frames.SCAN
 
 
 def test_a_far_sighted_laser_has_larger_steps() -> None:

@@ -43,8 +43,11 @@ class Holds:
         for gone in self._served.keys() - robots:
             self._served.pop(gone).close()
         known = sorted(self._served)
+        is_team_stopped = bool(known) and all(map(self.is_stopped, known))
         for robot_id in sorted(robots - self._served.keys()):
-            self._before.setdefault(robot_id, bool(known) and all(map(self.is_stopped, known)))
+            if is_team_stopped:
+                self._told.pop(robot_id, None)
+            self._before[robot_id] = is_team_stopped or self._before.get(robot_id, False)
             self._served[robot_id] = StopService(
                 self._bus,
                 robot_id,

@@ -40,10 +40,12 @@ class Signals:
     def __init__(self, processes: Callable[[], Mapping[str, Process]]) -> None:
         """`processes()` are those that the launcher has started, by name."""
         self._processes = processes
+        self._resumes: dict[Process, Callable[[], None]] = {}
+        """By frozen process: what takes back that it goes on later."""
 
     def send(self, name: str, kind: SignalKind, seconds: float = 0.0) -> None:
         """Kill a process, freeze it for so many host seconds (0 = for good), or let it go on."""
-        _signal(self._find(name), kind, seconds)
+        self._signal(self._find(name), kind, seconds)
 
     def _find(self, name: str) -> Process:
         process = self._processes().get(name)
@@ -56,25 +58,29 @@ class Signals:
 
         def answer(request: SignalRequest) -> str:
             process = self._find(request.name)
-            act = partial(_signal, process, request.signal, request.seconds)
+            act = partial(self._signal, process, request.signal, request.seconds)
             _later(_REPLY, act) if request.name == ROUTER else act()
             return request.name
 
         bus.serve(names.service_key(names.LAUNCHER, names.SIGNAL), SignalRequest, answer)
 
+    def _signal(self, process: Process, kind: SignalKind, seconds: float) -> None:
+        # That of an earlier pause would end this one.
+        if (take_back := self._resumes.pop(process, None)) is not None:
+            take_back()
+        process.signal(_NUMBERS[kind])
+        if kind == "pause" and seconds:
+            # By its handle: the next process of this name may run by then.
+            self._resumes[process] = _later(seconds, partial(process.signal, _NUMBERS["resume"]))
 
-def _signal(process: Process, kind: SignalKind, seconds: float) -> None:
-    process.signal(_NUMBERS[kind])
-    if kind == "pause" and seconds:
-        # By its handle: the next process of this name may run by then.
-        _later(seconds, partial(process.signal, _NUMBERS["resume"]))
 
-
-def _later(seconds: float, act: Callable[[], None]) -> None:
+def _later(seconds: float, act: Callable[[], None]) -> Callable[[], None]:
+    """Do it then; returns what takes it back."""
     # Host time: a frozen process has no other.
     timer = threading.Timer(seconds, act)  # noqa: TID251
     timer.daemon = True
     timer.start()
+    return timer.cancel
 
 
 def by_hand(name: str) -> str:

@@ -169,10 +169,12 @@ def posing(folder: Path) -> list[str]:
         for each in issued
         if each.passes_as_router
     }
+    authority = load_certificate(folder / CA).subject if (folder / CA).exists() else None
     for path in folder.glob("*.pem"):
         with suppress(ZteamError):
-            own = read_identity(path)
-            if own.passes_as_router:
+            # Those of other authorities may lie there, too.
+            own, issuer = read_identity(path), load_certificate(path).issuer
+            if own.passes_as_router and authority in (None, issuer):
                 found[own.common_name] = own.expires
     return [name for name, expires in found.items() if name.rpartition(".")[0] != ROUTER and expires > now()]
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
 _MOST_TICKS = 8
-"""Of lock-step, for which robots have spoken: the newest one, the next one, and others."""
+"""Of lock-step, for which one robot may have spoken: the newest one, the next one, and others."""
 PATIENCE = 0.03
 """Host seconds that a bundle waits for the last robot of its tick; by the host's clock, because simulated time stands
 still within a tick."""
@@ -73,8 +73,13 @@ class Bundle:
             self._left.pop(known, None)
         if stamp >= newest:
             self._fresh.setdefault(stamp, set()).add(robot_id)
-        if len(self._fresh) > _MOST_TICKS:
-            del self._fresh[max(self._fresh)]
+        own = [known for known, robots in self._fresh.items() if robot_id in robots and known != stamp]
+        if len(own) >= _MOST_TICKS:
+            # It makes them up, and harms itself alone.
+            self._fresh[max(own)].discard(robot_id)
+            if not self._fresh[max(own)]:
+                del self._fresh[max(own)]
+                self._left.pop(max(own), None)
 
     def begun(self, newest: int) -> int:
         """Lock-step: the stamp of the tick that has begun: a robot may have spoken for the one after the `newest`."""

@@ -55,7 +55,7 @@ def test_a_reset_releases_no_robot(hub: MemoryHub, parts: SimulatorParts) -> Non
 
 
 def test_a_robot_that_comes_is_stopped_if_all_others_are(hub: MemoryHub, parts: SimulatorParts) -> None:
-    """One that is taken out of the world and put back is what it was."""
+    """Else one that is taken out of the world and put back is what it was."""
     place = SpawnRequest(x=3.0, y=-3.0, force=True)
     change(hub.bus(), 0, 1)
     assert parts.spawn(place) == 3
@@ -63,13 +63,17 @@ def test_a_robot_that_comes_is_stopped_if_all_others_are(hub: MemoryHub, parts: 
     change(hub.bus(), 2, 3)
     assert parts.spawn(place) == 4
     assert parts.status().stopped == [0, 1, 2, 3, 4]
-    change(hub.bus(), 0, service=names.RELEASE)
+    change(hub.bus(), 0, 4, service=names.RELEASE)
     for robot_id in (0, 1):
         parts.remove(robot_id)
     assert hub.bus().query("robot_1/stop", StopReply) == []
     for robot_id in (0, 1):
         parts.spawn(SpawnRequest(x=-3.0 + robot_id, y=3.0, id=robot_id, force=True))
-    assert parts.status().stopped == [1, 2, 3, 4]
+    assert parts.status().stopped == [1, 2, 3]
+    parts.remove(0)
+    change(hub.bus(), 4)
+    parts.spawn(SpawnRequest(x=-3.0, y=3.0, id=0, force=True))
+    assert parts.status().stopped == [0, 1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,13 @@
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 
 import pytest
 
 from support.started_child import Started
+from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.presence import ProcessInfo, find_processes
@@ -90,6 +92,20 @@ def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, lifeline: int, name:
     Stroke(Fault(at=0.0, fault="pause", name=name, seconds=0.05), means_on_bus(hub.bus(), lockstep=False))
     assert child.up.wait(20) and child.heard == ["up", "on"]
     child.process.kill()
+    child.finish()
+
+
+def test_an_earlier_pause_does_not_end_a_later_one(lifeline: int) -> None:
+    """What lets a process go on after its pause ends with that pause."""
+    child = start(lifeline, STATES)
+    signals, before = Signals(lambda: {"robot_1": child.process}), threading.active_count()
+    for _ in range(3):
+        signals.send("robot_1", "pause", 3600.0)
+        signals.send("robot_1", "resume")
+    signals.send("robot_1", "pause", 3600.0)
+    wait_until_true(lambda: threading.active_count() == before + 1)
+    signals.send("robot_1", "kill")
+    wait_until_true(lambda: threading.active_count() <= before)
     child.finish()
 
 

@@ -46,6 +46,19 @@ def test_a_silent_robot_is_not_waited_for_again() -> None:
     assert not bundle.take(0, 4, 0.0)
 
 
+def test_a_robot_that_makes_ticks_up_harms_itself_alone() -> None:
+    """Others' words for the tick that comes are kept, however many stamps it names before and after them."""
+    bundle = Bundle()
+    bundle.placed = {0, 1, 2}
+    bundle.take_in_lockstep(0, 100, 1)
+    for stamp in (*range(2, 30), *range(200, 230)):
+        bundle.take_in_lockstep(2, stamp, 1)
+    bundle.take_in_lockstep(1, 100, 1)
+    assert bundle.has_all({0, 1}, 100)
+    bundle.take_in_lockstep(2, 100, 1)
+    assert bundle.has_all({0, 1, 2}, 100)
+
+
 def test_a_bundle_grows_old_from_its_first_transform_on() -> None:
     """Later transforms do not make it younger; one that has left has no age."""
     bundle = spoken(0, 1, 2)

@@ -6,10 +6,10 @@ import pytest
 
 from support.limits import LIMIT
 from support.transforms import S, stamped
-from zteam.bus import Deferred
-from zteam.errors import UsageError
-from zteam.tf import Buffer, LookupException
-from zteam.transforms.client import HistoryRequest, Lookup, LookupRequest
+from zteam.bus import Deferred, MemoryHub
+from zteam.errors import BusError, UsageError
+from zteam.tf import Buffer, LookupException, TransformException
+from zteam.transforms.client import HistoryRequest, Lookup, LookupReply, LookupRequest, TransformClient
 from zteam.transforms.process.queries import answer_history, answer_lookups
 
 
@@ -20,6 +20,16 @@ def buffer() -> Buffer:
     for k in range(11):
         made.set_transform(stamped("map", "robot", S + k * S // 10, 1.0 + 0.1 * k), "t")
     return made
+
+
+@pytest.mark.parametrize(
+    "answer", [[], [LookupReply(), LookupReply()], [LookupReply(error="__name__")], [LookupReply(error="ZteamError")]]
+)
+def test_a_forged_answer_ends_nobody(hub: MemoryHub, answer: list[LookupReply]) -> None:
+    """Any process may answer: an odd number of answers is an error of the bus, an odd error is one of transforms."""
+    hub.bus().serve("tf/lookup", LookupRequest, lambda _: answer)
+    with pytest.raises((BusError, TransformException)):
+        TransformClient(hub.bus()).lookup_transform("map", "robot")
 
 
 def test_a_batch_is_answered_in_order(buffer: Buffer) -> None:

@@ -16,8 +16,9 @@ export function listenToGamepads(driver) {
   let stops = false;
 
   function poll() {
-    const pad = navigator.getGamepads().find((candidate) => candidate?.connected);
-    const stop = pad?.buttons[STOP_BUTTON]?.pressed ?? false;
+    const pads = navigator.getGamepads().filter((candidate) => candidate?.connected);
+    const pad = pads[0];
+    const stop = pads.some((each) => each?.buttons[STOP_BUTTON]?.pressed);
     if (stop && !stops) stopRobots(driver.app);
     stops = stop;
     if (!pad || !driver.mode || !document.hasFocus()) return driver.wish("gamepad", sharesOfStick(0, 0));
