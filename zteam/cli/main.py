@@ -64,7 +64,7 @@ _ENDS = ("down", "end", "halt", "kill", "quit", "shutdown")
 def _usage() -> str:
     rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
-        f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n\n"
+        f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n"
         "Processes: zteam-sim, -robot, -nav, -map, -tf, -monitor, -view, -router"
     )
 
