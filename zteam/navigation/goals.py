@@ -273,7 +273,7 @@ class Dispatcher:
         if watch.result == TaskResult.SUCCEEDED:
             errand.reached, errand.failures = errand.reached + 1, 0
         else:
-            # Who cancels a goal and pauses the list wants it to go on later.
+            # A goal that was canceled to pause the list is no reason to give the list up.
             is_users = errand.is_paused and watch.result == TaskResult.CANCELED
             errand.failed, errand.failures = errand.failed + 1, errand.failures + (not is_users)
         self._ended.append(Ended(errand.client.robot_id, errand.goal, watch, to_seconds(now - errand.sent)))

@@ -72,6 +72,7 @@ def test_a_router_does_not_start_with_a_faulty_certificate(files: Files, which: 
         Router(RouterOptions(("tls/127.0.0.1:0",), tls=faulty))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
 def test_no_process_joins_a_router_with_the_certificate_of_another_process(files: Files, host: str) -> None:
     """Whether it names the router by address or by name; the line names the certificate, and the way out."""

@@ -73,12 +73,14 @@ def test_list_prints_json(run: Run) -> None:
     }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["robot_0", "/robot_0", "0"])
 def test_get_prints_the_value_alone(run: Run, name: str) -> None:
     """A script can use the line as it is; a robot is named by its name or its id."""
     assert run("get", name, "speed") == (0, "0.3\n", "")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["robot_*", "*", "robot_$*", "0,2,10"])
 def test_get_of_several_robots_names_them(run: Run, name: str) -> None:
     """Robots that lack the parameter do not keep the others from being shown."""
@@ -105,6 +107,7 @@ def test_a_refusal_of_one_robot_does_not_stop_the_others(run: Run) -> None:
     assert errors.startswith("zteam param: robot_10: behaviour follow: speed: unknown key; follow takes leader, ")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [

@@ -189,6 +189,7 @@ def test_one_message_needs_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     assert once.count == 1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("words", "simulated", "rate"),
     [((), False, None), (("--clock", "sim"), True, 10.0), (("--clock", "auto"), True, 10.0)],

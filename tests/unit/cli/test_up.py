@@ -91,6 +91,7 @@ TEAMS = ", ".join(names(teams_folder(), ".toml"))
 WORLDS = ", ".join(names(worlds_folder(), ".world"))
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("arguments", "lines"),
     [

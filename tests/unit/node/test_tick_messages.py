@@ -145,6 +145,7 @@ def test_data_of_a_far_tick_delays_no_message_for_good(key: str, stamp: int) -> 
     assert "robot_0/status" in waiting.next()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("due", [None, 3 * TICK])
 def test_one_key_does_not_keep_out_the_others(due: int | None) -> None:
     """A node that hears no tick keeps so many messages of a key, and those of other keys besides, MOST in all; when

@@ -104,6 +104,7 @@ def test_robot_and_simulator_both_confirm(team: StoppingTeam) -> None:
     assert not any(team.stopped.values())
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("act", [StopClient.engage, StopClient.release])
 @pytest.mark.parametrize("robots", [None, [0, 1, 2, 9]])
 def test_what_does_not_confirm_is_named(

@@ -8,7 +8,7 @@ import pytest
 from zteam.team.launch.own_behaviors import Inquiry, Question
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("code", "told"),
     [
