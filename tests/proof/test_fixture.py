@@ -56,6 +56,7 @@ def test_a_failure_shows_the_output_of_the_processes(pytester: pytest.Pytester) 
     assert "processes of the team" not in passed
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("in_process", [False, True])
 def test_a_behavior_that_raises_fails_the_call_and_the_end(team: Team, empty_folder: Path, in_process: bool) -> None:
     """A behaviour that raises fails its test with the user's error and lines, in processes and in one process."""

@@ -52,7 +52,7 @@ AT_AN_END = ((42.07, 48.92, -1.22), (42.02, 48.11, 1.90), (41.42, 48.54, 1.58), 
 """Places in the office where the two ends of a line had no way out but through its middle (m, m, rad)."""
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @BOTH_PACES
 @pytest.mark.parametrize("places", [IN_A_CORNER, AT_AN_END])
 def test_a_line_gets_out_whose_ends_are_both_shut_in(

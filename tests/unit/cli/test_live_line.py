@@ -88,6 +88,7 @@ def test_the_line_is_rewritten_in_place(terminal: PseudoTerminal) -> None:
     assert terminal.rows() == [""]
 
 
+@pytest.mark.ci
 def test_lines_scroll_by_above(terminal: PseudoTerminal) -> None:
     """Printed lines stay whole, many and long ones too, and the live line is below them."""
     lines = [f"line {i} " + "x" * (300 if i % 7 == 0 else 5) for i in range(200)]

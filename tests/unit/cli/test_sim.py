@@ -257,6 +257,7 @@ class CallbackOutput(io.StringIO):
         return super().write(text)
 
 
+@pytest.mark.ci
 def test_a_long_change_reports_what_it_waits_for(desk: ControlHarness, monkeypatch: pytest.MonkeyPatch) -> None:
     """A change that waits for the end of a tick names the command that shows the reason."""
     desk.free.clear()

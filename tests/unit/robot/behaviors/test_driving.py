@@ -101,7 +101,7 @@ def test_avoid_halts_in_front_of_a_wall() -> None:
     assert floor.commands[0][0].linear.x == 0.0
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("speed", [0.4, 1.0])
 def test_wander_gets_about_and_touches_nothing(seed: int, speed: float) -> None:

@@ -65,6 +65,7 @@ def test_it_joins_its_path_at_the_nearest_place() -> None:
     assert len(driven) < 300
 
 
+@pytest.mark.ci
 def test_a_loop_goes_round_and_round() -> None:
     """Two laps of a square take twice as long as one, and the path that lies behind is forgotten."""
     behavior = along([[0, 0], [2, 0], [2, 2], [0, 2]], loop=True, speed=0.4)

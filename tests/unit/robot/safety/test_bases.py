@@ -139,6 +139,7 @@ def test_the_reaction_is_the_tick_however_long(tick: float, speed: float, wall_a
     assert loop.x > 0.8
 
 
+@pytest.mark.ci
 def test_a_base_that_is_faster_than_it_is_told_is_slowed_down_in_time() -> None:
     """Down a ramp it drives 1.6 times as fast as commanded, and odometry says so: what it really does counts."""
     base = Base(decel_lim_x=-1.0, acc_lim_x=1.0)

@@ -125,6 +125,7 @@ def test_an_error_of_the_constructor_is_found(folder: Path) -> None:
     assert fault.place == mine.place("self.gain")
 
 
+@pytest.mark.ci
 def test_faults_are_told_as_texts_for_a_test(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam.testing.find_faults`: each fault once, with line and first trial, and no remarks."""
     monkeypatch.setattr(worlds, "SECONDS", 0.5)

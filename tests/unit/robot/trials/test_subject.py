@@ -93,6 +93,7 @@ def test_what_changed_is_named() -> None:
         del Mine.late  # type: ignore[attr-defined]
 
 
+@pytest.mark.ci
 def test_slow_steps_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps that work for longer than a tick are counted, and the line is named that works."""
     monkeypatch.setattr(subject, "TICK", 0.001)

@@ -31,7 +31,7 @@ def test_the_team_has_done_something(usual: SimReport) -> None:
     assert usual.trajectory_sha256 != hashlib.sha256().hexdigest()
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("order", [NAMES, NAMES[::-1], ("robot_1", "tf", "robot_2", "robot_0")])
 def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[str, ...]) -> None:
     """They may come one by one while the first tick is held."""
@@ -54,7 +54,7 @@ def test_it_does_not_matter_with_an_earlier_go(usual: SimReport, order: tuple[st
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("pace", [50.0, 1000.0])
 def test_the_pace_does_not_matter(usual: SimReport, pace: float) -> None:
     """A world that waits for the host's clock between its ticks is the same world."""
@@ -78,7 +78,7 @@ def test_spectators_do_not_matter(usual: SimReport) -> None:
         assert len(seen) == 5 * ROBOTS
 
 
-@pytest.mark.few(1)
+@pytest.mark.ci
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     """Lost ticks, answers, scans and transforms are sent again, and no robot acts on a part of its inputs."""

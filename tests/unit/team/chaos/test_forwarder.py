@@ -96,6 +96,7 @@ def pass_by(ends: Ends) -> None:
         assert read(far, 1) == b"x"
 
 
+@pytest.mark.ci
 def test_a_good_link_passes_all_bytes_both_ways_and_its_end(ends: Ends) -> None:
     """Megabytes come out as they went in, in both directions at once, and so does the end of each."""
     near, far = ends.connect(ends.link())

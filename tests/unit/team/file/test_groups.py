@@ -99,6 +99,7 @@ def test_mistakes_in_groups_are_one_line(tmp_path: Path, text: str, told: str) -
     assert told in error_of(tmp_path, text)
 
 
+@pytest.mark.ci
 def test_ten_thousand_repeated_ids_are_one_line(tmp_path: Path) -> None:
     """The error has not one line for each robot."""
     path = tmp_path / "team.toml"

@@ -76,6 +76,7 @@ class Naps(Behavior):
 """
 
 
+@pytest.mark.ci
 def test_a_late_answer_holds_the_world(empty_folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     """No time of the host's changes a command: the run is the same, and the log names the step."""
     (empty_folder / "napping.py").write_text(NAPPING)
@@ -92,6 +93,7 @@ def test_a_late_answer_holds_the_world(empty_folder: Path, caplog: pytest.LogCap
     )
 
 
+@pytest.mark.ci
 def test_shipped_behaviours_say_why_they_stand(empty_folder: Path) -> None:
     """Of a robot that stops before a wall and of its follower no status says that it commands zero velocity."""
     leader = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "avoid"\nspeed = 0.5\n'

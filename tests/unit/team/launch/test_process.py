@@ -280,6 +280,7 @@ def test_an_end_is_reported_while_a_grandchild_lives(lifeline: int) -> None:
         assert child.process.join(LIMIT)
 
 
+@pytest.mark.ci
 def test_an_end_is_reported_while_a_daemon_holds_the_output(lifeline: int) -> None:
     """A process in a session of its own, which outlives the child, does not hide the child's end and exit code."""
     # It ends with the lifeline, after this test.

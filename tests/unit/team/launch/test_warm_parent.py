@@ -135,6 +135,7 @@ def test_a_warm_parent_without_descriptors_says_so(
     assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
 
 
+@pytest.mark.ci
 def test_a_child_is_waited_for_without_a_free_descriptor(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,6 +159,7 @@ def test_nothing_is_left_when_it_is_closed(warm: WarmParent, lifeline: int) -> N
     assert sorted(Path("/proc/self/fd").iterdir()) == before
 
 
+@pytest.mark.ci
 def test_it_ends_with_a_launcher_that_is_killed(tmp_path: Path) -> None:
     """A launcher that gets SIGKILL leaves neither its warm parent nor the children that hold its lifeline."""
     code = (
