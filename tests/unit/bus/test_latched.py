@@ -129,7 +129,7 @@ def test_nothing_older_comes_after_something_newer() -> None:
 
 
 def test_a_stamp_that_is_ahead_silences_no_publisher() -> None:
-    """Whoever may write on a key chooses the stamp and the session: the publisher is heard all the same."""
+    """A message with a far stamp and the id of another session does not hide what that session publishes next."""
     desk = Desk()
     reader = desk.read()
     desk.open["map"].on_token(TOKEN, True)
