@@ -6,7 +6,6 @@ on demand must be started again.
 
 import atexit
 import logging
-import os
 import random
 import select
 import socket
@@ -262,12 +261,12 @@ def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] |
 
     On a shared machine it may be another user's: two users' teams must not mix by accident.
     """
-    uid = record.metadata.uid if record and record.metadata else None
-    if uid is None or uid == os.getuid():
+    owner = record.metadata.owner if record and record.metadata else None
+    if owner is None or not owner.is_another_user():
         return None
     own = "'zteam-router --listen tcp/127.0.0.1:PORT'"
     step = f"to join it on purpose use --connect {endpoint}, or run your own with {own}"
-    return f"the router at {endpoint} belongs to user id {uid}", step
+    return f"the router at {endpoint} belongs to {owner}", step
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 import zenoh
 
+from zteam.bus.owner import Owner
 from zteam.clock import HOST_FACTOR, factor_from
 from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError
@@ -354,7 +355,7 @@ def router_config(options: RouterOptions) -> zenoh.Config:
             "adminspace/enabled": True,
             "metadata": {
                 "name": "zteam-router",
-                "uid": os.getuid(),
+                "owner": msgspec.to_builtins(Owner.of_this_process()),
                 "pid": os.getpid(),
                 "version": __version__,
                 "on_demand": options.idle_exit is not None,

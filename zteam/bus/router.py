@@ -25,6 +25,7 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
+from zteam.bus.owner import Owner
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
@@ -55,7 +56,7 @@ class RouterMetadata(msgspec.Struct):
     """What a zteam router says of itself in Zenoh's admin space."""
 
     name: str | None = None
-    uid: int | None = None
+    owner: Owner = Owner()
     pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] | None = None
     on_demand: bool = False
 
@@ -64,7 +65,7 @@ class ReleaseRequest(msgspec.Struct):
     """Asks a router on demand for its port. The reply is a list of the sessions that will want another router, or null
     if it keeps the port."""
 
-    uid: int
+    owner: Owner
     """Of the asker."""
     session: str
     """The asker's own, which ends before the router does."""
@@ -252,16 +253,20 @@ class Router:
             request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
         except msgspec.DecodeError as error:
             log.debug("question for the port: %s", error)
-            request = ReleaseRequest(-1, "", False)
-        with self._changed:
-            others = sorted(self._clients - {request.session, *self._heirs})
+            request = None
         with query:
-            keeps = others and not request.returns and (request.secure or self._holds_team())
-            promised = request.uid == os.getuid() and not keeps
-            query.reply(RELEASE, msgspec.json.encode(others if promised else None))
-        if promised:
+            promised = None if request is None else self._promise(request)
+            query.reply(RELEASE, msgspec.json.encode(promised))
+        if request is not None and promised is not None:
             with self._changed:
                 self._heirs.add(request.session)
+
+    def _promise(self, request: ReleaseRequest) -> list[str] | None:
+        """The sessions that will want another router; None if this one keeps the port."""
+        with self._changed:
+            others = sorted(self._clients - {request.session, *self._heirs})
+        keeps = others and not request.returns and (request.secure or self._holds_team())
+        return None if keeps or request.owner.is_another_user() else others
 
     def _holds_team(self) -> bool:
         """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
@@ -377,7 +382,7 @@ def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | Non
         # A router that has just ended, or something else.
         return None if port_accepts(endpoint) else []
     with session:
-        clients = _ask_for_port(session, ReleaseRequest(os.getuid(), str(session.zid()), secure, returns))
+        clients = _ask_for_port(session, ReleaseRequest(Owner.of_this_process(), str(session.zid()), secure, returns))
     end = monotonic() + _CLAIM_PERIOD
     while clients is not None and port_accepts(endpoint) and monotonic() < end:
         pause(_POLL)

@@ -85,7 +85,7 @@ def check_router(options: BusOptions) -> Finding:
     data = admin.metadata
     router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
     pid = f", process {data.pid}" if data and data.pid else ""
-    user = f", of user id {data.uid}" if why_foreign(admin, endpoint) and data else ""
+    user = f", of {data.owner}" if why_foreign(admin, endpoint) and data else ""
     return ok("router", f"{router} at {endpoint}{pid}{user}, Zenoh {admin.version.partition('-')[0] or '?'}")
 
 

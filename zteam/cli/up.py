@@ -11,6 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
+from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
 from zteam.cli.arguments import (
     LOCKSTEP_TIMEOUTS,
     MAX_SEED,
@@ -90,6 +93,11 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--view", action="store_true", help="show the team in the browser (docs/view.md)")
     parser.add_argument("--no-browser", action="store_true", help="with --view: print the page's address only")
+    parser.add_argument(
+        "--listen",
+        metavar="ENDPOINT",
+        help=f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or where that is taken any port)",
+    )
     add_go_timeout_option(parser)
     _add_lockstep_options(parser)
     add_bus_options(parser)
@@ -152,6 +160,10 @@ def _check_options(args: argparse.Namespace) -> None:
         raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
     if args.no_browser and not args.view:
         raise UsageError("--no-browser needs --view")
+    if args.listen:
+        if args.in_process or args.connect:
+            raise UsageError("--listen is for the team's own router: leave --in-process and --connect out")
+        check_endpoint(args.listen)
     if args.secure is not None:
         _check_secure(args)
     if args.in_process and not args.bus:
@@ -224,8 +236,9 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
         )
     resolved = world.resolve() if world else None
     pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
-    token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
-    view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
+    view = None
+    if args.view:
+        view = structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)
     launch = TeamLaunch(file.team, resolved, args.seed, file.path, args.run_for, args.until, pace, view)
     if not args.chaos:
         return launch
@@ -261,7 +274,7 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         links = stack.enter_context(closing(Links())) if args.chaos is not None else None
         line = Printer(display.print).line
-        team_run = stack.enter_context(ProcessRun(launch, bus, stop, line, parent, links, args.secure))
+        team_run = stack.enter_context(ProcessRun(launch, bus, stop, line, parent, links, args.secure, args.listen))
         stop.install(on_repeat=team_run.hurry)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
@@ -327,7 +340,7 @@ def _run(
     if args.secure is not None:
         log.info("for tools: %s", _tool_environment(args.secure, team_run.endpoint))
     elif team_run.endpoint:
-        warn_of_endpoint(team_run.endpoint, args.connect)
+        warn_of_endpoint(team_run.endpoint, args.connect or args.listen)
     if args.in_process:
         gc.freeze()
     with display.following(team_run.team_overview):

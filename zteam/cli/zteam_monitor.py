@@ -19,6 +19,9 @@ def build_parser() -> Parser:
     parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
     parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
+    parser.add_argument(
+        "--in-world", action="store_true", help="with --ids: wait only for those that the simulator's world has"
+    )
     parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
     parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is sent and every robot runs")
     parser.add_argument(
@@ -50,7 +53,9 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
 
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:
     team_size, ids = parse_team(args.team_size, args.ids)
-    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout)
+    if args.in_world and ids is None:
+        raise UsageError("--in-world needs --ids")
+    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout, args.in_world)
     return names.MONITOR, lambda: options
 
 

@@ -1,7 +1,6 @@
 """`zteam view`: see the team in a browser, and drive it with the mouse (docs/view.md)."""
 
 import argparse
-import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,19 +14,26 @@ from zteam.node.process_options import DEFAULT_FOXGLOVE_PORT, DEFAULT_VIEW_PORT,
 
 def build_parser() -> Parser:
     """The command line."""
+    given = ViewOptions.from_environment()
     parser = Parser(prog="zteam view", description=__doc__)
-    parser.add_argument("--host", default="127.0.0.1", help="listen at this address (default: %(default)s)")
+    parser.add_argument("--host", default=given.host, help="listen at this address (default: %(default)s; $ZTEAM_VIEW_HOST)")
     parser.add_argument(
         "--port",
         type=whole(0, 65535, "a port"),
         default=DEFAULT_VIEW_PORT,
         help="listen at this port (default: %(default)s)",
     )
+    parser.add_argument(
+        "--public-url",
+        default=given.public_url,
+        metavar="URL",
+        help="print this address: where browsers find the page behind a published port or a proxy ($ZTEAM_VIEW_URL)",
+    )
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
     parser.add_argument("--layout", type=Path, metavar="FILE", help="begin with this layout, which the page has saved")
     parser.add_argument(
         "--token",
-        default=os.environ.get("ZTEAM_VIEW_TOKEN") or "",
+        default=given.token,
         help="what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)",
     )
     parser.add_argument("--foxglove", action="store_true", help="show the team to Foxglove and Lichtblick too")
@@ -57,6 +63,7 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
         foxglove_port,
         args.foxglove_layout,
         args.name,
+        args.public_url,
     )
     return names.VIEW, lambda: options
 

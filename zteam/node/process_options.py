@@ -5,6 +5,7 @@ launcher hands them to its children as one line of JSON on their standard input.
 """
 
 import json
+import os
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -99,6 +100,8 @@ class MonitorOptions(msgspec.Struct, frozen=True):
     """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
     go_timeout: float | None = None
     """Host seconds without GO after which to give up. Simulated time may stand still until GO."""
+    in_world: bool = False
+    """Whether GO waits only for those of `ids` that the simulator's world has."""
 
 
 class RobotOptions(msgspec.Struct, frozen=True):
@@ -159,6 +162,14 @@ class ViewOptions(msgspec.Struct, frozen=True):
     """A file to write a layout for Foxglove to, instead of a view."""
     name: str = ""
     """Its name on the bus; empty: a new one of its kind."""
+    public_url: str = ""
+    """Where browsers find the page, if that is not where it is served: behind a published port, or a proxy."""
+
+    @classmethod
+    def from_environment(cls) -> "ViewOptions":
+        """What ZTEAM_VIEW_HOST, ZTEAM_VIEW_TOKEN and ZTEAM_VIEW_URL say."""
+        given = {name: os.environ.get(f"ZTEAM_VIEW_{name}") or "" for name in ("HOST", "TOKEN", "URL")}
+        return cls(given["HOST"] or cls.host, token=given["TOKEN"], public_url=given["URL"])
 
 
 ProcessOptions = (

@@ -36,7 +36,8 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     listener, port = listen(options.host, options.port)
     if options.port and port != options.port:
         log.warning("port %d is taken: the view is at port %d", options.port, port)
-    if not rights.is_loopback(options.host):
+    is_open = not options.public_url and not rights.is_loopback(options.host)
+    if is_open:
         log.warning(
             "the view listens at %s: every browser that reaches this machine may watch; commands need the token",
             options.host,
@@ -47,9 +48,9 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     node.on_stop(state.diagnosis.close)
     node.stop.on_request(state.changed)
     server.start()
-    url = page_url(options.host, port, token)
+    url = page_url(options.public_url or address_of(options.host, port), token)
     show(f"the view is at {url}")
-    if not rights.is_loopback(options.host) and sys.stdout.isatty():
+    if is_open and sys.stdout.isatty():
         show(qr_code(url))
     if options.browser and has_browser():
         webbrowser.open(url)
@@ -75,11 +76,15 @@ def read_layout(path: Path | None) -> bytes:
     return msgspec.json.encode(layout)
 
 
-def page_url(host: str, port: int, token: str) -> str:
-    """The address of the page, with the token where no server sees it; this machine's own if it listens at all."""
+def page_url(address: str, token: str) -> str:
+    """The page at an address, with the token where no server sees it."""
+    return f"{address.rstrip('/')}/#token={quote(token, safe='')}"
+
+
+def address_of(host: str, port: int) -> str:
+    """Where browsers find a view that listens at `host`: at this machine's own address if it listens at all."""
     address = own_address() if host in ("0.0.0.0", "::") else host
-    shown = f"[{address}]" if ":" in address else address
-    return f"http://{shown}:{port}/#token={quote(token, safe='')}"
+    return f"http://[{address}]:{port}" if ":" in address else f"http://{address}:{port}"
 
 
 def own_address() -> str:

@@ -40,7 +40,7 @@ class Monitor:
         TeamDisplay(self._node, self.gate, self.watch, self._options, output).run(self._decide, self._is_complete)
 
     def _decide(self) -> None:
-        if self.watch.simulator_came and self.gate.expected is None:
+        if self.watch.simulator_came and (self.gate.expected is None or self._options.in_world):
             self._learn_ids()
         with self._node.changed:
             if self._is_complete():
@@ -53,12 +53,19 @@ class Monitor:
         return self.watch.link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
 
     def _learn_ids(self) -> None:
-        """Wait for the simulator's own robots if there are as many as asked for."""
+        """Wait for the simulator's own robots if there are as many as asked for, or for those asked for that it has."""
         self.watch.simulator_came = False
         status = find_status(self._node.bus)
-        if status is not None and len(status.robots) == self.gate.team_size:
+        if status is None:
+            # Perhaps it is busy. Where GO waits for ids, it waits for robots that the world does not have.
+            self.watch.simulator_came = self._options.in_world
+            return
+        ids = status.robots
+        if self._options.in_world:
+            ids = [robot_id for robot_id in self._options.ids or () if robot_id in ids]
+        if ids and (self._options.in_world or len(ids) == self.gate.team_size):
             with self._node.changed:
-                self.gate.expect(status.robots)
+                self.gate.expect(ids)
 
     def _publish(self) -> None:
         status = self.gate.status(self._node.clock.now())

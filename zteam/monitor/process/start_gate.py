@@ -54,6 +54,7 @@ class Gate(WatchedTeam):
     def expect(self, ids: Iterable[int]) -> None:
         """From now on wait for these robots."""
         self.expected = sorted(set(ids))
+        self.team_size = len(self.expected)
         for robot_id in self.expected:
             self.get(robot_id)
         for robot_id in sorted(i for i, member in self.members.items() if member.alive):

@@ -14,7 +14,7 @@ from zteam import names
 from zteam.bus.lateness import LATE
 from zteam.clock import NS_PER_S, Every, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
-from zteam.errors import UsageError
+from zteam.config.robot_ids import format_robot_ids
 from zteam.geometry import Pose2
 from zteam.messages import Clock, OccupancyGrid, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
@@ -326,10 +326,13 @@ def _pose(request: SpawnRequest | MoveRequest) -> Pose2:
 
 
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    """Run the simulator until it is asked to stop. Raises UsageError if `options.follows` names an unknown robot."""
-    for robot_id in (*options.follows.keys(), *options.follows.values()):
-        if robot_id not in robots:
-            raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
+    """Run the simulator until it is asked to stop."""
+    for pair in options.follows.items():
+        if not set(pair) <= robots.keys():
+            log.warning(
+                "--gap %d:%d is measured once both robots are there: the world has %s",
+                *pair, format_robot_ids(sorted(robots)) or "no robot",
+            )  # fmt: skip
     simulation = open_simulation(node, world, robots, options)
     node.become_present()
     log.info("%s: %s, a tick every %g ms", world.name, counted(len(robots), "robot"), world.interval / 1e6)

@@ -19,7 +19,7 @@ from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job, keep
 from zteam.team.launch.team_launch import TeamLaunch, options_of
 
-_ADDRESS = re.compile(r"the view is at http://\S+:(\d+)/#token=(\S+)")
+_ADDRESS = re.compile(r"the view is at \S+?(?::(\d+))?/#token=(\S+)")
 """What a view says of itself."""
 
 
@@ -102,7 +102,8 @@ def _keep_address(name: str, options: ViewOptions, job: Job, line: str) -> Job |
     if said is None:
         return None
     port, token = said.groups()
-    again = msgspec.structs.replace(options, port=int(port), token=unquote(token), browser=False)
+    port = options.port if options.public_url else int(port)
+    again = msgspec.structs.replace(options, port=port, token=unquote(token), browser=False)
     return msgspec.structs.replace(job, words=to_line(name, again))
 
 

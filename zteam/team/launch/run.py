@@ -116,10 +116,11 @@ def start_router(
     certificates: Path | None = None,
     *,
     restarts: bool = False,
+    only_there: bool = False,
 ) -> Process:
     """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
 
-    It listens at `listen`, which a router on demand gives up, or else at any port. With a folder of certificates it
+    It listens at `listen`, which a router on demand gives up, or else at any port unless `only_there`. With a folder of certificates it
     listens over TLS, and lets in those that are valid. With `restarts` it is started again at its endpoint, when it has
     failed after that.
     """
@@ -129,15 +130,16 @@ def start_router(
         environment = files_of(certificates, ROUTER).environment
         config = ("--config", str(certificates.resolve() / ACCESS))
 
-    def command(endpoint: str, how: str) -> list[str]:
-        words = ("--listen", endpoint, "--for-team", how, "--announce", "--lease", str(lease), *config)
+    def command(endpoint: str, *how: str) -> list[str]:
+        words = ("--listen", endpoint, *how, "--announce", "--lease", str(lease), *config)
         return zteam_command(ROUTER_KIND.command, *words)
 
     def learn(job: Job, line: str) -> Job | None:
         again = restarts and is_endpoint(line)
-        return msgspec.structs.replace(job, command=command(line, "returns"), restarts=True) if again else None
+        return msgspec.structs.replace(job, command=command(line, "--for-team", "returns"), restarts=True) if again else None
 
-    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, "starts"), environment, learn=learn))
+    how = () if only_there else ("--for-team", "starts")
+    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, *how), environment, learn=learn))
 
 
 def is_endpoint(line: str) -> bool:
@@ -355,14 +357,17 @@ class ProcessRun(TeamRun):
         warm: WarmParent,
         links: Links | None = None,
         certificates: Path | None = None,
+        listen: str | None = None,
     ) -> None:
         """With `links` each process has one of its own, which can be cut; with a folder of `certificates` each has one
-        of its own, and no other connection is let in."""
+        of its own, and no other connection is let in. `listen` is where the team's own router listens; None: at the
+        default endpoint, or at any port."""
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
         self._options = bus
         self._certificates = certificates
         self._warm = warm
         self._links = links
+        self._listen = listen
         self._lease = lease_for(launch.pace, bus.lease)
         self.bus = None
         self.endpoint = bus.connect or (bus.endpoint if bus.tls is not None and certificates is None else "")
@@ -389,7 +394,14 @@ class ProcessRun(TeamRun):
         if self._certificates is not None:
             self._prepare_certificates(self._certificates, has_own_router)
         if has_own_router:
-            start_router(supervisor, DEFAULT_ENDPOINT, self._lease, self._certificates, restarts=self.launch.restarts)
+            start_router(
+                supervisor,
+                self._listen or DEFAULT_ENDPOINT,
+                self._lease,
+                self._certificates,
+                restarts=self.launch.restarts,
+                only_there=self._listen is not None,
+            )
         else:
             self._connect()
             assert self.bus is not None
