@@ -19,7 +19,8 @@ from zteam.team.security.access import rights_of
 
 SECURE = "deploy/docker-compose.secure.yml"
 ZENOHD = "deploy/docker-compose.zenohd.yml"
-COMPOSE = ("docker-compose.yml", SECURE)
+OWN = "deploy/team_service.yml"
+COMPOSE = ("docker-compose.yml", SECURE, OWN)
 
 
 class Compose(yaml.SafeLoader):
@@ -47,9 +48,9 @@ def texts() -> Iterator[tuple[str, str]]:
 
 
 def commands() -> Iterator[Any]:
-    """The words of each command of zteam, also within a shell's; variables have their default, else 1."""
+    """The words of each command of zteam, also within a shell's; variables have what stands for them, else 1."""
     for file, text in texts():
-        filled = re.sub(r"\$\(\(.*?\)\)|\$\w+", "1", re.sub(r"\$\{\w+:-(.*?)\}", r"\1", text))
+        filled = re.sub(r"\$\(\(.*?\)\)|\$\w+", "1", re.sub(r"\$\{\w+:[-+](.*?)\}", r"\1", text))
         for command in re.findall(r"zteam(?:-\w+)?(?: [^;'\n]+)?", filled):
             yield pytest.param(shlex.split(command), id=f"{file}: {command}")
 
@@ -65,7 +66,7 @@ def test_a_container_sees_its_own_certificate() -> None:
     """Each service has the pair of its own name, one of those that `zteam certs init` gives to the default team."""
     known = rights_of(load_team(find_team("line")))
     secure = services(SECURE)
-    assert set(secure) == {name for name, each in services("docker-compose.yml").items() if "profiles" not in each}
+    assert set(secure) == {name for name, each in services("docker-compose.yml").items() if "scale" not in each}
     assert set(secure) <= set(known)
     for name, service in secure.items():
         pair = {each["target"]: each["source"] for each in service["secrets"] if isinstance(each, dict)}
@@ -99,7 +100,7 @@ def test_every_container_has_few_rights() -> None:
     """No root, no capabilities, no write to the root file system, ports on loopback alone; no override loosens it."""
     hardened = {"read_only": True, "cap_drop": ["ALL"], "security_opt": ["no-new-privileges:true"]}
     loosening = {"privileged", "cap_add", "network_mode", "pid", "ipc", "devices"}
-    for name, service in services("docker-compose.yml").items():
+    for name, service in {**services("docker-compose.yml"), **services(OWN)}.items():
         assert {key: service.get(key) for key in hardened} == hardened, name
         assert not loosening & set(service), name
         assert re.fullmatch(r"\$\{ZTEAM_USER:-[1-9][0-9]*:[1-9][0-9]*\}", service["user"]), name

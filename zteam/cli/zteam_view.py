@@ -16,7 +16,9 @@ def build_parser() -> Parser:
     """The command line."""
     given = ViewOptions.from_environment()
     parser = Parser(prog="zteam view", description=__doc__)
-    parser.add_argument("--host", default=given.host, help="listen at this address (default: %(default)s; $ZTEAM_VIEW_HOST)")
+    parser.add_argument(
+        "--host", default=given.host, help="listen at this address (default: %(default)s; $ZTEAM_VIEW_HOST)"
+    )
     parser.add_argument(
         "--port",
         type=whole(0, 65535, "a port"),

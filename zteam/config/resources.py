@@ -1,6 +1,7 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
 import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -72,8 +73,13 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
         return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
-    if fault := _link_fault(Path(text)):
-        return f"a symbolic link leads to no file ({fault}); mend the link, or name the {kind.what} file itself"
+    fault = _fault(Path(text))
+    if fault is not None and fault.errno == errno.EACCES:
+        return f"{fault.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
+    if fault is not None:
+        return (
+            f"a symbolic link leads to no file ({fault.strerror}); mend it, or name the {kind.what} file itself"
+        )
     known = names(kind.folder(), kind.suffix)
     hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
     return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
@@ -100,17 +106,17 @@ def is_folder(path: Path) -> bool:
         return False
 
 
-def _link_fault(path: Path) -> str:
-    """Why the symbolic link at `path`, or on the way to it, leads to no file; empty if there is none."""
+def _fault(path: Path) -> OSError | None:
+    """Why the file at `path` cannot be reached, by its folders' rights or by a symbolic link; None if it is missing."""
     try:
         path.stat()
     except OSError as error:
-        if error.errno == errno.ELOOP or (error.errno == errno.ENOENT and path.is_symlink()):
-            return str(error.strerror)
+        if error.errno in (errno.ELOOP, errno.EACCES) or (error.errno == errno.ENOENT and path.is_symlink()):
+            return error
     except ValueError:
         # With a NUL.
         pass
-    return ""
+    return None
 
 
 def existing_file(path: Path) -> Path | None:

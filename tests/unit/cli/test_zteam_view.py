@@ -11,7 +11,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.cli import up, zteam_view
 from zteam.errors import UsageError
-from zteam.view.node import has_browser, own_address, page_url, qr_code, read_layout
+from zteam.view.node import address_of, has_browser, own_address, page_url, qr_code, read_layout
 from zteam.view.server import listen
 
 
@@ -31,10 +31,10 @@ def test_an_address_of_another_machine_is_refused() -> None:
 
 def test_the_address_has_the_token_in_its_fragment() -> None:
     """A browser sends it to no server; the page of a server for the whole network is opened on this machine."""
-    assert page_url("127.0.0.1", 8765, "a b") == "http://127.0.0.1:8765/#token=a%20b"
-    assert page_url("0.0.0.0", 1, "t") == f"http://{own_address()}:1/#token=t"
+    assert page_url(address_of("127.0.0.1", 8765), "a b") == "http://127.0.0.1:8765/#token=a%20b"
+    assert page_url(address_of("0.0.0.0", 1), "t") == f"http://{own_address()}:1/#token=t"
     assert ipaddress.ip_address(own_address()).version == 4
-    assert page_url("::1", 1, "t") == "http://[::1]:1/#token=t"
+    assert page_url(address_of("::1", 1), "t") == "http://[::1]:1/#token=t"
 
 
 def test_a_browser_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Worlds and team files that come with zteam."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,16 @@ def test_an_unknown_world_names_the_known_ones(name: str) -> None:
     """One error, also for a text that no file can have as its name."""
     with pytest.raises(UsageError, match=r"no such file, nor a shipped world \(.*arena.*\)"):
         resources.find_world(name)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_a_folder_of_another_user_is_named_as_one(tmp_path: Path) -> None:
+    """The error says who may not read it, and not that there is no file."""
+    (tmp_path / "team.toml").write_text("")
+    tmp_path.chmod(0o700)
+    os.seteuid(12345)
+    try:
+        with pytest.raises(UsageError, match=r"team.toml': Permission denied for user id 12345; .*chmod"):
+            resources.find_team(tmp_path / "team.toml")
+    finally:
+        os.seteuid(0)

@@ -120,9 +120,9 @@ def start_router(
 ) -> Process:
     """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
 
-    It listens at `listen`, which a router on demand gives up, or else at any port unless `only_there`. With a folder of certificates it
-    listens over TLS, and lets in those that are valid. With `restarts` it is started again at its endpoint, when it has
-    failed after that.
+    It listens at `listen`, which a router on demand gives up, or else at any port; at no other with `only_there`. With
+    a folder of certificates it listens over TLS, and lets in those that are valid. With `restarts` it is started again
+    at its endpoint, when it has failed after that.
     """
     environment, config = dict.fromkeys(TLS_VARIABLES, ""), tuple[str, ...]()
     if certificates is not None:
@@ -135,8 +135,9 @@ def start_router(
         return zteam_command(ROUTER_KIND.command, *words)
 
     def learn(job: Job, line: str) -> Job | None:
-        again = restarts and is_endpoint(line)
-        return msgspec.structs.replace(job, command=command(line, "--for-team", "returns"), restarts=True) if again else None
+        if not (restarts and is_endpoint(line)):
+            return None
+        return msgspec.structs.replace(job, command=command(line, "--for-team", "returns"), restarts=True)
 
     how = () if only_there else ("--for-team", "starts")
     return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, *how), environment, learn=learn))

@@ -24,8 +24,11 @@ def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]
         exit_on_go: bool = False,
         go_timeout: float | None = None,
         output: Lines | None = None,
+        in_world: bool = False,
     ) -> Desk:
-        options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go, go_timeout=go_timeout)
+        options = MonitorOptions(
+            team_size or len(ids), ids or None, exit_on_go=exit_on_go, go_timeout=go_timeout, in_world=in_world
+        )
         desks.append(Desk(hub, time, options, output))
         return desks[-1]
 

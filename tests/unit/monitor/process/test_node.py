@@ -84,6 +84,20 @@ def test_the_simulators_robots_are_waited_for(hub: MemoryHub, open_desk: Open) -
     desk.event("go")
 
 
+def test_of_some_ids_those_in_the_world_are_waited_for(hub: MemoryHub, open_desk: Open) -> None:
+    """One team of containers works in worlds with fewer robots, and waits for all of them until the world is known."""
+    desk = open_desk(0, 1, 2, 3, in_world=True)
+    robots = {i: Robot(hub, i) for i in (0, 1, 7)}
+    for i in (1, 7):
+        robots[i].say()
+    desk.look()
+    show_simulator(hub.bus(), robots=[0, 1, 7])
+    desk.look()
+    assert desk.told("go") == []
+    robots[0].say()
+    desk.event("go")
+
+
 def test_a_simulator_with_more_robots_names_none(hub: MemoryHub, open_desk: Open) -> None:
     """If the numbers differ, any robots count."""
     show_simulator(hub.bus(), robots=[3, 5, 8])

@@ -26,7 +26,7 @@ from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
-from zteam.view.node import page_url
+from zteam.view.node import address_of, page_url
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")
@@ -150,7 +150,7 @@ def test_a_view_that_is_started_again_is_where_it_was() -> None:
     """With the port and the token of its first line, and without a further page in the user's browser."""
     job = plan_team(TeamLaunch(TEAM, WORLD, view=ViewOptions(host="::1", name="view"))).jobs["view"]
     assert job.learn(job, "12:00:00 warning: port 8765 is taken: the view is at port 8766") is None
-    again = job.learn(job, f"the view is at {page_url('::1', 8766, 'a b/c')}")
+    again = job.learn(job, f"the view is at {page_url(address_of('::1', 8766), 'a b/c')}")
     assert again is not None
     _, options = from_line(again.words, ViewOptions)
     assert options == ViewOptions(host="::1", port=8766, token="a b/c", browser=False, name="view")
