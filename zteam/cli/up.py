@@ -98,6 +98,12 @@ def build_parser() -> Parser:
         metavar="ENDPOINT",
         help=f"let the team's router listen here (default: {DEFAULT_ENDPOINT}, or where that is taken any port)",
     )
+    parser.add_argument(
+        "--only", metavar="NAME", help="be this process of the team alone, such as robot_1; needs --connect"
+    )
+    parser.add_argument(
+        "--compose", action="store_true", help="print a compose file with a container for each process, and end"
+    )
     add_go_timeout_option(parser)
     _add_lockstep_options(parser)
     add_bus_options(parser)
@@ -160,6 +166,11 @@ def _check_options(args: argparse.Namespace) -> None:
         raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
     if args.no_browser and not args.view:
         raise UsageError("--no-browser needs --view")
+    if args.only is not None:
+        if args.in_process or args.secure or args.chaos is not None or args.report:
+            raise UsageError("--only starts one process: leave --in-process, --secure, --chaos and --report out")
+        if not args.connect:
+            raise UsageError("--only needs --connect ENDPOINT: where the team's router listens")
     if args.listen:
         if args.in_process or args.connect:
             raise UsageError("--listen is for the team's own router: leave --in-process and --connect out")
@@ -190,6 +201,19 @@ def _check_secure(args: argparse.Namespace) -> None:
 def _up(args: argparse.Namespace) -> int:
     if args.help_args:
         return _print_arguments(args)
+    if args.compose:
+        from zteam.team.launch.apart import compose_file
+
+        print_block(
+            compose_file(_launch(args), [args.team, *args.arguments], is_shipped=_is_shipped(args.team)).rstrip()
+        )
+        return 0
+    if args.only is not None:
+        from zteam.team.launch.apart import become
+        from zteam.team.launch.run import node_environment
+
+        bus, launch = bus_options(args), _launch(args)
+        become(launch, args.only, node_environment(bus.endpoint, bus, launch.pace))
     if args.in_process:
         return _run_here(_launch(args), bus_options(args), args)
     from zteam.team.launch.warm_parent import WarmParent
@@ -198,6 +222,10 @@ def _up(args: argparse.Namespace) -> int:
         # It imports while the team is checked.
         parent.prepare()
         return _start_processes(_launch(args), bus_options(args), args, parent)
+
+
+def _is_shipped(team: str) -> bool:
+    return find_team(team).parent == teams_folder()
 
 
 def _print_arguments(args: argparse.Namespace) -> int:

@@ -77,9 +77,7 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
     if fault is not None and fault.errno == errno.EACCES:
         return f"{fault.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
     if fault is not None:
-        return (
-            f"a symbolic link leads to no file ({fault.strerror}); mend it, or name the {kind.what} file itself"
-        )
+        return f"a symbolic link leads to no file ({fault.strerror}); mend it, or name the {kind.what} file itself"
     known = names(kind.folder(), kind.suffix)
     hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
     return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
