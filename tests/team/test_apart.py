@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from zteam.testing import TeamFixture
+from zteam.testing import Team
 
 TEAM = """
 [team]
@@ -40,7 +40,7 @@ run("heard", lambda node: node.run(lambda now: None))
 """
 
 
-def test_each_process_of_a_team_file_runs_alone(team: TeamFixture, tmp_path: Path) -> None:
+def test_each_process_of_a_team_file_runs_alone(team: Team, tmp_path: Path) -> None:
     """What the compose file of a team starts is the team: own behaviours, nodes and files are found from any folder."""
     for name, text in (("team.toml", TEAM), ("mine.py", BEHAVIOR), ("heard.py", NODE)):
         (tmp_path / name).write_text(text)
@@ -65,7 +65,7 @@ def test_each_process_of_a_team_file_runs_alone(team: TeamFixture, tmp_path: Pat
         (["line", "--listen", "tcp/127.0.0.1:0"], "--listen is for the team's own router"),
     ],
 )
-def test_a_mistake_names_the_way_out(team: TeamFixture, words: list[str], error: str) -> None:
+def test_a_mistake_names_the_way_out(team: Team, words: list[str], error: str) -> None:
     """In one line, with 2."""
     made = team.command("up", *words)
     assert (made.returncode, made.stdout) == (2, "")
