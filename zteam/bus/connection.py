@@ -6,6 +6,7 @@ on demand must be started again.
 
 import atexit
 import logging
+import math
 import random
 import select
 import socket
@@ -52,6 +53,9 @@ _LOOK_AGAIN = 0.1
 """Seconds between looks at the request to stop while waiting for the launcher."""
 _ANSWER_WITHIN = 3.0
 """Host seconds in which a router on a crowded machine answers."""
+_OPENS_WITHIN, _OPEN_PERIOD = 3.0 * HOST_FACTOR, 0.1
+"""Host seconds until a port that accepts connections and takes no session is held by something else, and between
+tries."""
 _ALERT = b"\x15\x03"
 """The first bytes with which TLS refuses what is no TLS."""
 _CLOSE = b"\x02\x00\x03"
@@ -230,7 +234,7 @@ def _no_router(options: BusOptions) -> str:
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
     deadline = monotonic() + ON_DEMAND_DEADLINE
     respawn = Every(1.0)
-    refused_handshakes = 0
+    refused_until = math.inf
     while monotonic() < deadline and not stopping():
         if not port_accepts(options.endpoint):
             if respawn.due():
@@ -241,9 +245,11 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
         if session is not None:
             _refuse_foreign_router(session, options)
             return session
-        refused_handshakes += 1
-        if refused_handshakes >= 3:
+        # The published port of a container is open before the router in it is.
+        refused_until = min(refused_until, monotonic() + _OPENS_WITHIN)
+        if monotonic() >= refused_until:
             raise BusError(": ".join(why_refused(options)))
+        pause(_OPEN_PERIOD)
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
