@@ -168,8 +168,9 @@ class ViewOptions(msgspec.Struct, frozen=True):
     @classmethod
     def from_environment(cls) -> "ViewOptions":
         """What ZTEAM_VIEW_HOST, ZTEAM_VIEW_TOKEN and ZTEAM_VIEW_URL say."""
-        given = {name: os.environ.get(f"ZTEAM_VIEW_{name}") or "" for name in ("HOST", "TOKEN", "URL")}
-        return cls(given["HOST"] or cls.host, token=given["TOKEN"], public_url=given["URL"])
+        given = {"host": "HOST", "token": "TOKEN", "public_url": "URL"}
+        found = {field: os.environ.get(f"ZTEAM_VIEW_{name}") for field, name in given.items()}
+        return cls(**{field: text for field, text in found.items() if text})
 
 
 ProcessOptions = (

@@ -11,6 +11,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.cli import up, zteam_view
 from zteam.errors import UsageError
+from zteam.node.process_options import ViewOptions
 from zteam.view.node import address_of, has_browser, own_address, page_url, qr_code, read_layout
 from zteam.view.server import listen
 
@@ -35,6 +36,18 @@ def test_the_address_has_the_token_in_its_fragment() -> None:
     assert page_url(address_of("0.0.0.0", 1), "t") == f"http://{own_address()}:1/#token=t"
     assert ipaddress.ip_address(own_address()).version == 4
     assert page_url(address_of("::1", 1), "t") == "http://[::1]:1/#token=t"
+
+
+def test_the_environment_says_where_a_page_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For views of containers, which `zteam up` starts too; without it a view is on loopback."""
+    for name in ("HOST", "TOKEN", "URL"):
+        monkeypatch.delenv(f"ZTEAM_VIEW_{name}", raising=False)
+    assert ViewOptions.from_environment() == ViewOptions()
+    monkeypatch.setenv("ZTEAM_VIEW_HOST", "0.0.0.0")
+    monkeypatch.setenv("ZTEAM_VIEW_URL", "http://localhost:9000/")
+    options = ViewOptions.from_environment()
+    assert options == ViewOptions("0.0.0.0", public_url="http://localhost:9000/")
+    assert page_url(options.public_url, "t") == "http://localhost:9000/#token=t"
 
 
 def test_a_browser_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
