@@ -170,7 +170,7 @@ class ViewOptions(msgspec.Struct, frozen=True):
         """What ZTEAM_VIEW_HOST, ZTEAM_VIEW_TOKEN and ZTEAM_VIEW_URL say."""
         given = {"host": "HOST", "token": "TOKEN", "public_url": "URL"}
         found = {field: os.environ.get(f"ZTEAM_VIEW_{name}") for field, name in given.items()}
-        return cls(**{field: text for field, text in found.items() if text})
+        return msgspec.convert({field: text for field, text in found.items() if text}, cls)
 
 
 ProcessOptions = (
