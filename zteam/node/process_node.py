@@ -13,11 +13,12 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable, RawSample
-from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
+from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault
+from zteam.node.freeze_watch import watch_freezes
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
@@ -124,6 +125,10 @@ class ProcessNode:
         self._failure: BaseException | None = None
         self._on_present: list[Callable[[], None]] = []
         self._on_stop: list[Callable[[], None]] = []
+        self.link_up = True
+        """Whether this process has a link to the router."""
+        self._was_dropped = False
+        """Whether the last loss of the link followed from a freeze of this process."""
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
         self._clock_input: Closeable | None = None
@@ -179,7 +184,17 @@ class ProcessNode:
         self.bus.close()
 
     def _on_link(self, up: bool) -> None:
-        log.warning("router is back" if up else "router lost: waiting for it to come back")
+        if not up:
+            # A router drops a process that is silent for longer than its lease.
+            self._was_dropped = FREEZES.has_just_woken()
+        what = "its link" if self._was_dropped else "router"
+        if up:
+            log.warning("%s is back", what)
+        elif self._was_dropped:
+            log.warning("its link has ended meanwhile: opening another one")
+        else:
+            log.warning("router lost: waiting for it to come back")
+        self.link_up = up
         self.wake()
 
     def _on_rival(self, info: ProcessInfo) -> None:
@@ -273,6 +288,11 @@ class ProcessNode:
         except BaseException as error:
             self.fail(error)
 
+    @property
+    def has_simulator(self) -> bool:
+        """Whether the process of a simulator is there (out of a process that follows the clock: False)."""
+        return bool(self._simulators)
+
     def on_simulator_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback()` under `changed` when the last simulator is gone."""
         self._on_simulator_lost.append(callback)
@@ -292,7 +312,8 @@ class ProcessNode:
 
         A base cannot be told from a simulator by its data: the simulator's token or clock may come a little later.
         """
-        if not self.clock.decided and first_data and monotonic() - first_data > WALL_AFTER:
+        # While it was frozen, no sign could come.
+        if not self.clock.decided and first_data and monotonic() - max(first_data, FREEZES.look()) > WALL_AFTER:
             self.clock.use_wall()
             log.info("data without a simulator: working in wall time")
 
@@ -394,6 +415,7 @@ def run_body(
     """
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
+        ends.callback(watch_freezes())
         try:
             if problem := names.name_problem(name):
                 raise UsageError(problem)

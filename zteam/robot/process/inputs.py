@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.clock import monotonic, to_ns
+from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
@@ -257,7 +257,7 @@ class RobotInputs:
         if self._id in self._told or self._given_up:
             return
         self._waits_since = self._waits_since or monotonic()
-        if monotonic() - self._waits_since > BASE_INFO_LIMIT:
+        if monotonic() - max(self._waits_since, FREEZES.look()) > BASE_INFO_LIMIT:
             self._given_up, key = True, names.robot_key(self._id, names.BASE_INFO)
             log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", key)
 

@@ -12,7 +12,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus.lateness import LATE
-from zteam.clock import NS_PER_S, Every, monotonic, to_ns, to_seconds
+from zteam.clock import FREEZES, NS_PER_S, Every, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -350,7 +350,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
 
 def run_ticks(simulation: Simulation) -> None:
     """Tick until the process is asked to stop."""
-    profile, pacer, behind = simulation.profile, simulation.pacer, Every(5.0)
+    profile, pacer, behind, woke = simulation.profile, simulation.pacer, Every(5.0), FREEZES.look()
     commands: dict[int, Twist] = {}
     while True:
         simulation.tick(commands)
@@ -368,5 +368,8 @@ def run_ticks(simulation: Simulation) -> None:
         profile.end(IDLE)
         commands = simulation.take_commands()
         profile.end_tick()
-        if pacer.behind and behind.due():
+        if (latest := FREEZES.look()) > woke:
+            woke = latest
+            pacer.start_anew()
+        elif pacer.behind and behind.due():
             log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())
