@@ -3,14 +3,14 @@
 import logging
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence, Set
 from functools import partial
 from types import CodeType
 from typing import Any
 
 import msgspec
 
-from zteam.clock import to_ns
+from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.process_node import ProcessNode
@@ -22,13 +22,15 @@ from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing
+from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing, old_data
 from zteam.robot.safety.layer import UNSEEN_CAUSE
 from zteam.robot.safety.motion import DRIVE_MARGIN
 
 log = logging.getLogger("zteam")
 
 _AHEAD = "obstacle ahead"
+_PAUSE, _PAUSES = 0.5, 3.0
+"""Seconds without a step, and intervals of scans, beyond which there was a pause."""
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
 ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
@@ -115,10 +117,11 @@ class Driver:
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
         stop: StopSwitch,
+        in_lockstep: Callable[[], bool],
     ) -> None:
-        """`team()`: ids of the robots that are alive, asked under `node.changed`."""
+        """`team()`: ids of the robots that are alive. It and `in_lockstep()` are asked under `node.changed`."""
         self._node = node
-        self._team, self._stop = team, stop
+        self._team, self._stop, self._in_lockstep = team, stop, in_lockstep
         self._inputs = inputs
         self._parameters = parameters
         self.status = status
@@ -145,8 +148,10 @@ class Driver:
         """`jumps` when the behaviour was made."""
         self._stepped = 0
         """Time of the last step in ns; 0 before the first one."""
-        self._was_stopped = False
-        """Whether the robot was stopped in its last step."""
+        self._rested = False
+        """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
+        self._asked = self._heard_from = 0.0
+        """Host times, in real time: of the newest input, and from which on there was no pause."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
@@ -184,15 +189,28 @@ class Driver:
         In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
         """
         dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
-        inputs = self._inputs
+        inputs, team = self._inputs, self._team()
+        if dt > max(_PAUSE, _PAUSES * inputs.scan_interval) and (
+            self._in_lockstep() or monotonic() - self._asked > _PAUSE
+        ):
+            # The base has stood meanwhile.
+            dt, self._rested = 0.0, True
         if not is_first:
             inputs.messages.handle_due(now)
-        view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
+        silent = inputs.declared.silent(team, now) if self._in_lockstep() else self._silent(team)
+        view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
         return StepInput(
             view, choice, epoch, self.jumps, self._parameters.given, lacking, is_stopped=self._stop.is_stopped
         )
+
+    def _silent(self, team: Sequence[int]) -> Set[int]:
+        """Real time: the robots of `team` that are silent though they could be heard."""
+        self._asked = monotonic()
+        if self._rested:
+            self._heard_from = self._asked
+        return self._inputs.declared.silent(team, None, max(self._heard_from, FREEZES.look()))
 
     def step(self, given: StepInput) -> Twist | None:
         """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""
@@ -201,9 +219,10 @@ class Driver:
             return None
         if given.is_stopped:
             return self._stand(given)
-        if self._was_stopped:
-            self._was_stopped = False
+        rests = bool(old_data(self.behavior, given.view))
+        if self._rested and not rests:
             self.behavior.on_release()
+        self._rested = rests
         # In lock-step, where the main loop does not step, the next scan waits.
         asking = partial(ask, self.behavior, given.view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
@@ -221,7 +240,7 @@ class Driver:
 
     def _stand(self, given: StepInput) -> Twist | None:
         """The command of a robot that is stopped: zero, and its behaviour is not asked."""
-        self._was_stopped = True
+        self._rested = True
         self._layer.halt(given.view)
         driver = RobotDriver.BEHAVIOR if given.choice is None else given.choice.driver
         return self._note(given, driver, Twist(), STOPPED, logged=False)

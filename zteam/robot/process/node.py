@@ -147,7 +147,7 @@ class RobotNode:
             safety=options.safety,
         )
         parameters = BehaviorParameters(node, kind, options.behavior, options.params)
-        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team, self._stop)
+        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team, self._stop, lambda: self._part.active)
         self._heartbeat = Every(_HEARTBEAT)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
