@@ -226,6 +226,10 @@ class ProcessNode:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
         self.bus.watch_tokens([key_expr], self._handler(callback))
 
+    def watch_certain_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """As `watch_tokens`, but a loss that may be one of the link is held back (`CertainTokens`)."""
+        CertainTokens(self.bus, key_expr, self._handler(callback))
+
     def _handler(self, callback: Callable[..., None]) -> Callable[..., None]:
         def handle(*content: object) -> None:
             with self.lock:
@@ -267,7 +271,7 @@ class ProcessNode:
         if not self._follows_clock:
             self._follows_clock = True
             self.take_time_from_clock()
-            CertainTokens(self.bus, names.tokens_key(names.SIMULATOR), self._handler(self._on_simulator))
+            self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""

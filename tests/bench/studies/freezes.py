@@ -50,6 +50,8 @@ class Frozen(msgspec.Struct):
     """Whether the frozen process logged that it was frozen (a router logs nothing)."""
     false: list[str]
     """Log lines that accuse a process which was not frozen."""
+    lines: list[str]
+    """All log lines from the beginning of the freeze on."""
 
     @property
     def is_good(self) -> bool:
@@ -99,6 +101,7 @@ def measure_freeze(process: str, seconds: float, mode: str, seed: int) -> Frozen
             drive_after=max(moved[0] if moved else float("inf") for moved in after.values()),
             says_so=process == ROUTER or any(f"[{process}]" in text and "was frozen" in text for text in lines),
             false=[text for text in lines if accuses(text, process)],
+            lines=lines,
         )  # fmt: skip
 
 

@@ -64,7 +64,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """What the behaviour declares in `inputs`, by name: the newest message or None; for a topic of every robot the
     newest messages by robot id."""
     silent: Set[int] = frozenset()
-    """Robots of `team` whose newest status is more than SILENT_AFTER old: such a process is frozen or cut off. Known to
+    """Robots whose newest status is more than SILENT_AFTER old: their process is frozen, cut off or gone. Known to
     behaviours that declare `robot_$*/status`."""
     seed: int = 1
     bases: Mapping[int, Base] = {}

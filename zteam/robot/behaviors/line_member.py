@@ -77,7 +77,7 @@ class LineMember(Behavior):
     def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
-            self.reason = f"waits for {names.robot_name(self._silent)}, which is silent"
+            self.reason = self.why_it_rests()
             return Twist()
         command, self.reason = self._head.step(view, own, place, speed, turn_rate)
         if command is not None:
@@ -94,7 +94,9 @@ class LineMember(Behavior):
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
-        """It is near enough to the robot ahead."""
+        """It is near enough to the robot ahead, or a robot of its line is silent."""
+        if self._silent is not None:
+            return f"{WAITS}{names.robot_name(self._silent)} is silent"
         if self.follows is None:
             return "it looks for a way to lead the line"
         return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"

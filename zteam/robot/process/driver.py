@@ -3,7 +3,7 @@
 import logging
 import math
 import sys
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Set
 from functools import partial
 from types import CodeType
 from typing import Any
@@ -197,7 +197,7 @@ class Driver:
             dt, self._rested = 0.0, True
         if not is_first:
             inputs.messages.handle_due(now)
-        silent = inputs.declared.silent(team, now) if self._in_lockstep() else self._silent(team)
+        silent = inputs.declared.silent(now) if self._in_lockstep() else self._silent()
         view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
@@ -205,12 +205,12 @@ class Driver:
             view, choice, epoch, self.jumps, self._parameters.given, lacking, is_stopped=self._stop.is_stopped
         )
 
-    def _silent(self, team: Sequence[int]) -> Set[int]:
-        """Real time: the robots of `team` that are silent though they could be heard."""
+    def _silent(self) -> Set[int]:
+        """Real time: the robots that are silent though they could be heard."""
         self._asked = monotonic()
         if self._rested:
             self._heard_from = self._asked
-        return self._inputs.declared.silent(team, None, max(self._heard_from, FREEZES.look()))
+        return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
     def step(self, given: StepInput) -> Twist | None:
         """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Set
 from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -115,14 +115,14 @@ class DeclaredInputs:
             if isinstance(message, RobotStatus):
                 self._heard[target[0]] = stamp, monotonic()
 
-    def silent(self, robots: Sequence[int], now: int | None, heard_from: float = 0.0) -> Set[int]:
-        """Those of `robots` whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
+    def silent(self, now: int | None, heard_from: float = 0.0) -> Set[int]:
+        """The robots whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
         host time, where they could be heard from `heard_from` on.
         """
         found = []
         for robot, (stamp, heard) in self._heard.items():
             age = monotonic() - max(heard, heard_from) if now is None else (now - stamp) / 1e9
-            if age > SILENT_AFTER and robot in robots:
+            if age > SILENT_AFTER:
                 found.append(robot)
         return frozenset(found)
 

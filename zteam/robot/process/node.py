@@ -289,7 +289,8 @@ class RobotNode:
         if self._alive is None:
             # Not before: in lock-step, each token would wake every robot for nothing.
             self._alive = TokenSet()
-            self._node.watch_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
+            # A lost link takes all tokens with it.
+            self._node.watch_certain_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
         ids = map(names.robot_id_of, self._alive)
         return tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
 
