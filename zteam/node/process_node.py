@@ -29,6 +29,8 @@ M = TypeVar("M", bound=Message)
 
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
+ANSWER_LIMIT = 0.5
+"""Host seconds for others to answer, before one of them is said to be silent."""
 ClockMode = Literal["auto", "sim", "wall"]
 """Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
 SWITCH_INTERVAL = 0.0005
@@ -127,7 +129,7 @@ class ProcessNode:
         self._on_stop: list[Callable[[], None]] = []
         self.link_up = True
         """Whether this process has a link to the router."""
-        self._was_dropped = False
+        self.was_dropped = False
         """Whether the last loss of the link followed from a freeze of this process."""
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
@@ -137,6 +139,14 @@ class ProcessNode:
         self.claim.under_name.append(bus.serve_stats(name))
         stop.on_request(self.wake)
         bus.watch_link(self._on_link)
+
+    def reaches_others(self) -> bool:
+        """Whether another process answers within ANSWER_LIMIT; if not, the link or the router may be at fault.
+
+        Not for handlers.
+        """
+        answers = self.bus.find(names.info_key("*"), ProcessInfo, timeout=ANSWER_LIMIT)
+        return any(info.name != self.name for _, info in answers)
 
     # Presence and end
 
@@ -186,11 +196,11 @@ class ProcessNode:
     def _on_link(self, up: bool) -> None:
         if not up:
             # A router drops a process that is silent for longer than its lease.
-            self._was_dropped = FREEZES.has_just_woken()
-        what = "its link" if self._was_dropped else "router"
+            self.was_dropped = FREEZES.has_just_woken()
+        what = "its link" if self.was_dropped else "router"
         if up:
             log.warning("%s is back", what)
-        elif self._was_dropped:
+        elif self.was_dropped:
             log.warning("its link has ended meanwhile: opening another one")
         else:
             log.warning("router lost: waiting for it to come back")

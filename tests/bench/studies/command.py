@@ -13,9 +13,9 @@ from studies.chains.figures import ROWS as CHAINS
 from studies.chains.figures import measure_chains
 from studies.chains.tables import format_robots
 from studies.faults import measure_faults
-from studies.freezes import MODES, PROCESSES, SECONDS, format_freezes, measure_freezes
 from studies.floor import format_floor, measure_floor_of
 from studies.formations import measure_formations
+from studies.freezes import MODES, PROCESSES, SECONDS, format_freezes, measure_freezes
 from studies.hops import format_hops, measure_hops_in
 from studies.navigation.figures import ROWS as NAVIGATION
 from studies.navigation.figures import measure_navigation

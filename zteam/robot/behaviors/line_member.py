@@ -77,7 +77,7 @@ class LineMember(Behavior):
     def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
-            self.reason = self.why_it_rests()
+            self.reason = f"{WAITS}{names.robot_name(self._silent)} is silent"
             return Twist()
         command, self.reason = self._head.step(view, own, place, speed, turn_rate)
         if command is not None:

@@ -256,6 +256,12 @@ class Driver:
             self.status.tell(logged=logged)
         return command
 
+    def stand(self, reason: str) -> None:
+        """No step is due any more, for this `reason`: the wheels stand by now (under `node.changed`)."""
+        self.readiness.drive(reason)
+        self.status.take(self.status.driver, Twist())
+        self.status.tell()
+
     def pass_gate(self, given: StepInput) -> None:
         """Release the robot when nothing is missing and GO has come; until then say what it waits for. No step."""
         self._prepare_behavior(given)
