@@ -30,8 +30,8 @@ _CALLED = {
     ROUTER: "router lost",
 }
 """What log lines call the processes that are no robots."""
-_NEUTRAL = re.compile(r"\b(GO|follows|waits for|leads|comes past|is back|answers again)\b")
-"""Marks a line that reports what robots do, or that something is over."""
+_OVER = re.compile(r"\b(GO|is back|answers again)\b")
+"""Marks a line that reports that something is over."""
 _TROUBLE = re.compile(r"is stuck|hands over|drives round|makes room")
 
 
@@ -63,7 +63,7 @@ def accuses(line: str, frozen: str) -> bool:
     """Whether a log line such as `[tf] 12:00:00 text` blames a process that was not frozen."""
     speaker, _, text = line.partition("] ")
     speaker = speaker.rpartition("[")[2]
-    if _NEUTRAL.search(text):
+    if _OVER.search(text):
         return False
     is_bad = "warning: " in text or "error: " in text or (speaker == names.MONITOR)
     named = {name for name in ROBOTS if re.search(rf"\b{name}\b", text)}

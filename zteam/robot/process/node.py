@@ -77,8 +77,8 @@ class DataWatch:
         self, node: ProcessNode, inputs: RobotInputs, driver: Driver, part: Participant, status: StatusReport
     ) -> None:
         self._status = status
-        self._outage = ""
-        """Why nothing comes, as it was told."""
+        self._is_out = False
+        """Whether the log has said that nothing comes."""
         self._poses = 0
         """Stamp of the newest transforms at the last look."""
         self._node = node
@@ -135,12 +135,13 @@ class DataWatch:
     def _tell_outage(self, why: str) -> None:
         """Say once why nothing comes, and once that it comes again."""
         with self._node.changed:
-            if not self._driver.readiness.released or why == self._outage:
+            # What it is said to be at first stays: a frozen simulator loses its token a little later.
+            if not self._driver.readiness.released or bool(why) == self._is_out:
                 return
-            self._outage, was_told = why, bool(self._outage)
+            self._is_out = bool(why)
             if why:
                 self._driver.stand(f"no data: {why}")
-            elif was_told:
+            else:
                 log.info("data comes again")
 
     def _look_at_poses(self) -> None:

@@ -132,6 +132,11 @@ class Simulation:
             self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
 
     @property
+    def was_held(self) -> bool:
+        """Whether the log has named a participant that the newest tick waited for."""
+        return self.lockstep is not None and self.lockstep.was_held
+
+    @property
     def _tick_seconds(self) -> float:
         """Host seconds of a tick at the speed that was asked for; 0 as fast as possible."""
         speed = None if self.pacer.paused else self.pacer.speed
@@ -368,8 +373,8 @@ def run_ticks(simulation: Simulation) -> None:
         profile.end(IDLE)
         commands = simulation.take_commands()
         profile.end_tick()
-        if (latest := FREEZES.look()) > woke:
+        if (latest := FREEZES.look()) > woke or simulation.was_held:
             woke = latest
             pacer.start_anew()
-        elif pacer.behind and behind.due():
+        elif pacer.behind and not FREEZES.has_just_woken() and behind.due():
             log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())
