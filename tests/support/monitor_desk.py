@@ -6,7 +6,8 @@ from collections.abc import Callable
 from support.cuttable_transport import cut_bus
 from support.limits import LIMIT
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.presence import own_info
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
 from zteam.monitor.process.display import Lines
@@ -42,7 +43,9 @@ class Robot:
             self.appear()
 
     def appear(self) -> None:
-        """Hold the name (again)."""
+        """Hold the name (again), and answer to it."""
+        name = names.robot_name(self.id)
+        self._bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, self._bus.instance, 0))
         self._token = self._bus.declare_token(names.token_key(names.robot_name(self.id), self._bus.instance))
 
     def vanish(self) -> None:

@@ -290,6 +290,11 @@ class ProcessNode:
             self._clock_input.close()
             self._clock_input = None
 
+    @property
+    def ticks_tell_time(self) -> bool:
+        """Whether this is lock-step, and time comes with the ticks."""
+        return self.clock.simulated and self._clock_input is None
+
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
         if self._clock_input is None:

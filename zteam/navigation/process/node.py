@@ -15,6 +15,7 @@ from zteam import messages, names
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
+from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
@@ -88,6 +89,8 @@ class NavigationNode:
     def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
         def take(_key: str, message: Any) -> None:
             setattr(inputs, field, message)
+            if topic == names.STATUS:
+                inputs.heard = None if self._node.ticks_tell_time else monotonic()
             inputs.stamps[topic] = messages.ns_from_time(message.header.stamp)
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)

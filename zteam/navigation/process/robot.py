@@ -4,6 +4,7 @@ import logging
 from collections.abc import Collection
 
 from zteam import names
+from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
 from zteam.navigation.maps import is_finite, planar
@@ -19,6 +20,8 @@ from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
 
+_PAUSES = 3
+"""Intervals of steps beyond which there was a pause."""
 NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
 
 
@@ -37,6 +40,8 @@ class RobotNavigation:
         self._command = STOP
         self._unfit = ""
         """Why the parameters do not fit this map or this base."""
+        self._stepped = 0
+        """Time of the last step (ns); 0 before."""
 
     def set_map(self, grid: GridMap) -> None:
         """Another map: everything is made anew on it, and the robot is where it was."""
@@ -78,6 +83,10 @@ class RobotNavigation:
 
     def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
         """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
+        if now - self._stepped > max(OLD, _PAUSES * to_ns(seconds)):
+            # This process was frozen, or its clock stood still: nothing was driven meanwhile.
+            self.navigator.rest()
+        self._stepped = now
         self._take_initial_pose()
         self._take_goal()
         pose = self._localise(now, seconds, robots)
@@ -135,6 +144,11 @@ class RobotNavigation:
         fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
         return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
 
+    def _is_outage(self, now: int) -> bool:
+        """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
+        has_old_scan = self.inputs.scan is not None and now - self.inputs.stamps.get(names.BASE_SCAN, 0) > OLD
+        return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
+
     def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
         """The command of this step."""
         navigator, time = self.navigator, now / 1e9
@@ -149,8 +163,8 @@ class RobotNavigation:
         if not navigator.active:
             return STOP
         if problem:
-            return navigator.wait(time, problem)
-        if held := self.inputs.is_held():
+            return navigator.wait(time, problem, for_ever=self._is_outage(now))
+        if held := self.inputs.is_held(now):
             return navigator.wait(time, held, for_ever=True)
         assert placed is not None and self._costmaps is not None
         is_stopped = self.inputs.is_stopped()

@@ -22,7 +22,7 @@ def find_silent(view: View, place: Place) -> int | None:
         if robot in view.silent:
             return robot
     for robot in {*place.before[:1], *place.before[-1:], *place.after[:1]}:
-        seen = view.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT))
+        seen = view.base_from_robot(robot)
         if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):
             return robot
     return None

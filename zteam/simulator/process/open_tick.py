@@ -185,14 +185,17 @@ class OpenTick:
         return ", ".join(silent)
 
     def complaint(self, waited: float, lacking: Mapping[str, str] | None) -> str:
-        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above. None: no process
-        answers at all."""
-        if lacking is None:
-            return f"tick {self.message.tick} waits for {waited:.0f} s: no other process answers over the router"
+        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above.
+
+        None: no process answers anything, so the router may be at fault, and not each of several participants.
+        """
         holders = self.waiting_for(lacking)
         if self.held:
             return f"the first tick is held: waiting for {holders}"
-        return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
+        if lacking is not None:
+            return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
+        holders = holders if len(self.missing()) == 1 else "all answers"
+        return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s: no process answers over the router"
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands in the answers of robots that are in the world, by id: zero if their process has ended."""
