@@ -35,17 +35,18 @@ class HostTime:
 class Robot:
     """A robot process as the monitor sees it."""
 
-    def __init__(self, hub: MemoryHub, robot_id: int, *, present: bool = True) -> None:
+    def __init__(self, hub: MemoryHub, robot_id: int, *, present: bool = True, answers: bool = True) -> None:
         self.id = robot_id
         self._bus = hub.bus()
         self._status = self._bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        if answers:
+            name = names.robot_name(robot_id)
+            self._bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, self._bus.instance, 0))
         if present:
             self.appear()
 
     def appear(self) -> None:
-        """Hold the name (again), and answer to it."""
-        name = names.robot_name(self.id)
-        self._bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, self._bus.instance, 0))
+        """Hold the name (again)."""
         self._token = self._bus.declare_token(names.token_key(names.robot_name(self.id), self._bus.instance))
 
     def vanish(self) -> None:

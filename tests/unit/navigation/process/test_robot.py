@@ -90,7 +90,7 @@ class Robot:
         parameters = Parameters(localizer=localizer, **options)
         planner = make_planner(parameters)
         self.robot = RobotNavigation(self.inputs, parameters, self.outputs, planner, 1)  # type: ignore[arg-type]
-        self.now, self.sees, self.is_placed = 0, True, True
+        self.now, self.sees, self.is_placed, self.moves = 0, True, True, True
         self._put("base_footprint", "base_laser_link", static=True)
 
     @property
@@ -112,8 +112,9 @@ class Robot:
         """Ticks of 0.1 s."""
         for _ in range(count):
             self.now += TICK
-            self._put("odom", "base_footprint")
-            if self.is_placed:
+            if self.moves:
+                self._put("odom", "base_footprint")
+            if self.is_placed and self.moves:
                 self._put("map", "odom")
             if self.sees:
                 # The walls of the room of 6 m.
@@ -164,6 +165,37 @@ def test_a_scan_that_stays_away_stops_it() -> None:
     robot.sees = True
     assert robot.step().x > 0.0
     assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+@pytest.mark.parametrize("localizer", ["none", "amcl"])
+def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
+    """It does not drive by old ones, keeps its goal however long that takes, and begins no recovery."""
+    robot = driving(localizer)
+    robot.moves = False
+    robot.step(12)
+    assert robot.step(300) == STOP
+    robot.moves = True
+    assert robot.step(2).x > 0.0
+    assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+def test_a_pause_of_navigation_is_no_lack_of_progress() -> None:
+    """Its process was frozen for longer than a robot may take to get on."""
+    robot = driving()
+    robot.now += 300 * TICK
+    robot.step(3)
+    assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+def test_it_waits_for_a_robot_that_is_silent() -> None:
+    """The robot's process may be frozen: no recovery begins, and with a status it goes on."""
+    robot = driving()
+    robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
+    robot.inputs.stamps[names.STATUS] = robot.now
+    assert robot.step(300) == STOP
+    assert (robot.text, robot.robot.navigator.recoveries) == ("robot_0 is silent", 0)
+    robot.inputs.stamps[names.STATUS] = robot.now
+    assert robot.step().x > 0.0
 
 
 @pytest.mark.parametrize("localizer", ["none", "amcl"])
