@@ -27,6 +27,7 @@ from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
 from zteam.navigation.process.robot import RobotNavigation
 from zteam.node.node import Node
+from zteam.node.pauses import Pauses
 from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")
@@ -44,6 +45,7 @@ class NavigationNode:
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
         self._stepped = 0
+        self._pauses = Pauses()
         self._overrides = overrides
         self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
         self._tick_length, self._waited = self._period, math.inf
@@ -154,7 +156,10 @@ class NavigationNode:
             self._tick_length = min(1.0, waited, self._waited)
         self._stepped = now
         team = sorted(self._bases)
+        was_paused = self._pauses.take(now, self._tick_length, in_lockstep=self._node.ticks_tell_time)
         for robot in self._robots.values():
+            if was_paused:
+                robot.navigator.rest()
             robot.step(now, self._tick_length, team)
 
     def run(self) -> None:

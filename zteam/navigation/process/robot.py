@@ -4,7 +4,6 @@ import logging
 from collections.abc import Collection
 
 from zteam import names
-from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
 from zteam.navigation.maps import is_finite, planar
@@ -20,8 +19,6 @@ from zteam.navigation.process.outputs import Outputs
 
 log = logging.getLogger("zteam")
 
-_PAUSES = 3
-"""Intervals of steps beyond which there was a pause."""
 NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
 
 
@@ -40,8 +37,6 @@ class RobotNavigation:
         self._command = STOP
         self._unfit = ""
         """Why the parameters do not fit this map or this base."""
-        self._stepped = 0
-        """Time of the last step (ns); 0 before."""
 
     def set_map(self, grid: GridMap) -> None:
         """Another map: everything is made anew on it, and the robot is where it was."""
@@ -83,10 +78,6 @@ class RobotNavigation:
 
     def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
         """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
-        if now - self._stepped > max(OLD, _PAUSES * to_ns(seconds)):
-            # This process was frozen, or its clock stood still: nothing was driven meanwhile.
-            self.navigator.rest()
-        self._stepped = now
         self._take_initial_pose()
         self._take_goal()
         pose = self._localise(now, seconds, robots)

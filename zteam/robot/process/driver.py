@@ -13,6 +13,7 @@ import msgspec
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
+from zteam.node.pauses import Pauses
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
@@ -29,8 +30,6 @@ from zteam.robot.safety.motion import DRIVE_MARGIN
 log = logging.getLogger("zteam")
 
 _AHEAD = "obstacle ahead"
-_PAUSE, _PAUSES = 0.5, 3.0
-"""Seconds without a step, and intervals of scans, beyond which there was a pause."""
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
 ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
@@ -150,8 +149,9 @@ class Driver:
         """Time of the last step in ns; 0 before the first one."""
         self._rested = False
         """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
-        self._asked = self._heard_from = 0.0
-        """Host times, in real time: of the newest input, and from which on there was no pause."""
+        self._pauses = Pauses()
+        self._heard_from = 0.0
+        """Real time: the host time from which on there was no pause."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
@@ -189,15 +189,13 @@ class Driver:
         In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
         """
         dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
-        inputs, team = self._inputs, self._team()
-        if dt > max(_PAUSE, _PAUSES * inputs.scan_interval) and (
-            self._in_lockstep() or monotonic() - self._asked > _PAUSE
-        ):
+        inputs, team, in_lockstep = self._inputs, self._team(), self._in_lockstep()
+        if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
             # The base has stood meanwhile.
             dt, self._rested = 0.0, True
         if not is_first:
             inputs.messages.handle_due(now)
-        silent = inputs.declared.silent(now) if self._in_lockstep() else self._silent()
+        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
         view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
@@ -207,9 +205,8 @@ class Driver:
 
     def _silent(self) -> Set[int]:
         """Real time: the robots that are silent though they could be heard."""
-        self._asked = monotonic()
         if self._rested:
-            self._heard_from = self._asked
+            self._heard_from = monotonic()
         return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
     def step(self, given: StepInput) -> Twist | None:
@@ -256,11 +253,11 @@ class Driver:
             self.status.tell(logged=logged)
         return command
 
-    def stand(self, reason: str) -> None:
+    def stand(self, reason: str, *, logged: bool) -> None:
         """No step is due any more, for this `reason`: the wheels stand by now (under `node.changed`)."""
         self.readiness.drive(reason)
         self.status.take(self.status.driver, Twist())
-        self.status.tell()
+        self.status.tell(logged=logged)
 
     def pass_gate(self, given: StepInput) -> None:
         """Release the robot when nothing is missing and GO has come; until then say what it waits for. No step."""

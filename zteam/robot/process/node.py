@@ -77,8 +77,11 @@ class DataWatch:
         self, node: ProcessNode, inputs: RobotInputs, driver: Driver, part: Participant, status: StatusReport
     ) -> None:
         self._status = status
+        self._deaf = 0
+        """Looks in a row at which no other process answered."""
         self._is_out = False
-        """Whether the log has said that nothing comes."""
+        """Whether nothing comes any more, and was said to."""
+        self._is_logged = False
         self._poses = 0
         """Stamp of the newest transforms at the last look."""
         self._node = node
@@ -128,8 +131,10 @@ class DataWatch:
             return ""
         if not node.link_up:
             return "the router is lost"
-        if not node.reaches_others():
-            return "no other process answers"
+        self._deaf = 0 if node.reaches_others() else self._deaf + 1
+        if self._deaf:
+            # A router that is gone is known soon.
+            return "no other process answers" if self._deaf >= _LOOKS else ""
         return "the simulator does not answer" if node.has_simulator else "the simulator has ended"
 
     def _tell_outage(self, why: str) -> None:
@@ -140,8 +145,10 @@ class DataWatch:
                 return
             self._is_out = bool(why)
             if why:
-                self._driver.stand(f"no data: {why}")
-            else:
+                # The log has the router's loss and return.
+                self._is_logged = self._node.link_up
+                self._driver.stand(f"no data: {why}", logged=self._is_logged)
+            elif self._is_logged:
                 log.info("data comes again")
 
     def _look_at_poses(self) -> None:

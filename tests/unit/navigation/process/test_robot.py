@@ -179,14 +179,6 @@ def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
     assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
 
 
-def test_a_pause_of_navigation_is_no_lack_of_progress() -> None:
-    """Its process was frozen for longer than a robot may take to get on."""
-    robot = driving()
-    robot.now += 300 * TICK
-    robot.step(3)
-    assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
-
-
 def test_it_waits_for_a_robot_that_is_silent() -> None:
     """The robot's process may be frozen: no recovery begins, and with a status it goes on."""
     robot = driving()
