@@ -134,7 +134,7 @@ class Freezes:
         self._now, self._worked, self._host = now, worked, host
         self._lock = threading.Lock()
         self._last: tuple[float, float] | None = None
-        """`now` and `worked` at the last look; None while nobody watches."""
+        """`now` and `worked` at the last look; None before `begin` and after `end`."""
         self._woke = -math.inf
         self._frozen = 0.0
 
