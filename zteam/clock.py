@@ -4,6 +4,7 @@ Simulated and wall time are integer nanoseconds. Use `monotonic` to measure and 
 router that does not answer); no decision of a robot may depend on it.
 """
 
+import math
 import os
 import threading
 import time
@@ -11,6 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
+STANDS = 1.0
+"""Host seconds without a new simulated time after which nothing is late or early by it."""
 STILL = 2.0
 """Host seconds without a new simulated time after which a waiting tool tells its user."""
 
@@ -43,6 +46,14 @@ thread_time: Callable[[], float] = time.thread_time
 """Processor time of this thread, in seconds."""
 process_time: Callable[[], float] = time.process_time
 """CPU seconds of this process: benchmarks use them because other load affects them little."""
+
+_BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""The host's clock that also runs while the machine is suspended, where there is one (Linux)."""
+
+
+def boot_time() -> float:
+    """Seconds on the host's clock that also runs while the machine is suspended."""
+    return time.clock_gettime(_BOOT)
 
 
 def monotonic_times() -> Iterator[int]:
@@ -85,12 +96,85 @@ class Sent(NamedTuple):
 NOT_KNOWN = Sent()
 
 
-_EPOCH_NS = time.time_ns() - time.monotonic_ns()
+_EPOCH_NS = time.time_ns() - time.clock_gettime_ns(_BOOT)
 
 
 def stamp_ns() -> int:
-    """Nanoseconds since the Unix epoch by the host's clock as it was at the start of this process: never set back."""
-    return _EPOCH_NS + time.monotonic_ns()
+    """Nanoseconds since the Unix epoch by the host's clock as it was at the start of this process: never set back.
+
+    It goes on while the machine is suspended, so that processes from before and after that agree.
+    """
+    return _EPOCH_NS + time.clock_gettime_ns(_BOOT)
+
+
+FREEZE_WATCH = 0.1
+"""Host seconds between two looks of a process at whether it was frozen."""
+_LATE = 1.0
+"""Host seconds by which a look has to be late for a freeze."""
+_BUSY = 0.2
+"""Share of that time from which on the process itself worked: then it was busy, and not frozen."""
+AFTERMATH = 3.0 * HOST_FACTOR
+"""Host seconds after a freeze within which a lost link follows from it."""
+
+
+class Freezes:
+    """Whether this process stood still: stopped by a signal or a debugger, paused with its container, or suspended with
+    the machine. What it missed meanwhile says nothing about other processes.
+
+    One thread calls `look` every FREEZE_WATCH. Code that judges others calls it too, as it may run before that thread.
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], float] = boot_time,
+        worked: Callable[[], float] = process_time,
+        host: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """The clocks: one that runs during the freeze, this process's processor time, and that of `look`."""
+        self._now, self._worked, self._host = now, worked, host
+        self._lock = threading.Lock()
+        self._last: tuple[float, float] | None = None
+        """`now` and `worked` at the last look; None before `begin` and after `end`."""
+        self._woke = -math.inf
+        self._frozen = 0.0
+
+    def begin(self) -> None:
+        """Watch from now on."""
+        with self._lock:
+            self._last, self._frozen = (self._now(), self._worked()), 0.0
+
+    def end(self) -> None:
+        """Watch no more."""
+        self._last = None
+
+    def look(self) -> float:
+        """Host time (`monotonic`) at which this process went on after its last freeze; -inf without one.
+
+        No silence of others counts that began before.
+        """
+        with self._lock:
+            if self._last is not None:
+                now, worked = self._now(), self._worked()
+                late = now - self._last[0] - FREEZE_WATCH
+                if late > _LATE and worked - self._last[1] < _BUSY * late:
+                    self._woke, self._frozen = self._host(), self._frozen + late
+                self._last = now, worked
+            return self._woke
+
+    def has_just_woken(self) -> bool:
+        """Whether a freeze has ended within AFTERMATH."""
+        return self._host() - self.look() < AFTERMATH
+
+    def take(self) -> float:
+        """Seconds of the freezes since the last call."""
+        self.look()
+        with self._lock:
+            frozen, self._frozen = self._frozen, 0.0
+            return frozen
+
+
+FREEZES = Freezes()
+"""Those of this process."""
 
 
 def pause(seconds: float) -> None:
@@ -126,6 +210,7 @@ class SimClock:
 
     def __init__(self) -> None:
         self._now = 0
+        self._set = -math.inf
         self._changed = threading.Condition()
         self._waiting = 0
         self._on_jump_back: list[Callable[[int, int], None]] = []
@@ -134,13 +219,18 @@ class SimClock:
         """The last stamp received; 0 before the first."""
         return self._now
 
+    @property
+    def stands(self) -> bool:
+        """Whether it has not been set for STANDS: the world stands, or what sets it does not get here."""
+        return time.monotonic() - self._set > STANDS
+
     def on_jump_back(self, callback: Callable[[int, int], None]) -> None:
         """Call `callback(old, new)` when time jumps back (the simulator restarted or was reset)."""
         self._on_jump_back.append(callback)
 
     def set(self, stamp: int) -> None:
         """Set the time to a new stamp (ns) of the `clock` key."""
-        old, self._now = self._now, stamp
+        old, self._now, self._set = self._now, stamp, time.monotonic()
         # A thread that begins to wait now looks at the time after it has counted itself.
         if self._waiting:
             with self._changed:

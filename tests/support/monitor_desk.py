@@ -6,7 +6,8 @@ from collections.abc import Callable
 from support.cuttable_transport import cut_bus
 from support.limits import LIMIT
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.presence import own_info
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
 from zteam.monitor.process.display import Lines
@@ -34,10 +35,13 @@ class HostTime:
 class Robot:
     """A robot process as the monitor sees it."""
 
-    def __init__(self, hub: MemoryHub, robot_id: int, *, present: bool = True) -> None:
+    def __init__(self, hub: MemoryHub, robot_id: int, *, present: bool = True, answers: bool = True) -> None:
         self.id = robot_id
         self._bus = hub.bus()
         self._status = self._bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        if answers:
+            name = names.robot_name(robot_id)
+            self._bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, self._bus.instance, 0))
         if present:
             self.appear()
 

@@ -5,6 +5,7 @@ real time.
 """
 
 import json
+import logging
 import os
 import random
 import subprocess
@@ -17,7 +18,7 @@ import pytest
 from support.freezing import descendants_of, freeze
 from support.limits import LIMIT
 from zteam import names
-from zteam.messages import Tick
+from zteam.messages import Log, RobotStatus, Tick
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
@@ -116,3 +117,30 @@ def test_a_freeze_of_a_launch_does_not_change_the_run(
             launcher.kill()
     one, frozen = (json.loads((tmp_path / name).read_text()) for name in ("one.json", "frozen.json"))
     assert (frozen["hung"], frozen["trajectory_sha256"]) == ([], one["trajectory_sha256"]), "".join(said)
+
+
+OTHERS = [pytest.param(name, marks=pytest.mark.ci) for name in PROCESSES if name != "robot_1"]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("frozen", ["robot_1", *OTHERS])
+def test_a_line_goes_on_after_a_freeze_in_real_time(team: TeamFixture, frozen: str) -> None:
+    """The frozen process says so, no other process is named but as the one that is silent, and the line drives on as
+    before: it is not led from its other end."""
+    team.start("office", robots=3, behavior="wander", follow={1: 0, 2: 1}, lockstep=False)
+    team.wait_for_go()
+    team.until(lambda: all(team.robot(i).speed > 0.1 for i in range(3)), within=60.0)
+    lines, turns = list[Log](), list[int]()
+    team.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, lambda _key, status: turns.append(status.turns))
+    team.bus.subscribe(names.log_key(), Log, lambda _key, line: lines.append(line))
+    # A router drops what is silent.
+    team.expect_end(frozen)
+    freeze([team.pid(frozen)], 5.0)
+    goals = {i: team.robot(i).distance_travelled + 0.5 for i in range(3)}
+    team.until(lambda: all(team.robot(i).distance_travelled > goal for i, goal in goals.items()), within=60.0)
+    assert set(turns) == {0}
+    told = [(line.name, line.msg) for line in lines if line.level >= logging.WARNING]
+    if frozen != "router":
+        team.wait_for_line(frozen, "was frozen")
+    innocent = [name for name in PROCESSES if name.startswith("robot") and name != frozen]
+    assert [each for each in told if any(name in each[1] for name in innocent)] == []

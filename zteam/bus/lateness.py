@@ -9,7 +9,7 @@ host's clock is taken for one of now: it makes no later message late.
 import math
 
 from zteam.bus.transport import RawSample
-from zteam.clock import monotonic
+from zteam.clock import FREEZES, monotonic
 
 LATE = 0.5
 """Host seconds from which on a message is too old to act on, as other old data is."""
@@ -74,6 +74,10 @@ class Lateness:
 
     def problem(self, sample: RawSample) -> str:
         """Why a message that has just come is too old to act on; empty if it is in time."""
-        is_late = self.measure(sample.key, sample.delay, monotonic()) > LATE
+        now = monotonic()
+        if self.measure(sample.key, sample.delay, now) <= LATE:
+            return ""
         # The same text each time: the log repeats it ever less often.
-        return f"it came more than {LATE:g} s late: its link is slow, or was cut" if is_late else ""
+        if FREEZES.look() > now - sample.delay:
+            return "it waited while this process was frozen"
+        return f"it came more than {LATE:g} s late: its link is slow, or was cut"

@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.transport import Closeable
-from zteam.clock import monotonic
+from zteam.clock import FREEZES, monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
 
@@ -261,7 +261,8 @@ class Participant:
         since, first = self._ahead or (monotonic(), stamp)
         # The least one: a single message may have a stamp of another clock.
         self._ahead = since, min(first, stamp)
-        if stamp > first and monotonic() - since > TICKLESS:
+        # While it was frozen, no tick could come.
+        if stamp > first and monotonic() - max(since, FREEZES.look()) > TICKLESS:
             log.warning("data goes on without a tick for %g s: not in lock-step any more", TICKLESS)
             self._forget()
             self._node.take_time_from_clock()

@@ -13,11 +13,12 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable, RawSample
-from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
+from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault
+from zteam.node.freeze_watch import watch_freezes
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
@@ -28,6 +29,8 @@ M = TypeVar("M", bound=Message)
 
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
+ANSWER_LIMIT = 0.5
+"""Host seconds for others to answer, before one of them is said to be silent."""
 ClockMode = Literal["auto", "sim", "wall"]
 """Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
 SWITCH_INTERVAL = 0.0005
@@ -124,6 +127,10 @@ class ProcessNode:
         self._failure: BaseException | None = None
         self._on_present: list[Callable[[], None]] = []
         self._on_stop: list[Callable[[], None]] = []
+        self.link_up = True
+        """Whether this process has a link to the router."""
+        self.was_dropped = False
+        """Whether the last loss of the link followed from a freeze of this process."""
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
         self._clock_input: Closeable | None = None
@@ -132,6 +139,14 @@ class ProcessNode:
         self.claim.under_name.append(bus.serve_stats(name))
         stop.on_request(self.wake)
         bus.watch_link(self._on_link)
+
+    def reaches_others(self) -> bool:
+        """Whether another process answers within ANSWER_LIMIT; if not, the link or the router may be at fault.
+
+        Not for handlers.
+        """
+        answers = self.bus.find(names.info_key("*"), ProcessInfo, timeout=ANSWER_LIMIT)
+        return any(info.name != self.name for _, info in answers)
 
     # Presence and end
 
@@ -179,7 +194,17 @@ class ProcessNode:
         self.bus.close()
 
     def _on_link(self, up: bool) -> None:
-        log.warning("router is back" if up else "router lost: waiting for it to come back")
+        if not up:
+            # A router drops a process that is silent for longer than its lease.
+            self.was_dropped = FREEZES.has_just_woken()
+        what = "its link" if self.was_dropped else "router"
+        if up:
+            log.warning("%s is back", what)
+        elif self.was_dropped:
+            log.warning("its link has ended meanwhile: opening another one")
+        else:
+            log.warning("router lost: waiting for it to come back")
+        self.link_up = up
         self.wake()
 
     def _on_rival(self, info: ProcessInfo) -> None:
@@ -210,6 +235,10 @@ class ProcessNode:
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
         self.bus.watch_tokens([key_expr], self._handler(callback))
+
+    def watch_certain_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """As `watch_tokens`, but a loss that may be one of the link is held back (`CertainTokens`)."""
+        CertainTokens(self.bus, key_expr, self._handler(callback))
 
     def _handler(self, callback: Callable[..., None]) -> Callable[..., None]:
         def handle(*content: object) -> None:
@@ -252,7 +281,7 @@ class ProcessNode:
         if not self._follows_clock:
             self._follows_clock = True
             self.take_time_from_clock()
-            CertainTokens(self.bus, names.tokens_key(names.SIMULATOR), self._handler(self._on_simulator))
+            self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
@@ -260,6 +289,11 @@ class ProcessNode:
         if self._clock_input is not None:
             self._clock_input.close()
             self._clock_input = None
+
+    @property
+    def ticks_tell_time(self) -> bool:
+        """Whether this is lock-step, and time comes with the ticks."""
+        return self.clock.simulated and self._clock_input is None
 
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
@@ -272,6 +306,11 @@ class ProcessNode:
             self.clock.sim.set(stamp)
         except BaseException as error:
             self.fail(error)
+
+    @property
+    def has_simulator(self) -> bool:
+        """Whether the process of a simulator is there (out of a process that follows the clock: False)."""
+        return bool(self._simulators)
 
     def on_simulator_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback()` under `changed` when the last simulator is gone."""
@@ -292,7 +331,8 @@ class ProcessNode:
 
         A base cannot be told from a simulator by its data: the simulator's token or clock may come a little later.
         """
-        if not self.clock.decided and first_data and monotonic() - first_data > WALL_AFTER:
+        # While it was frozen, no sign could come.
+        if not self.clock.decided and first_data and monotonic() - max(first_data, FREEZES.look()) > WALL_AFTER:
             self.clock.use_wall()
             log.info("data without a simulator: working in wall time")
 
@@ -394,6 +434,7 @@ def run_body(
     """
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
+        ends.callback(watch_freezes())
         try:
             if problem := names.name_problem(name):
                 raise UsageError(problem)

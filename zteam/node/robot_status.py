@@ -139,6 +139,8 @@ class StatusReport:
         """
         self._stop = stop
         self._warning = "" if safety else NO_SAFETY
+        self.note = ""
+        """What else is wrong, for its text."""
         self._node = node
         self._in_lockstep = in_lockstep
         self._id = robot_id
@@ -242,7 +244,7 @@ class StatusReport:
             is_ready=readiness.is_ready,
             state=readiness.state,
             epoch=readiness.epoch,
-            text="; ".join(filter(None, (self._warning, readiness.reason))),
+            text="; ".join(filter(None, (self._warning, self.note, readiness.reason))),
             behavior=self.behavior,
             driver=self.driver,
             reason=self._why_it_stands(),

@@ -52,9 +52,12 @@ class Merger:
         for transform in configured:
             self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
-    def take(self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0) -> None:
+    def take(
+        self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0, *, trusts: bool = True
+    ) -> None:
         """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known, and `wall` then the
-        host's, which no clock of a team is ahead of.
+        host's, which no clock of a team is ahead of. Unless the caller `trusts` its clock, a stamp that is far from it
+        is refused without a conflict.
 
         In lock-step `tick` is the stamp (ns) of the tick in which they were sent: see `take_pending`.
         """
@@ -63,7 +66,8 @@ class Merger:
             stamp = transform.header.stamp
             apart = stamp.sec * 1_000_000_000 + stamp.nanosec - known
             if known and (apart > MAX_APART or (now and apart < -MAX_APART)):
-                self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, known))
+                if trusts:
+                    self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, known))
             elif tick and not is_base(transform.child_frame_id):
                 held = self._held.setdefault(authority, [])
                 if len(held) < MAX_HELD:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.clock import monotonic
+from zteam.clock import FREEZES, monotonic
 from zteam.config.localisation import LOST_DEVIATION, LOST_DISTANCE, LOST_TURN
 from zteam.errors import short
 from zteam.geometry import Pose2, normalize_angle
@@ -386,7 +386,7 @@ class Scene:
                 present=speaks_now if sim is None else robot_id in sim.robots,
                 alive=alive,
                 status=status[1] if status else None,
-                age=now - status[0].time if status else 0.0,
+                age=now - max(status[0].time, FREEZES.look()) if status else 0.0,
                 base=base[1] if base else None,
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),

@@ -15,6 +15,7 @@ from studies.chains.tables import format_robots
 from studies.faults import measure_faults
 from studies.floor import format_floor, measure_floor_of
 from studies.formations import measure_formations
+from studies.freezes import MODES, PROCESSES, SECONDS, format_freezes, measure_freezes
 from studies.hops import format_hops, measure_hops_in
 from studies.navigation.figures import ROWS as NAVIGATION
 from studies.navigation.figures import measure_navigation
@@ -204,6 +205,19 @@ def _steps(args: argparse.Namespace) -> Shown:
     return found, format_steps(found)
 
 
+def _add_freezes(parser: argparse.ArgumentParser) -> None:
+    _add_rows(parser, "--processes", PROCESSES)
+    _add_rows(parser, "--modes", tuple(MODES))
+    parser.add_argument("--seconds", nargs="+", type=number(1.0, 600.0, "seconds"), default=SECONDS, metavar="S")
+    parser.add_argument("--seeds", nargs="+", type=whole(0, 2**31, "a seed"), default=(1, 2), metavar="N")
+
+
+def _freezes(args: argparse.Namespace) -> Shown:
+    with _live() as say:
+        found = list(measure_freezes(args.processes, args.seconds, args.modes, args.seeds, say))
+    return found, format_freezes(found)
+
+
 def _add_recovery(parser: argparse.ArgumentParser) -> None:
     _add_rows(parser, "--faults", FAULTS)
     parser.add_argument("--lockstep", action="store_true", help="a team in lock-step, as fast as the host's clock")
@@ -241,6 +255,7 @@ STUDIES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None], Callabl
     "view": ("age of frames, memory, cost in lock-step, drawing", _add_view, _view),
     "floor": ("a team in lock-step beside bare Zenoh with the same messages", _add_floor, _floor),
     "hops": ("the steps of a tick, each alone", _add_size, _hops),
+    "freezes": ("a line whose processes are frozen, each in turn", _add_freezes, _freezes),
     "recovery": ("a team whose processes are killed, each in turn", _add_recovery, _recovery),
     "secure": ("certificates: their cost, and how soon a revoked robot is out", _add_secure, _secure),
     "steps": ("a robot's step: velocity mux, behaviour and safety layer, scene by scene", _add_steps, _steps),

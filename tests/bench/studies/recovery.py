@@ -52,7 +52,7 @@ class Recovery(msgspec.Struct):
     """Until the first robot moved, by the ground truth, after the last standstill of all; 0 without one."""
 
 
-class _Motion:
+class Motion:
     """When each robot was commanded, and when it moved by the ground truth."""
 
     def __init__(self, bus: Bus) -> None:
@@ -101,14 +101,14 @@ def _ends(moments: Sequence[float], since: float, until: float) -> list[float]:
     return [end - since for begin, end in silences if end > since and begin < until]
 
 
-class _Launch:
+class Launch:
     """`zteam up` as a child, with its lines."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
         self.lines: list[str] = []
         self._changed = threading.Condition()
         self._child = subprocess.Popen(
-            zteam_command("zteam", "up", "line", "restart=on-failure", "--view", "--no-browser", *arguments),
+            zteam_command("zteam", "up", *arguments),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
@@ -149,8 +149,9 @@ class _Launch:
 
 
 @contextmanager
-def _team(arguments: Sequence[str]) -> Iterator[tuple[_Launch, Bus]]:
-    launch = _Launch(arguments)
+def launched(arguments: Sequence[str]) -> Iterator[tuple[Launch, Bus]]:
+    """`zteam up` with these arguments, and a session on its router."""
+    launch = Launch(arguments)
     try:
         bus = connect(BusOptions(connect=launch.endpoint), patience=LIMIT)
         try:
@@ -161,7 +162,8 @@ def _team(arguments: Sequence[str]) -> Iterator[tuple[_Launch, Bus]]:
         launch.close()
 
 
-def _pid(name: str, endpoint: str, bus: Bus) -> int:
+def pid_of(name: str, endpoint: str, bus: Bus) -> int:
+    """The process that holds the name, or that is the router."""
     if name == ROUTER:
         record = read_admin(BusOptions(connect=endpoint))
         assert record is not None and record.metadata is not None and record.metadata.pid is not None
@@ -169,10 +171,10 @@ def _pid(name: str, endpoint: str, bus: Bus) -> int:
     return bus.ask(names.info_key(name), ProcessInfo).pid
 
 
-def _inflict(fault: str, launch: _Launch, bus: Bus) -> tuple[float, float | None]:
+def _inflict(fault: str, launch: Launch, bus: Bus) -> tuple[float, float | None]:
     """Host time of the fault, or of the end of a freeze, and how long the process was away by the launcher's word."""
     name = names.SIMULATOR if fault == FROZEN else fault
-    pid, line = _pid(name, launch.endpoint, bus), len(launch.lines)
+    pid, line = pid_of(name, launch.endpoint, bus), len(launch.lines)
     if fault != FROZEN:
         begin = monotonic()
         os.kill(pid, signal.SIGKILL)
@@ -196,8 +198,8 @@ def measure_recovery(faults: Sequence[str], arguments: Sequence[str], say: Calla
 
 
 def _measure(fault: str, arguments: Sequence[str]) -> Recovery:
-    with _team(arguments) as (launch, bus):
-        motion = _Motion(bus)
+    with launched(["line", "restart=on-failure", "--view", "--no-browser", *arguments]) as (launch, bus):
+        motion = Motion(bus)
         launch.wait_for("the view is at")
         motion.wait_for_all(monotonic() + 1.0)
         begin, back = _inflict(fault, launch, bus)

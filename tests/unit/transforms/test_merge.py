@@ -221,6 +221,13 @@ def test_an_exact_duplicate_is_not_sent_again() -> None:
     assert len(merger.take_pending()) == 1
 
 
+def test_a_stamp_far_from_a_clock_that_is_not_trusted_is_no_conflict() -> None:
+    """After a freeze or a cut link transforms come before the clock: they are refused, and nobody is accused."""
+    merger = Merger()
+    merger.take(1, TFMessage([stamped("odom", "base_footprint", 100 * S)]), now=50 * S, trusts=False)
+    assert (merger.conflicts(), merger.take_pending()) == ([], [])
+
+
 def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
     """A stamp far from the team's clock is refused and reported once; the robot's right samples are stored."""
     merger = Merger()

@@ -204,10 +204,20 @@ class WatchedTeam:
         for member in self.members.values():
             member.heard = now
 
+    def _falling_silent(self, now: float) -> dict[int, KnownRobot]:
+        return {
+            robot_id: member
+            for robot_id, member in self.members.items()
+            if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER
+        }
+
+    def has_silent(self, now: float) -> bool:
+        """Whether `check_silence` has something to tell."""
+        return bool(self._falling_silent(now))
+
     def check_silence(self, now: float) -> None:
         """Tell of robots that live and send no status."""
-        for robot_id, member in self.members.items():
-            if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
-                member.silent = True
-                member.was_ready = False
-                self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")
+        for robot_id, member in self._falling_silent(now).items():
+            member.silent = True
+            member.was_ready = False
+            self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")

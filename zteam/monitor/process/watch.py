@@ -5,7 +5,7 @@ import logging
 from zteam import names
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
-from zteam.clock import Every, monotonic
+from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.monitor.process.members import WatchedTeam
 from zteam.node.process_node import ProcessNode
@@ -145,6 +145,7 @@ class TeamWatch:
         self.servers_gone: dict[str, str] = {}
         """Those processes that were there and are gone, by name: what that means, in words."""
         self.link_up = True
+        self._woke = FREEZES.look()
         self.simulator_came = False
         """Whether a simulator's token has come; set back by the caller that acts on it."""
         self.writers = WriterWatch(node, team)
@@ -157,7 +158,8 @@ class TeamWatch:
             self.link_up = up
             self._losses.take_link(up, monotonic())
             self._team.forgive_silence(monotonic())
-            self._team.tell("link", None, "router is back" if up else "router lost")
+            what = "its link" if self._node.was_dropped else "router"
+            self._team.tell("link", None, f"{what} is back" if up else f"{what} lost")
             self._node.changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -203,7 +205,14 @@ class TeamWatch:
     def look(self) -> None:
         """Look at what commands the robots, and take what has been gone for long enough to be lost."""
         self.writers.look()
+        before, self._woke = self._woke, FREEZES.look()
         with self._node.changed:
+            is_silent = self._losses.trusted(monotonic()) and self._team.has_silent(monotonic())
+        # It may be this process that hears nothing.
+        is_deaf = self._woke > before or (is_silent and not self._node.reaches_others())
+        with self._node.changed:
+            if is_deaf:
+                self._team.forgive_silence(monotonic())
             self._take_losses(monotonic())
 
     def _take_losses(self, now: float) -> None:

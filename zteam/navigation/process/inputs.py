@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 from zteam import messages, names
 from zteam.bus import NoRequest
+from zteam.clock import FREEZES, monotonic
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
 from zteam.node.stopping import STOPPED
+from zteam.robot.behaviors.behavior import SILENT_AFTER
 from zteam.transforms import FrameInfo, TransformException
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 from zteam.transforms.lasers import LaserMounts
@@ -96,6 +98,8 @@ class Inputs:
         self.odom: messages.Odometry | None = None
         self.truth: messages.Odometry | None = None
         self.status: messages.RobotStatus | None = None
+        self.heard: float | None = None
+        """Host time at which it came; None in lock-step, where its stamp counts."""
         self.goal: messages.PoseStamped | None = None
         """A goal that has come since the last step."""
         self.unreadable_goal = ""
@@ -153,11 +157,17 @@ class Inputs:
                 found.append(Teammate(place.pose.x, place.pose.y, radius))
         return found
 
-    def is_held(self) -> str:
-        """Why the robot does not obey navigation at present; empty if it does, as far as is known."""
-        status = self.status
+    def is_held(self, now: int) -> str:
+        """Why the robot does not obey navigation at time `now` (ns); empty if it does, as far as is known."""
+        status, heard = self.status, self.heard
         if status is None:
             return ""
+        if heard is None:
+            age = (now - self.stamps.get(names.STATUS, now)) / 1e9
+        else:
+            age = monotonic() - max(heard, FREEZES.look())
+        if age > SILENT_AFTER:
+            return f"{names.robot_name(self.robot_id)} is silent"
         if status.is_stopped:
             return STOPPED
         if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):

@@ -37,14 +37,16 @@ class Localiser:
         """Whether the newest step took in a scan."""
         self.problem = "its place is not known yet"
         """Why the pose is not known; empty if it is."""
+        self.is_outdated = False
+        """Whether that is because what tells it has stopped to come."""
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         """Take in what has come until `now` (ns). `teammates` are in `map`."""
         place = inputs.find(names.MAP_FRAME, inputs.base_frame)
-        self.pose, self.problem = None, ""
+        self.pose, self.problem, self.is_outdated = None, "", place is not None and now - place.stamp > OLD
         if place is None:
             self.problem = f"no transforms from map to {inputs.base_frame}: nothing localises the robot"
-        elif now - place.stamp > OLD:
+        elif self.is_outdated:
             age = (now - place.stamp) / 1e9
             self.problem = f"the pose of {inputs.base_frame} in map is {age:.1f} s old"
         else:
@@ -76,11 +78,11 @@ class FakeLocaliser(Localiser):
         self.updated = False
         truth, stamp = inputs.truth, inputs.stamps.get(names.GROUND_TRUTH, 0)
         pose = None if truth is None else planar(truth.pose.pose)
-        odom = inputs.odom_pose(stamp)
+        odom, self.is_outdated = inputs.odom_pose(stamp), truth is not None and now - stamp > OLD
         if pose is None or odom is None:
             self.problem = "no ground truth: 'fake' needs a simulator; use amcl"
             return
-        if now - stamp > OLD:
+        if self.is_outdated:
             self.problem = f"the ground truth is {(now - stamp) / 1e9:.1f} s old"
             return
         options = self._options
@@ -117,6 +119,11 @@ class AmclLocaliser(Localiser):
         odom = inputs.odom_pose(stamp)
         if scan is None or odom is None:
             self.problem = "no odometry" if scan is not None else inputs.scan_problem or "no scan to localise by"
+            return
+        moved = inputs.find(inputs.odom_frame, inputs.base_frame)
+        self.is_outdated = moved is not None and bool(moved.stamp) and now - moved.stamp > OLD
+        if self.is_outdated:
+            self.problem = f"no transforms from {inputs.odom_frame} to {inputs.base_frame} for {OLD / 1e9:g} s"
             return
         if now - stamp <= OLD:
             here = self._amcl.pose if self.map_from_odom is None else self.map_from_odom.compose(odom)

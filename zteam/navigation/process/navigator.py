@@ -124,9 +124,14 @@ class Navigator:
         if self.active:
             self.state = NavigationState.PLANNING
 
+    def rest(self) -> None:
+        """That the robot did not get on until now does not count."""
+        self._progress.reset()
+        self._blocked_since = None
+
     def wait(self, now: float, reason: str, *, for_ever: bool = False) -> Velocity:
         """Something that is needed is missing: stand, say why; give up after MISSING_LIMIT unless it is `for_ever`."""
-        self._progress.reset()
+        self.rest()
         self._held_since = now if self._held_since is None or for_ever else self._held_since
         if now - self._held_since > MISSING_LIMIT:
             self._end(NavigationState.ABORTED, f"{reason}, for {MISSING_LIMIT:g} s")

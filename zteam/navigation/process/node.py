@@ -15,6 +15,7 @@ from zteam import messages, names
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
+from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
@@ -26,6 +27,7 @@ from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
 from zteam.navigation.process.robot import RobotNavigation
 from zteam.node.node import Node
+from zteam.node.pauses import Pauses
 from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")
@@ -43,6 +45,7 @@ class NavigationNode:
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
         self._stepped = 0
+        self._pauses = Pauses()
         self._overrides = overrides
         self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
         self._tick_length, self._waited = self._period, math.inf
@@ -88,6 +91,8 @@ class NavigationNode:
     def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
         def take(_key: str, message: Any) -> None:
             setattr(inputs, field, message)
+            if topic == names.STATUS:
+                inputs.heard = None if self._node.ticks_tell_time else monotonic()
             inputs.stamps[topic] = messages.ns_from_time(message.header.stamp)
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
@@ -151,7 +156,10 @@ class NavigationNode:
             self._tick_length = min(1.0, waited, self._waited)
         self._stepped = now
         team = sorted(self._bases)
+        was_paused = self._pauses.take(now, self._tick_length, in_lockstep=self._node.ticks_tell_time)
         for robot in self._robots.values():
+            if was_paused:
+                robot.navigator.rest()
             robot.step(now, self._tick_length, team)
 
     def run(self) -> None:

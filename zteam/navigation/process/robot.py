@@ -135,6 +135,11 @@ class RobotNavigation:
         fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
         return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
 
+    def _is_outage(self, now: int) -> bool:
+        """Whether the robot knew its place and saw, and what it goes by has stopped to come: no reason to give up."""
+        has_old_scan = self.inputs.scan is not None and now - self.inputs.stamps.get(names.BASE_SCAN, 0) > OLD
+        return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
+
     def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
         """The command of this step."""
         navigator, time = self.navigator, now / 1e9
@@ -149,8 +154,8 @@ class RobotNavigation:
         if not navigator.active:
             return STOP
         if problem:
-            return navigator.wait(time, problem)
-        if held := self.inputs.is_held():
+            return navigator.wait(time, problem, for_ever=self._is_outage(now))
+        if held := self.inputs.is_held(now):
             return navigator.wait(time, held, for_ever=True)
         assert placed is not None and self._costmaps is not None
         is_stopped = self.inputs.is_stopped()

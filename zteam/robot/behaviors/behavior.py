@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -16,6 +16,9 @@ from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.message import check_message_type
 
+SILENT_AFTER = 2.0
+"""Seconds without a status (they come at 1 Hz) after which a teammate is silent: simulated in lock-step, else the
+host's."""
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
 two frames moves), or None where the look-up failed."""
@@ -42,7 +45,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     now: int
     """Nanoseconds."""
     dt: float
-    """Seconds since the last step; 0 on the first."""
+    """Seconds since the last step; 0 on the first, and on the first after a pause."""
     robot_id: int
     scan: LaserScan | None
     """The newest, in the axes of the base however its laser is mounted: beams run from right to left, and angles count
@@ -60,6 +63,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     inputs: Mapping[str, Any] = {}
     """What the behaviour declares in `inputs`, by name: the newest message or None; for a topic of every robot the
     newest messages by robot id."""
+    silent: Set[int] = frozenset()
+    """Robots whose newest status is more than SILENT_AFTER old: their process is frozen, cut off or gone. Known to
+    behaviours that declare `robot_$*/status`."""
     seed: int = 1
     bases: Mapping[int, Base] = {}
     """The bases of the robots that have told theirs, by id."""
@@ -214,9 +220,8 @@ class Behavior:
         """Do what a change of `params` needs; called before the next step. A `step` that reads them needs nothing."""
 
     def on_release(self) -> None:
-        """Begin anew what counts time: the robot was stopped (`zteam stop`) and goes on. Called before the next step.
-
-        No step is asked for meanwhile.
+        """Begin anew what counts time: the robot goes on after it was stopped (`zteam stop`), had no usable data or was
+        frozen. Called before the next step. No step is asked for meanwhile.
         """
 
     def cancel_goal(self) -> bool:

@@ -118,6 +118,10 @@ class Escape:
         """Where it began to move, and when it has to have come away from there (ns)."""
         self._until, self._pause = 0, Pause()
 
+    def rest(self) -> None:
+        """That it has not turned until now does not count."""
+        self._until, self._pause = 0, Pause()
+
     def free(self, view: View, command: Twist) -> Twist:
         """The velocity instead of `command`; odometry says whether the robot turns and moves."""
         if view.odom is None:

@@ -103,7 +103,7 @@ class Follow(LineMember):
         if place.ahead is None:
             return self._take_the_lead(view, own, place, limits)
         self._successor, self._is_past, self._before = None, False, place.ahead
-        if place.may_reverse and not place.after and head_comes_round(view, place):
+        if place.may_reverse and not place.after and self._silent is None and head_comes_round(view, place):
             self._turn_line()
         if params.law == "direct":
             return self._drive_straight(view, place.ahead, limits)

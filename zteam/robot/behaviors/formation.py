@@ -183,6 +183,7 @@ class Formation(Behavior):
     def on_release(self) -> None:
         """See Behavior: neither it nor its leader is boxed in because it stood."""
         self._stray.rest()
+        self._escape.rest()
         self._making_way.forget()
 
     def missing(self, view: View) -> list[str]:

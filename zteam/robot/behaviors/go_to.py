@@ -244,6 +244,7 @@ class GoTo(Behavior):
     def on_release(self) -> None:
         """See Behavior: it was not boxed in."""
         self._spun = 0.0
+        self._escape.rest()
 
     def cancel_goal(self) -> bool:
         """See Behavior."""

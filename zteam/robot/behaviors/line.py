@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
+from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
 from zteam.robot.behaviors.behavior import View
@@ -60,6 +61,8 @@ GAP, MOST_GAP = 0.8, 100.0
 """Metres between neighbours that have told nothing else, and that a robot may tell."""
 STRETCHED, TORN = 0.8, 1.5
 """Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
+CUT_OFF_FOR = to_ns(40.0)
+"""Nanoseconds for which a line waits for a robot that fell silent and is not there any more, before it goes past it."""
 LEAST_SHARE = 0.05
 """A smaller share of its speed is 0."""
 NO_TURNS = -1
@@ -108,6 +111,9 @@ class Line:
         """Whether another robot has told how often the line has turned."""
         self._seen: set[int] = set()
         """The robots that have been alive."""
+        self._gone: Set[int] = frozenset()
+        self._cut_off: dict[int, int] = {}
+        """Since when robots are not alive any more (ns) that were silent before: they may be frozen."""
 
     def find_gone(self, view: View) -> Set[int]:
         """The robots that were alive since this one began, and are not any more.
@@ -118,13 +124,23 @@ class Line:
         if view.robot_id not in view.team:
             return frozenset()
         self._seen.update(view.team)
-        return self._seen.difference(view.team)
+        before, self._gone = self._gone, self._seen.difference(view.team)
+        # An ended process is gone at once, a frozen one is silent before.
+        fresh = dict.fromkeys((self._gone - before) & view.silent, view.now)
+        self._cut_off = {robot: since for robot, since in {**self._cut_off, **fresh}.items() if robot in self._gone}
+        return self._gone
+
+    def _waited_for(self, now: int) -> Set[int]:
+        """The robots that are gone and may come back soon."""
+        return {robot for robot, since in self._cut_off.items() if now - since < CUT_OFF_FOR}
 
     def find_place(
         self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
     ) -> Place:
         """The place of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
         gone = self.find_gone(view)
+        if on_lost == "relink":
+            gone = gone - self._waited_for(view.now)
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
         leaders = _told_leaders(statuses, view.robot_id, leader)
         before = chain_before(view.robot_id, leaders)

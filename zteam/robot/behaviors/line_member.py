@@ -7,13 +7,25 @@ from typing import Any, ClassVar
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
-from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.robot.behaviors.behavior import NO_POSE, SILENT_AFTER, Behavior, View, own_pose
 from zteam.robot.behaviors.head import Head
 from zteam.robot.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
 
 log = logging.getLogger("zteam")
+
+
+def find_silent(view: View, place: Place) -> int | None:
+    """A robot of the line that is silent, or a neighbour or head whose pose is old; None without one."""
+    for robot in (*place.before, *place.after):
+        if robot in view.silent:
+            return robot
+    for robot in {*place.before[:1], *place.before[-1:], *place.after[:1]}:
+        seen = view.base_from_robot(robot)
+        if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):
+            return robot
+    return None
 
 
 class LineMember(Behavior):
@@ -24,6 +36,8 @@ class LineMember(Behavior):
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._line, self._trail, self._head = Line(), Trail(), Head()
+        self._silent: int | None = None
+        """A robot of its line that is silent, or whose pose is old."""
         self.on_params()
 
     def on_release(self) -> None:
@@ -36,6 +50,7 @@ class LineMember(Behavior):
         may_turn = self.turns != NO_TURNS
         place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
         self.turns = self._line.turns if may_turn else NO_TURNS
+        self._silent = find_silent(view, place)
         return place
 
     def _locate(self, view: View, place: Place) -> Pose2 | None:
@@ -44,6 +59,9 @@ class LineMember(Behavior):
         self.reason = place.reason or (NO_POSE if own is None else "")
         if own is None or place.reason:
             return None
+        if self._silent is not None:
+            # That the line does not get on meanwhile is no reason for anything.
+            self.on_release()
         self._trail.note(own)
         if place.ahead is not None:
             self._head.rest()
@@ -58,6 +76,9 @@ class LineMember(Behavior):
 
     def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
+        if self._silent is not None:
+            self.reason = f"{WAITS}{names.robot_name(self._silent)} is silent"
+            return Twist()
         command, self.reason = self._head.step(view, own, place, speed, turn_rate)
         if command is not None:
             return command
@@ -73,7 +94,9 @@ class LineMember(Behavior):
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
-        """It is near enough to the robot ahead."""
+        """It is near enough to the robot ahead, or a robot of its line is silent."""
+        if self._silent is not None:
+            return f"{WAITS}{names.robot_name(self._silent)} is silent"
         if self.follows is None:
             return "it looks for a way to lead the line"
         return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"

@@ -122,6 +122,7 @@ class MakingRoom:
     def rest(self) -> None:
         """What stands in its way does so from now on."""
         self._stray.rest()
+        self._escape.rest()
         self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(

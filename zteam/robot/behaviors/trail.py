@@ -191,6 +191,7 @@ class Trail:
     def rest(self) -> None:
         """It was stopped: that it did not get on does not count."""
         self._making_room.rest()
+        self._escape.rest()
         self._got_on = self._got_on[0], -math.inf
 
     def note(self, own: Pose2) -> None:

@@ -90,6 +90,12 @@ class Wander(LineMember):
         """Say whether its line may be led from the other end."""
         self.turns = self._line.turns if self.params.hand_over else NO_TURNS
 
+    def on_release(self) -> None:
+        """See Behavior: it was not stuck."""
+        super().on_release()
+        self._stuck = 0.0
+        self._escape.rest()
+
     def step(self, view: View) -> Twist:
         """Straight on or a turn on the spot; zero without a scan. With a line behind it, as its head or its tail."""
         if view.scan is None:

@@ -3,16 +3,17 @@
 import logging
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from functools import partial
 from types import CodeType
 from typing import Any
 
 import msgspec
 
-from zteam.clock import to_ns
+from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
+from zteam.node.pauses import Pauses
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
@@ -22,7 +23,7 @@ from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing
+from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing, old_data
 from zteam.robot.safety.layer import UNSEEN_CAUSE
 from zteam.robot.safety.motion import DRIVE_MARGIN
 
@@ -115,10 +116,11 @@ class Driver:
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
         stop: StopSwitch,
+        in_lockstep: Callable[[], bool],
     ) -> None:
-        """`team()`: ids of the robots that are alive, asked under `node.changed`."""
+        """`team()`: ids of the robots that are alive. It and `in_lockstep()` are asked under `node.changed`."""
         self._node = node
-        self._team, self._stop = team, stop
+        self._team, self._stop, self._in_lockstep = team, stop, in_lockstep
         self._inputs = inputs
         self._parameters = parameters
         self.status = status
@@ -145,8 +147,11 @@ class Driver:
         """`jumps` when the behaviour was made."""
         self._stepped = 0
         """Time of the last step in ns; 0 before the first one."""
-        self._was_stopped = False
-        """Whether the robot was stopped in its last step."""
+        self._rested = False
+        """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
+        self._pauses = Pauses()
+        self._heard_from = 0.0
+        """Real time: the host time from which on there was no pause."""
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
@@ -184,15 +189,25 @@ class Driver:
         In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
         """
         dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
-        inputs = self._inputs
+        inputs, team, in_lockstep = self._inputs, self._team(), self._in_lockstep()
+        if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
+            # The base has stood meanwhile.
+            dt, self._rested = 0.0, True
         if not is_first:
             inputs.messages.handle_due(now)
-        view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
+        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
+        view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
         return StepInput(
             view, choice, epoch, self.jumps, self._parameters.given, lacking, is_stopped=self._stop.is_stopped
         )
+
+    def _silent(self) -> Set[int]:
+        """Real time: the robots that are silent though they could be heard."""
+        if self._rested:
+            self._heard_from = monotonic()
+        return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
     def step(self, given: StepInput) -> Twist | None:
         """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""
@@ -201,9 +216,10 @@ class Driver:
             return None
         if given.is_stopped:
             return self._stand(given)
-        if self._was_stopped:
-            self._was_stopped = False
+        rests = bool(old_data(self.behavior, given.view))
+        if self._rested and not rests:
             self.behavior.on_release()
+        self._rested = rests
         # In lock-step, where the main loop does not step, the next scan waits.
         asking = partial(ask, self.behavior, given.view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
@@ -221,7 +237,7 @@ class Driver:
 
     def _stand(self, given: StepInput) -> Twist | None:
         """The command of a robot that is stopped: zero, and its behaviour is not asked."""
-        self._was_stopped = True
+        self._rested = True
         self._layer.halt(given.view)
         driver = RobotDriver.BEHAVIOR if given.choice is None else given.choice.driver
         return self._note(given, driver, Twist(), STOPPED, logged=False)
@@ -236,6 +252,12 @@ class Driver:
             self.status.take(driver, command)
             self.status.tell(logged=logged)
         return command
+
+    def stand(self, reason: str, *, logged: bool) -> None:
+        """No step is due any more, for this `reason`: the wheels stand by now (under `node.changed`)."""
+        self.readiness.drive(reason)
+        self.status.take(self.status.driver, Twist())
+        self.status.tell(logged=logged)
 
     def pass_gate(self, given: StepInput) -> None:
         """Release the robot when nothing is missing and GO has come; until then say what it waits for. No step."""

@@ -1,13 +1,14 @@
 """What has come for one robot, and what of it counts. It knows no bus."""
 
 import logging
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Set
 from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.clock import monotonic, to_ns
+from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
@@ -16,6 +17,7 @@ from zteam.messages import (
     Message,
     Odometry,
     RobotDriver,
+    RobotStatus,
     TeamStatus,
     TFMessage,
     TransformStamped,
@@ -26,7 +28,7 @@ from zteam.messages import (
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.node.tick_messages import TickMessages
-from zteam.robot.behaviors.behavior import DeclaredInput, FindPose, View
+from zteam.robot.behaviors.behavior import SILENT_AFTER, DeclaredInput, FindPose, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
 
@@ -100,14 +102,29 @@ class DeclaredInputs:
         self.declared = declared
         self._newest: dict[str, Any] = {}
         """By the input's name: a message or None, or the messages by robot."""
+        self._heard: dict[int, tuple[int, float]] = {}
+        """When each robot's newest status came, in ns and in host time."""
         self.forget()
 
-    def take(self, declared: DeclaredInput, key: str, message: Message, _stamp: int) -> None:
-        """A message of this input that has come on `key` counts."""
+    def take(self, declared: DeclaredInput, key: str, message: Message, stamp: int) -> None:
+        """A message of this input that has come on `key` at time `stamp` (ns) counts."""
         if not declared.of_all_robots:
             self._newest[declared.name] = message
         elif target := names.split_robot_key(key):
             self._newest[declared.name][target[0]] = message
+            if isinstance(message, RobotStatus):
+                self._heard[target[0]] = stamp, monotonic()
+
+    def silent(self, now: int | None, heard_from: float = 0.0) -> Set[int]:
+        """The robots whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
+        host time, where they could be heard from `heard_from` on.
+        """
+        found = []
+        for robot, (stamp, heard) in self._heard.items():
+            age = monotonic() - max(heard, heard_from) if now is None else (now - stamp) / 1e9
+            if age > SILENT_AFTER:
+                found.append(robot)
+        return frozenset(found)
 
     def view(self) -> Mapping[str, Any]:
         """What counts, by the input's name: a copy, as a behaviour may look at it while messages come."""
@@ -120,6 +137,7 @@ class DeclaredInputs:
     def forget(self) -> None:
         """Time jumped back."""
         self._newest = {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
+        self._heard = {}
 
 
 class TransformInputs:
@@ -204,7 +222,8 @@ class RobotInputs:
         self.scan_stamp = 0
         """Stamp of the newest scan; 0 = none."""
         self.scan_interval = 0.1
-        """Seconds between the newest two scans; Stage's tick before."""
+        """Seconds between scans: the shorter one of the newest two intervals; Stage's tick before."""
+        self._last_interval = math.inf
         self.odom: Odometry | None = None
         self.odom_stamp = 0
         """Stamp of the newest odometry; 0 = none."""
@@ -227,7 +246,9 @@ class RobotInputs:
         """A scan has come."""
         before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)
         if 0 < before < self.scan_stamp:
-            self.scan_interval = (self.scan_stamp - before) / 1e9
+            # A single long one is an outage.
+            last, self._last_interval = self._last_interval, (self.scan_stamp - before) / 1e9
+            self.scan_interval = min(last, self._last_interval)
 
     def take_odom(self, odom: Odometry) -> None:
         """Odometry has come."""
@@ -257,7 +278,7 @@ class RobotInputs:
         if self._id in self._told or self._given_up:
             return
         self._waits_since = self._waits_since or monotonic()
-        if monotonic() - self._waits_since > BASE_INFO_LIMIT:
+        if monotonic() - max(self._waits_since, FREEZES.look()) > BASE_INFO_LIMIT:
             self._given_up, key = True, names.robot_key(self._id, names.BASE_INFO)
             log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", key)
 
@@ -284,8 +305,17 @@ class RobotInputs:
         newest = self.transforms.newest(names.MAP_FRAME, self._base) if connected else stamp
         return newest is not None and newest >= stamp
 
-    def view(self, now: int, dt: float, team: tuple[int, ...], seed: int = 1, *, is_first: bool = False) -> View:
-        """What the behaviour sees at time `now` (ns), `dt` seconds after its last step.
+    def view(
+        self,
+        now: int,
+        dt: float,
+        team: tuple[int, ...],
+        seed: int = 1,
+        *,
+        is_first: bool = False,
+        silent: Set[int] = frozenset(),
+    ) -> View:
+        """What the behaviour sees at time `now` (ns), `dt` seconds after its last step. For `silent` see there.
 
         In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
@@ -303,6 +333,7 @@ class RobotInputs:
             bases=self.bases,
             team=team,
             inputs=(DeclaredInputs(self.declared.declared) if is_first else self.declared).view(),
+            silent=silent,
             seed=seed,
         )
 

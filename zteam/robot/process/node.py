@@ -14,7 +14,7 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
-from zteam.clock import Every, monotonic, to_ns
+from zteam.clock import FREEZES, Every, monotonic, to_ns
 from zteam.errors import BusError
 from zteam.messages import (
     BaseInfo,
@@ -60,17 +60,30 @@ _ANSWER_LIMIT = 0.5
 """Host seconds for the simulator to say which robots it has."""
 _LOOKS = 3
 """Looks, a second apart, until something that does not come is missing."""
+NO_POSES = f"no new poses on '{names.TF}' (zteam-tf)"
+"""What the status says while scans come without them."""
 _TELL_EVERY = 5
 """Seconds between two lines about the others that GO waits for."""
 
 
-class StartWatch:
-    """What a robot waits for before it drives: a place in the world, its first data, the rest of its team.
+class DataWatch:
+    """What a robot waits for before it drives: a place in the world, its first data, the rest of its team. And, in real
+    time, why nothing comes any more: simulated time then stands still, and no step is taken.
 
     Asked once a second by the main loop.
     """
 
-    def __init__(self, node: ProcessNode, inputs: RobotInputs, driver: Driver, part: Participant) -> None:
+    def __init__(
+        self, node: ProcessNode, inputs: RobotInputs, driver: Driver, part: Participant, status: StatusReport
+    ) -> None:
+        self._status = status
+        self._deaf = 0
+        """Looks in a row at which no other process answered."""
+        self._is_out = False
+        """Whether nothing comes any more, and was said to."""
+        self._is_logged = False
+        self._poses = 0
+        """Stamp of the newest transforms at the last look."""
         self._node = node
         self._inputs = inputs
         self._driver = driver
@@ -91,12 +104,17 @@ class StartWatch:
         before, self._scan = self._scan, self._inputs.scan
         if self._scan is not before:
             self._driver.absence = ""
+            self._tell_outage("")
+            self._look_at_poses()
             return
         try:
             status = read_status(self._node.bus, _ANSWER_LIMIT)
         except BusError as error:
             log.debug("%s", error)
+            self._tell_outage(self._find_outage())
             return
+        if status is None:
+            self._tell_outage(self._find_outage())
         robot_id = self._driver.robot_id
         lacks = status is not None and robot_id not in status.robots
         name = names.robot_name(robot_id)
@@ -105,6 +123,44 @@ class StartWatch:
             # Without a gate nothing else says what the robot waits for. Later the monitor tells that data has stopped.
             log.info("waiting for a first scan: %s", ALONE)
         self._driver.is_alone = status is None
+
+    def _find_outage(self) -> str:
+        """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""
+        node = self._node
+        if not node.clock.simulated or self._part.active or FREEZES.has_just_woken():
+            return ""
+        if not node.link_up:
+            return "the router is lost"
+        self._deaf = 0 if node.reaches_others() else self._deaf + 1
+        if self._deaf:
+            # A router that is gone is known soon.
+            return "no other process answers" if self._deaf >= _LOOKS else ""
+        return "the simulator does not answer" if node.has_simulator else "the simulator has ended"
+
+    def _tell_outage(self, why: str) -> None:
+        """Say once why nothing comes, and once that it comes again."""
+        with self._node.changed:
+            # What it is said to be at first stays: a frozen simulator loses its token a little later.
+            if not self._driver.readiness.released or bool(why) == self._is_out:
+                return
+            self._is_out = bool(why)
+            if why:
+                # The log has the router's loss and return.
+                self._is_logged = self._node.link_up
+                self._driver.stand(f"no data: {why}", logged=self._is_logged)
+            elif self._is_logged:
+                log.info("data comes again")
+
+    def _look_at_poses(self) -> None:
+        """Say once that no poses come while scans do. A behaviour that drives by them says so itself."""
+        before, self._poses = self._poses, self._inputs.transforms.stamp
+        with self._node.changed:
+            is_old = 0 < before == self._poses and not (self._part.active or FREEZES.has_just_woken())
+            if is_old != bool(self._status.note):
+                self._status.note = NO_POSES if is_old else ""
+                if not self._driver.behavior.uses_tf:
+                    log.info("%s", NO_POSES if is_old else "poses come again")
+                self._status.say_again()
 
     def begin_look(self) -> StepInput | None:
         """The input to find out what is missing: while nothing comes there is no other (under `node.changed`)."""
@@ -147,7 +203,9 @@ class RobotNode:
             safety=options.safety,
         )
         parameters = BehaviorParameters(node, kind, options.behavior, options.params)
-        self._driver = Driver(node, self._inputs, parameters, self._status, options, self._team, self._stop)
+        self._driver = Driver(
+            node, self._inputs, parameters, self._status, options, self._team, self._stop, lambda: self._part.active
+        )
         self._heartbeat = Every(_HEARTBEAT)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
@@ -164,7 +222,7 @@ class RobotNode:
         self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
-        self._start = StartWatch(node, self._inputs, self._driver, self._part)
+        self._start = DataWatch(node, self._inputs, self._driver, self._part, self._status)
         node.on_time_reset(self._on_time_reset)
         safety = names.service_key(node.name, SAFETY)
         node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self._driver.safety_stops))
@@ -289,7 +347,8 @@ class RobotNode:
         if self._alive is None:
             # Not before: in lock-step, each token would wake every robot for nothing.
             self._alive = TokenSet()
-            self._node.watch_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
+            # A lost link takes all tokens with it.
+            self._node.watch_certain_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_robot)
         ids = map(names.robot_id_of, self._alive)
         return tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
 

@@ -172,13 +172,17 @@ def old_scan(view: View) -> str:
     return "" if view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER) else "stale scan"
 
 
+def old_data(behavior: Behavior, view: View) -> str:
+    """Why the behaviour cannot be asked: what it drives by is missing or old; empty if it can."""
+    return old_scan(view) or (_old_pose(view) if behavior.uses_tf else "")
+
+
 def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
     """The velocity that the behaviour wants, and why it is not what the behaviour is for ("" if it is).
 
     On old data it is not asked, and the velocity is zero.
     """
-    trouble = old_scan(view) or (_old_pose(view) if behavior.uses_tf else "")
-    if trouble:
+    if trouble := old_data(behavior, view):
         return Twist(), trouble
     wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
     return wanted, behavior.reason

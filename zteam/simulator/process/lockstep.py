@@ -183,6 +183,11 @@ class LockStep:
         sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
         self._node.bus.counters.drop(names.done_key(name), f"{sender} does not hold the name {name}")
 
+    @property
+    def was_held(self) -> bool:
+        """Whether the open tick waited so long that the log has said what for."""
+        return self._patience.waited > NAME_AFTER
+
     def waiting_for(self) -> str:
         """What holds the world, in words; empty for nothing."""
         with self._changed:
@@ -250,11 +255,11 @@ class LockStep:
         if patience.is_over and not has_time:
             self._drop(missing)
         elif patience.names_silent():
-            lacking = _ask_lacking(self._node)
+            lacking, reaches_others = _ask_lacking(self._node), self.tick.held or self._node.reaches_others()
             with self._changed:
                 # The last answer may have come meanwhile.
                 if self.tick.waiting_for():
-                    log.warning("%s", self.tick.complaint(patience.waited, lacking))
+                    log.warning("%s", self.tick.complaint(patience.waited, lacking if reaches_others else None))
 
     def _drop(self, missing: list[str]) -> None:
         with self._changed:

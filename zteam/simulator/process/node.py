@@ -12,7 +12,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus.lateness import LATE
-from zteam.clock import NS_PER_S, Every, monotonic, to_ns, to_seconds
+from zteam.clock import FREEZES, NS_PER_S, Every, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
@@ -131,6 +131,11 @@ class Simulation:
         if self.lockstep is not None:
             self._announced = list(self.outputs)
             self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
+
+    @property
+    def was_held(self) -> bool:
+        """Whether the log has named a participant that the newest tick waited for."""
+        return self.lockstep is not None and self.lockstep.was_held
 
     @property
     def _tick_seconds(self) -> float:
@@ -354,7 +359,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
 
 def run_ticks(simulation: Simulation) -> None:
     """Tick until the process is asked to stop."""
-    profile, pacer, behind = simulation.profile, simulation.pacer, Every(5.0)
+    profile, pacer, behind, woke = simulation.profile, simulation.pacer, Every(5.0), FREEZES.look()
     commands: dict[int, Twist] = {}
     while True:
         simulation.tick(commands)
@@ -372,5 +377,8 @@ def run_ticks(simulation: Simulation) -> None:
         profile.end(IDLE)
         commands = simulation.take_commands()
         profile.end_tick()
-        if pacer.behind and behind.due():
+        if (latest := FREEZES.look()) > woke or simulation.was_held:
+            woke = latest
+            pacer.start_anew()
+        elif pacer.behind and not FREEZES.has_just_woken() and behind.due():
             log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())

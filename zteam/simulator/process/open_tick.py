@@ -165,8 +165,7 @@ class OpenTick:
 
     def drop_silent(self, missing: list[str]) -> list[str]:
         """Drop those that are to blame for the silence of `missing`; their names. They may join again later."""
-        # Robots wait for the aggregator's transforms: if it is silent, the robots' silence follows from that.
-        culprits = [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
+        culprits = _culprits(missing)
         for name in culprits:
             self._drop(name)
         self.hung += culprits
@@ -180,17 +179,23 @@ class OpenTick:
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
         absent = self.absent if self.held and not self._complete else ()
-        silent = [_with_need(name, lacking) for name in sorted({*self.missing(), *absent})]
+        silent = [_with_need(name, lacking) for name in sorted({*_culprits(self.missing()), *absent})]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)
 
-    def complaint(self, waited: float, lacking: Mapping[str, str]) -> str:
-        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above."""
+    def complaint(self, waited: float, lacking: Mapping[str, str] | None) -> str:
+        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above.
+
+        None: no process answers anything, so the router may be at fault, and not each of several participants.
+        """
         holders = self.waiting_for(lacking)
         if self.held:
             return f"the first tick is held: waiting for {holders}"
-        return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
+        if lacking is not None:
+            return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
+        holders = holders if len(self.missing()) == 1 else "all answers"
+        return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s: no process answers over the router"
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands in the answers of robots that are in the world, by id: zero if their process has ended."""
@@ -204,6 +209,11 @@ class OpenTick:
             if done.has_command and robot_id is not None and robot_id in robots:
                 found[robot_id] = done.command
         return dict(sorted(found.items()))
+
+
+def _culprits(missing: list[str]) -> list[str]:
+    """Those of `missing` that are to blame: robots wait for the aggregator's transforms."""
+    return [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
 
 
 def _with_need(name: str, lacking: Mapping[str, str] | None) -> str:

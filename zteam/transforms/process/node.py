@@ -12,7 +12,7 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
-from zteam.clock import Every, Rate, monotonic, to_ns, wall_ns
+from zteam.clock import FREEZES, Every, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ProcessNode
@@ -99,8 +99,10 @@ class Aggregator:
             self._flush()
 
     def _merge(self, robot_id: int, message: TFMessage, tick: int = 0) -> None:
-        now = self._node.clock.now()
-        self._merger.take(robot_id, message, now, tick, 0 if now else wall_ns())
+        clock = self._node.clock
+        # After a cut link or a freeze, transforms may come before the clock that belongs to them.
+        now, trusts = clock.now(), not (clock.simulated and clock.sim.stands) and not FREEZES.has_just_woken()
+        self._merger.take(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)

@@ -5,6 +5,7 @@ import pytest
 from support.monitor_desk import FLICKER, LOSS, RETURN, Open, Robot
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.clock import FREEZES
 from zteam.monitor.process.members import SILENT_AFTER
 
 
@@ -144,3 +145,28 @@ def test_an_aggregator_that_never_came_is_named(hub: MemoryHub, open_desk: Open)
     desk.link.set_link(False)
     desk.look()
     assert desk.monitor.watch.notes() == ["the router is lost: nothing can be heard"]
+
+
+def test_a_monitor_that_was_frozen_accuses_no_robot(
+    hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it missed is its own silence; a robot that stays silent from then on is told."""
+    desk = open_desk(0)
+    robot = Robot(hub, 0)
+    robot.say()
+    desk.look()
+    monkeypatch.setattr(FREEZES, "look", lambda: 1.0)
+    desk.pass_by(SILENT_AFTER * 3)
+    assert desk.told("silent") == []
+    desk.pass_by(SILENT_AFTER * 1.1)
+    assert desk.told("silent") == [("silent", 0)]
+
+
+def test_a_monitor_that_hears_nobody_accuses_no_robot(hub: MemoryHub, open_desk: Open) -> None:
+    """The router may be silent: no process answers."""
+    desk = open_desk(0)
+    robot = Robot(hub, 0, answers=False)
+    robot.say()
+    desk.look()
+    desk.pass_by(SILENT_AFTER * 3)
+    assert desk.told("silent") == []

@@ -90,7 +90,7 @@ class Robot:
         parameters = Parameters(localizer=localizer, **options)
         planner = make_planner(parameters)
         self.robot = RobotNavigation(self.inputs, parameters, self.outputs, planner, 1)  # type: ignore[arg-type]
-        self.now, self.sees, self.is_placed = 0, True, True
+        self.now, self.sees, self.is_placed, self.moves = 0, True, True, True
         self._put("base_footprint", "base_laser_link", static=True)
 
     @property
@@ -112,8 +112,9 @@ class Robot:
         """Ticks of 0.1 s."""
         for _ in range(count):
             self.now += TICK
-            self._put("odom", "base_footprint")
-            if self.is_placed:
+            if self.moves:
+                self._put("odom", "base_footprint")
+            if self.is_placed and self.moves:
                 self._put("map", "odom")
             if self.sees:
                 # The walls of the room of 6 m.
@@ -153,16 +154,39 @@ def test_without_a_map_it_says_so_and_goes_on_when_one_comes() -> None:
 
 
 def test_a_scan_that_stays_away_stops_it() -> None:
-    """A second after the last one; it gives up after ten more, and the next goal works once scans are back."""
+    """A second after the last one, however long that takes: with the scans back it goes on to the same goal."""
     robot = driving()
     robot.sees = False
     assert robot.step(9).x > 0.0
     assert robot.step(3) == STOP
     assert robot.text == "no scan on robot_0/base_scan for 1 s"
-    robot.step(105)
-    assert (robot.state, robot.text) == (NavigationState.ABORTED, "no scan on robot_0/base_scan for 1 s, for 10 s")
+    robot.step(305)
+    assert robot.state is NavigationState.DRIVING
     robot.sees = True
-    robot.go(2.0)
+    assert robot.step().x > 0.0
+    assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+@pytest.mark.parametrize("localizer", ["none", "amcl"])
+def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
+    """It does not drive by old ones, keeps its goal however long that takes, and begins no recovery."""
+    robot = driving(localizer)
+    robot.moves = False
+    robot.step(12)
+    assert robot.step(300) == STOP
+    robot.moves = True
+    assert robot.step(2).x > 0.0
+    assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+def test_it_waits_for_a_robot_that_is_silent() -> None:
+    """The robot's process may be frozen: no recovery begins, and with a status it goes on."""
+    robot = driving()
+    robot.inputs.status = RobotStatus(state=RobotState.RUNNING, driver=RobotDriver.NAVIGATION)
+    robot.inputs.stamps[names.STATUS] = robot.now
+    assert robot.step(300) == STOP
+    assert (robot.text, robot.robot.navigator.recoveries) == ("robot_0 is silent", 0)
+    robot.inputs.stamps[names.STATUS] = robot.now
     assert robot.step().x > 0.0
 
 

@@ -6,11 +6,13 @@ from typing import Any
 import msgspec
 import pytest
 
+from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
-from zteam.messages import RobotStatus
+from zteam.messages import RobotStatus, Twist
 from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
+from zteam.robot.behaviors.registry import load_behavior
 from zteam.testing import make_view
 
 
@@ -224,3 +226,41 @@ def test_gone_is_what_was_there_and_is_not() -> None:
     assert gone(1) == {0, 2}
     assert gone() == set()
     assert gone(0, 1) == {2}
+
+
+@pytest.mark.parametrize(("silent", "seconds", "ahead"), [(False, 0.0, 0), (True, 39.0, 1), (True, 41.0, 0)])
+def test_a_line_waits_for_a_robot_that_was_silent_before_it_was_gone(silent: bool, seconds: float, ahead: int) -> None:
+    """It may be frozen, and to go past it would leave it stuck; one that has ended is gone at once."""
+    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, gap=0.8) for robot in LINE}
+    line, began = Line(), round(50e9)
+
+    def place(now: int, *team: int) -> Place:
+        view = make_view(robot_id=2, inputs={"statuses": told})
+        seen = msgspec.structs.replace(view, now=now, team=team, silent=frozenset({1} if silent else ()))
+        return line.find_place(seen, 1)
+
+    assert place(began, 0, 1, 2, 3).ahead == 1
+    place(began, 0, 2, 3)
+    assert place(began + round(seconds * 1e9), 0, 2, 3).ahead == ahead
+    assert place(began + round(50e9), 0, 1, 2, 3).ahead == 1
+
+
+@pytest.mark.parametrize("reach", [9.0, 0.3])
+def test_a_head_waits_for_a_silent_robot_of_its_line(reach: float) -> None:
+    """It neither drives on nor hands over, however long that takes; with an answer it has all its patience again."""
+    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, gap=0.8, turns=0) for robot in LINE}
+    behavior = load_behavior("wander", {}, robot_id=0)
+
+    def step(tick: int, *silent: int) -> Twist:
+        view = view_of(
+            make_scan([reach] * 271, tick * TICK), now=tick * TICK, robot_id=0, team=tuple(LINE),
+            inputs={"statuses": told}, silent=frozenset(silent),
+            lookup=lambda _target, _source: (Pose2(0.0, 0.0, 0.0), tick * TICK),
+        )  # fmt: skip
+        return behavior.step(view)
+
+    step(1)
+    assert [step(tick, 2) for tick in range(2, 200)] == [Twist()] * 198
+    assert (behavior.reason, behavior.turns) == ("waits: robot_2 is silent", 0)
+    step(200)
+    assert behavior.turns == 0

@@ -419,3 +419,18 @@ def test_a_process_that_ends_in_the_held_tick_before_go_is_waited_for() -> None:
     answer(tick, "robot_1")
     assert not tick.is_over
     assert tick.waiting_for().startswith("robot_0")
+
+
+@pytest.mark.parametrize(
+    ("silent", "lacking", "named"),
+    [
+        (("robot_0", "robot_1", "tf"), {}, "waits for tf for 2 s"),
+        (("robot_0", "robot_1"), {}, "waits for robot_0, robot_1 for 2 s"),
+        (("robot_1",), None, "waits for robot_1 for 2 s: no process answers over the router"),
+        (("robot_0", "robot_1"), None, "waits for all answers for 2 s: no process answers over the router"),
+    ],
+)
+def test_a_complaint_names_those_to_blame(silent: tuple[str, ...], lacking: dict[str, str] | None, named: str) -> None:
+    """Not the robots that wait for the aggregator, nor a whole team behind a router that is silent."""
+    tick = begun(*silent)
+    assert tick.complaint(2.0, lacking) == f"tick {tick.message.tick} {named}"
