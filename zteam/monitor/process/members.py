@@ -6,12 +6,18 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
-from zteam.messages import RobotState, RobotStatus
+from zteam.messages import RobotState, RobotStatus, ns_from_time
 from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0
-"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer."""
+"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer, and one whose time stands still gets no data."""
+NAMED = 8
+"""Robots that the text of what GO waits for names at most."""
+_DOUBTS = 2
+_WALL = to_ns(1e8)
+"""Stamps beyond are of the host's clock, and no time of a run."""
 
 
 _WHILE = 10.0
@@ -68,7 +74,11 @@ class KnownRobot(msgspec.Struct):
     """Whether a process holds the robot's name."""
     status: RobotStatus | None = None
     heard: float = 0.0
-    """Host time of the last status."""
+    """Host time of the last status; before the first one, from when on one is due."""
+    moved: float = 0.0
+    """Host time of the last status with another stamp than the one before."""
+    doubts: int = 0
+    """Statuses with a new stamp until it is known that the robot gets data again."""
     was_ready: bool = False
     was_lost: bool = False
     told_go: bool = False
@@ -98,10 +108,10 @@ class KnownRobot(msgspec.Struct):
             return self.absence
         if not self.alive:
             return "its process is gone" if self.was_lost else "no process yet"
-        if self.status is None:
-            return "no status yet"
         if self.silent:
             return "does not answer"
+        if self.status is None:
+            return "no status yet"
         text = short(self.status.text) or "not ready yet"
         return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
@@ -118,10 +128,30 @@ class WatchedTeam:
         """By the robot's id."""
         self._events: list[Event] = []
         self._tokens = TokenSet()
+        self._tick = -1
+        """Of the simulator, when it was asked last."""
+        self._ticked = 0.0
+        """Host time at which the simulator was last seen at another tick."""
 
     def waiting_for(self) -> str:
         """What GO waits for, in words: each missing robot with the reason."""
         raise NotImplementedError
+
+    def unready(self) -> list[int]:
+        """Ids of the known robots that GO waits for."""
+        raise NotImplementedError
+
+    def unknown(self) -> int:
+        """How many further robots GO waits for, whatever their ids are."""
+        raise NotImplementedError
+
+    def awaited(self) -> str:
+        """What GO waits for, without the reasons, which each robot's row has."""
+        unready, unknown = self.unready(), self.unknown()
+        found = [*map(names.robot_name, unready[:NAMED])]
+        found += [f"{len(unready) - NAMED} further robots"] if len(unready) > NAMED else []
+        found += [f"{unknown} more of any id"] if unknown else []
+        return ", ".join(found)
 
     def counts(self, robot_id: int) -> bool:
         """Whether GO waits for this robot, or has."""
@@ -132,6 +162,34 @@ class WatchedTeam:
 
     def take_simulator(self, session: str) -> None:
         """The simulator of this session is there."""
+
+    def take_tick(self, tick: int, now: float) -> None:
+        """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
+        if tick != self._tick:
+            self._tick, self._ticked = tick, now
+            for member in self.members.values():
+                member.doubts = 0
+
+    def ticks(self, now: float) -> bool:
+        """Whether the simulator was seen at another tick of late."""
+        return now - self._ticked <= SILENT_AFTER
+
+    def lose_data(self) -> None:
+        """What brings the robots their data is gone: a status may be on its way, and a later one may repeat it."""
+        self._ticked = 0.0
+        for member in self.members.values():
+            member.doubts = _DOUBTS
+
+    def lack_of_data(self, member: KnownRobot, now: float) -> str:
+        """That a robot which drives gets no data any more, in words; empty while it does."""
+        status = member.status
+        if status is None or status.state != RobotState.RUNNING:
+            return ""
+        quiet = now - member.moved
+        if not member.doubts and (quiet <= SILENT_AFTER or self.ticks(now)):
+            return ""
+        stamp = ns_from_time(status.header.stamp)
+        return f"no data since {to_seconds(stamp):.1f} s" if stamp < _WALL else f"no data for {quiet:.0f} s"
 
     def all_running(self) -> bool:
         """Whether every robot that counts obeys the standing GO, or is gone."""
@@ -171,6 +229,8 @@ class WatchedTeam:
             self._lose(robot_id, member)
             return
         member.came_late = self.gone
+        if member.status is None:
+            member.heard = 0.0
         if member.was_lost:
             member.was_lost = member.told_go = False
             self.tell("back", robot_id, "is back")
@@ -192,6 +252,8 @@ class WatchedTeam:
             return False
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now
+        if before is None or before.header.stamp != status.header.stamp:
+            member.moved, member.doubts = now, max(0, member.doubts - 1)
         if member.silent:
             member.silent = False
             self.tell("answers", robot_id, "answers again")
@@ -205,9 +267,11 @@ class WatchedTeam:
             member.heard = now
 
     def check_silence(self, now: float) -> None:
-        """Tell of robots that live and send no status."""
+        """Tell of robots that live and send no status, or no further one."""
         for robot_id, member in self.members.items():
-            if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
+            if member.status is None:
+                member.heard = member.heard or now
+            if member.alive and not member.silent and now - member.heard > SILENT_AFTER:
                 member.silent = True
                 member.was_ready = False
                 self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")

@@ -10,12 +10,14 @@ from zteam.messages import RobotStatus
 from zteam.monitor.process.members import WatchedTeam
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenLossFilter, TokenSet, Writers
-from zteam.simulator.client import find_status
+from zteam.simulator.client import SimStatus, find_status
 
 log = logging.getLogger("zteam")
 
 LOOK = 2.0
 """Host seconds between two looks."""
+_UNANSWERED = 2
+"""Questions without an answer until the simulator is said not to answer."""
 _ANSWER_LIMIT = 0.5
 """Host seconds that a look waits for the simulator; the gate waits meanwhile."""
 
@@ -36,6 +38,10 @@ class WriterWatch:
         self._heard: Writers | None = None
         self._told: dict[int, list[str]] = {}
         """Sessions that command a robot, where there is more than one."""
+        self.sim: SimStatus | None = None
+        """What the simulator answered last; None if it did not."""
+        self.unanswered = 0
+        """Questions to a simulator since its last answer."""
 
     def look(self) -> None:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
@@ -47,11 +53,14 @@ class WriterWatch:
                 self._tell(found)
 
     def _ask(self) -> dict[int, list[str]] | None:
-        status = find_status(self._node.bus, _ANSWER_LIMIT)
+        self.sim = status = find_status(self._node.bus, _ANSWER_LIMIT)
         if status is None:
+            self.unanswered += 1
             return None
+        self.unanswered = 0
         with self._node.changed:
             self._team.take_world(status.robots)
+            self._team.take_tick(status.tick, monotonic())
         return status.writers
 
     def _listen(self) -> dict[int, list[str]] | None:
@@ -157,6 +166,7 @@ class TeamWatch:
             self.link_up = up
             self._losses.take_link(up, monotonic())
             self._team.forgive_silence(monotonic())
+            self._team.lose_data()
             self._team.tell("link", None, "router is back" if up else "router lost")
             self._node.changed.notify_all()
 
@@ -186,6 +196,7 @@ class TeamWatch:
             what, meaning = _SERVERS[name]
             if name == names.SIMULATOR and not alive:
                 self._team.take_world(None)
+                self._team.lose_data()
             if not alive:
                 self.servers_gone[name] = f"{what} is gone: {meaning}"
                 self._team.tell("process", None, self.servers_gone[name])
@@ -220,6 +231,20 @@ class TeamWatch:
         """What is wrong besides the robots, in words (under `node.changed`)."""
         found = [] if self.link_up else ["the router is lost: nothing can be heard"]
         found += self.servers_gone.values()
+        if why := self._why_time_stands():
+            found.append(why)
         if names.AGGREGATOR not in self._servers and names.AGGREGATOR not in self.servers_gone:
             found.append("no aggregator yet (zteam-tf): poses are not known")
         return found
+
+    def _why_time_stands(self) -> str:
+        """What a simulator that is there says of that, or that it does not answer."""
+        if names.SIMULATOR not in self._servers or not self.link_up:
+            return ""
+        sim = self.writers.sim
+        if sim is None:
+            return "the simulator does not answer" if self.writers.unanswered >= _UNANSWERED else ""
+        if sim.finished or sim.paused:
+            return f"time stands still: {'the run is over' if sim.finished else 'the simulator is paused'}"
+        held = self._team.gone and sim.lockstep and not self._team.ticks(monotonic()) and sim.waiting_for
+        return f"time stands still: lock-step waits for {sim.waiting_for}" if held else ""

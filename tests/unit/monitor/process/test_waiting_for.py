@@ -30,11 +30,14 @@ def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
 
 
 def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> None:
-    """How many are missing, and what the robots that came still wait for."""
+    """How many are missing besides the robots that came, and what these still wait for."""
     gate = Gate(None, 3)
     come(gate, 0)
     come(gate, 4, state=BOOT)
-    assert gate.waiting_for() == "2 more of any id; robot_4: not ready yet"
+    assert gate.waiting_for() == "1 more of any id; robot_4: not ready yet"
+    assert gate.awaited() == "robot_4, 1 more of any id"
+    come(gate, 6, state=BOOT)
+    assert gate.waiting_for() == "robot_4: not ready yet; robot_6: not ready yet"
 
 
 def test_a_large_team_is_not_told_in_full() -> None:
