@@ -6,7 +6,7 @@ import sys
 import textwrap
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
@@ -24,7 +24,7 @@ from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
 from zteam.bus.strangers import find_strangers
-from zteam.bus.transport import RawSample
+from zteam.bus.transport import Declaration, RawSample
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.node import find_nodes, writer_names
@@ -47,12 +47,12 @@ from zteam.messages import (
     type_of_encoding,
 )
 from zteam.messages.message import zeros
-from zteam.messages.topics import type_of_key
+from zteam.messages.topics import is_sensed, type_of_key
 from zteam.monitor.doctor.checks import check_elsewhere, check_team
 from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
-from zteam.simulator.client import MapInfo, find_status
+from zteam.simulator.client import MapInfo, SimStatus, find_status
 from zteam.transforms import Buffer, FrameInfo
 from zteam.transforms.client import Lookup, TransformClient
 from zteam.transforms.lasers import LaserMounts, LaserProblem
@@ -142,7 +142,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
     before, begin = find_status(bus), monotonic()
     nodes = find_nodes(bus)
-    survey, strangers = _listen(bus, nodes), find_strangers(options)
+    declarations = bus.declarations()
+    survey = _listen(bus, nodes, [] if before is None or _stands(before) else declarations)
+    strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
     heard = survey.samples
     admin = read_admin(options)
@@ -164,8 +166,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     return Facts(
         nodes=nodes,
         writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
+        publishers=_by_key(nodes, (each for each in declarations if each.publishes)),
         faults=faults,
-        dropped=_dropped(bus, nodes),
+        dropped=_by_key(nodes, (each for each in declarations if each.dropped)),
         counts=_counts(bus),
         statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
         team=team[1] if team and isinstance(team[1], TeamStatus) else None,
@@ -234,11 +237,18 @@ class _Survey:
         return found
 
 
-def _listen(bus: Bus, nodes: list[ProcessInfo]) -> _Survey:
-    """Listen to all keys, latched ones included, until every robot that answers has told its status."""
+def _stands(sim: SimStatus) -> bool:
+    """Whether no data comes of the simulator for now."""
+    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
+
+
+def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> _Survey:
+    """Listen to all keys, latched ones included, until every robot that answers has published its status and all that
+    is measured has come, as far as these declarations have it: a slow world takes its time for a tick."""
     survey, lock, waiter = _Survey(), threading.Lock(), Waiter()
     robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
+    due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
 
     def take(sample: RawSample) -> None:
         with lock:
@@ -271,11 +281,10 @@ def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
-def _dropped(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[str]]:
+def _by_key(nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> dict[str, list[str]]:
     sessions = defaultdict[str, set[str]](set)
-    for each in bus.declarations():
-        if each.dropped:
-            sessions[each.key].add(each.session)
+    for each in declarations:
+        sessions[each.key].add(each.session)
     return {key: writer_names(nodes, sorted(found), key) for key, found in sessions.items()}
 
 

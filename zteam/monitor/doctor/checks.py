@@ -10,8 +10,10 @@ from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
+from zteam.messages.topics import has_one_writer, is_sensed
 from zteam.monitor.doctor.facts import Facts, Finding, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
+from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.node import kinds
 
 
@@ -133,15 +135,20 @@ def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
     return None if frame == names.MAP_FRAME else (names.MAP_FRAME, frame)
 
 
+_SOURCE = "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
+
+
 def _boot_step(facts: Facts, status: RobotStatus) -> str:
     if "pose" in status.text and names.AGGREGATOR not in facts.alive:
         return "zteam-tf"
     if wrong := facts.lasers.get(names.scan_key(status.robot_id, 0)):
         return wrong.way_out
+    if unled := [each for each in _follow_problems(facts) if status.robot_id in each.robots]:
+        return _follow_step(facts, unled[0])
     if facts.stands_still:
         return "its data comes when the world goes on"
     if facts.sim is None:
-        return "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
+        return _SOURCE
     return f"'zteam topic info {names.scan_key(status.robot_id, 0)}' names the publishers of its scans"
 
 
@@ -245,25 +252,59 @@ def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
         yield note("robots", text, f"zteam-robot --id {idle[0]}")
 
 
+def check_followers(facts: Facts) -> Iterator[Finding]:
+    """Robots that follow one without a process, and robots that follow each other in a circle."""
+    for wrong in _follow_problems(facts):
+        yield problem("robots", wrong.text, _follow_step(facts, wrong))
+
+
+def _follow_problems(facts: Facts) -> list[FollowProblem]:
+    leaders = {i: status.leader for i, status in facts.statuses.items() if status.leader >= 0 and i in facts.robots}
+    lost = () if facts.team is None else facts.team.lost.tolist()
+    return list(follow_problems(leaders, lambda leader: leader in facts.robots or leader in lost))
+
+
+def _follow_step(facts: Facts, wrong: FollowProblem) -> str:
+    first = names.robot_name(wrong.robots[0])
+    if wrong.leader is None:
+        return f"let one of them lead: start {first} again without --follow"
+    if facts.sim is not None and facts.lacks(wrong.leader):
+        known = format_robot_ids(facts.sim.robots) or "none"
+        return f"the world has no robot {wrong.leader} (it has {known}): start {first} again with another --follow"
+    return f"zteam-robot --id {wrong.leader}, or start {first} again with another --follow"
+
+
 def check_data(facts: Facts) -> Iterator[Finding]:
     """Whether keys carry data, and whether each robot's process gets scans."""
     if not facts.writers:
         yield problem("data", "no key carries data", "start a simulator or a robot")
         return
-    yield ok("data", f"data on {counted(len(facts.writers), 'key')}")
+    silent = [key for key in facts.publishers if is_sensed(key) and key not in facts.writers]
+    text = f"data on {counted(len(facts.writers), 'key')}"
+    if silent:
+        rest = f", none on {counted(len(silent), 'key')} of sensors, such as {min(silent)}"
+        text += rest + (": the world stands still" if facts.stands_still else "")
+    yield ok("data", text) if facts.stands_still or not silent else note("data", text)
     for robot_id in facts.robots if not facts.stands_still else ():
         if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
-            step = f"has the world a robot {robot_id} with a laser? see 'zteam topic list'"
+            # Only where a simulator answers, and has this robot, is there anything to guess.
+            guess = f"has robot {robot_id} of the world a laser? see 'zteam topic list'"
+            step = _SOURCE if facts.sim is None else guess
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
 
 
 def check_writers(facts: Facts) -> Iterator[Finding]:
-    """Robots that get commands from more than one process."""
-    for key, writers in sorted(facts.writers.items()):
-        target = names.split_robot_key(key)
-        if target is not None and target[1] == names.CMD_VEL and len(writers) > 1:
-            text = f"{key} has {len(writers)} writers: {', '.join(writers)}"
-            yield problem("commands", text, "end all but one: their commands take turns")
+    """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
+    for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
+        heard, publishers = facts.writers.get(key, ()), facts.publishers.get(key, ())
+        what = "sensors" if is_sensed(key) else "commands"
+        if len(heard) > 1:
+            text = f"{key} has {len(heard)} writers: {', '.join(heard)}"
+            yield problem(what, text, f"end all but one: their {'data' if is_sensed(key) else 'commands'} take turns")
+        elif len(publishers) > 1 and not key.endswith(f"/{names.CMD_VEL}"):
+            # On cmd_vel the simulator publishes what a robot answers in lock-step.
+            text = f"{key} has {len(publishers)} publishers: {', '.join(publishers)}"
+            yield note(what, f"{text}; one of them sends", "end all but one, if that is not meant")
 
 
 HISTORY_AFTER = 60.0
@@ -404,6 +445,7 @@ _CHECKS = (
     check_clocks,
     check_world,
     check_robots_of_world,
+    check_followers,
     check_lasers,
     check_gate,
     check_stops,

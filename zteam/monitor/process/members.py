@@ -9,12 +9,16 @@ from zteam import names
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
 from zteam.messages import RobotState, RobotStatus, ns_from_time
+from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0
-"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer, and one whose time stands still gets no data."""
+"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
+time stood still for as long gets no data."""
 NAMED = 8
 """Robots that the text of what GO waits for names at most."""
+_SETTLED = 1.0
+"""Host seconds until all processes and statuses that are there are known."""
 _DOUBTS = 2
 _WALL = to_ns(1e8)
 """Stamps beyond are of the host's clock, and no time of a run."""
@@ -128,6 +132,10 @@ class WatchedTeam:
         """By the robot's id."""
         self._events: list[Event] = []
         self._tokens = TokenSet()
+        self.follow_problems: list[FollowProblem] = []
+        """Robots that cannot follow, as of the last look."""
+        self._cannot_follow: dict[FollowProblem, float] = {}
+        """The host time at which each was found."""
         self._tick = -1
         """Of the simulator, when it was asked last."""
         self._ticked = 0.0
@@ -260,6 +268,24 @@ class WatchedTeam:
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self.tell("fault", robot_id, f"fault: {status.text}")
         return True
+
+    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
+        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
+        leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
+        found = list(follow_problems(leaders, self._may_lead))
+        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
+        for each in found:
+            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
+                self.follow_problems.append(each)
+                self.tell("follow", None, each.text)
+        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
+
+    def _may_lead(self, robot_id: int) -> bool:
+        """Whether a robot is there, was there, which is told, or is still to come."""
+        if not self.gone and (robot_id in self.unready() or self.unknown()):
+            return True
+        member = self.members.get(robot_id)
+        return member is not None and (member.alive or member.was_lost)
 
     def forgive_silence(self, now: float) -> None:
         """Nothing could be heard until `now`: silence counts from here on."""

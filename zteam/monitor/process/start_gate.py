@@ -122,6 +122,7 @@ class Gate(WatchedTeam):
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
+        self.check_leaders(0.0, at_once=True)
         self._next_epoch()
         self.gone, self.go_stamp = True, stamp
         for member in self.members.values():

@@ -226,11 +226,13 @@ class TeamWatch:
             self._team.tell("strangers", None, news)
         if self._losses.trusted(now):
             self._team.check_silence(now)
+            self._team.check_leaders(now)
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""
         found = [] if self.link_up else ["the router is lost: nothing can be heard"]
         found += self.servers_gone.values()
+        found += (each.text for each in self._team.follow_problems)
         if why := self._why_time_stands():
             found.append(why)
         if names.AGGREGATOR not in self._servers and names.AGGREGATOR not in self.servers_gone:

@@ -406,6 +406,14 @@ class RobotNode:
         self._status.keep_up(self._acted)
         return command
 
+    def log_start(self, *, gated: bool) -> None:
+        """Log what this process is and what it waits for; `gated`: for GO too."""
+        leader = self._driver.behavior.leader
+        behind = "" if leader is None else f" behind {names.robot_name(leader)}"
+        go = "then for the monitor's GO" if gated else "not for GO (--no-gate)"
+        name, behavior = names.robot_name(self._id), self._status.behavior
+        log.info("%s: behaviour %s%s; waiting for its data, %s", name, behavior, behind, go)
+
     def halt(self) -> None:
         """Publish zero velocity, then the status; both leave before the session closes."""
         with self._node.changed:
@@ -420,10 +428,9 @@ def run_robot(
     """Be robot `options.robot_id` until asked to stop. `transforms` are those of all robots of this process."""
     robot = RobotNode(node, kind, options, transforms)
     node.become_present()
+    robot.log_start(gated=options.gate)
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
-    if not options.gate:
-        log.info("not waiting for GO (--no-gate)")
     robot.run()
