@@ -12,6 +12,7 @@ from contextlib import closing
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 
 import msgspec
@@ -23,6 +24,7 @@ from zteam.bus.options import TlsFiles, default_endpoint, host_port, port_accept
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
+from zteam.bus.sessions import describe_sessions
 from zteam.bus.strangers import find_strangers
 from zteam.bus.transport import Declaration, RawSample
 from zteam.cli.listening import SURVEY, Waiter, open_bus
@@ -47,7 +49,7 @@ from zteam.messages import (
     type_of_encoding,
 )
 from zteam.messages.message import zeros
-from zteam.messages.topics import is_sensed, type_of_key
+from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.checks import check_elsewhere, check_team
 from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
@@ -156,6 +158,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             return "a client without time stamps (plain Zenoh)"
         return writer_names(nodes, [sample.source], sample.key)[0]
 
+    places = describe_sessions(bus, _rivals(heard, declarations))
     loads = survey.loads(name_of, {node.instance for node in nodes})
     tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
     faults, newest = _decode(heard, name_of)
@@ -165,10 +168,10 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
     return Facts(
         nodes=nodes,
-        writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
-        publishers=_by_key(nodes, (each for each in declarations if each.publishes)),
+        writers={key: [places.get(each.source) or name_of(each) for each in samples] for key, samples in heard.items()},
+        publishers=_by_key(nodes, filter(attrgetter("publishes"), declarations), places),
         faults=faults,
-        dropped=_by_key(nodes, (each for each in declarations if each.dropped)),
+        dropped=_by_key(nodes, filter(attrgetter("dropped"), declarations)),
         counts=_counts(bus),
         statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
         team=team[1] if team and isinstance(team[1], TeamStatus) else None,
@@ -281,11 +284,27 @@ def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
-def _by_key(nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> dict[str, list[str]]:
+def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:
+    """The sessions that share a key which has one publisher: what they are called needs their host and process too."""
+    users = {key: {each.source for each in samples} for key, samples in heard.items()}
+    for each in declarations:
+        if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
+            users.setdefault(each.key, set()).add(each.session)
+    return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
+
+
+def _by_key(
+    nodes: list[ProcessInfo], declarations: Iterable[Declaration], places: Mapping[str, str] | None = None
+) -> dict[str, list[str]]:
+    """The processes of these publishers, by key; in the words of `places` where a session is among them."""
     sessions = defaultdict[str, set[str]](set)
     for each in declarations:
         sessions[each.key].add(each.session)
-    return {key: writer_names(nodes, sorted(found), key) for key, found in sessions.items()}
+    known = places or {}
+    return {
+        key: [known.get(each) or writer_names(nodes, [each], key)[0] for each in sorted(found)]
+        for key, found in sessions.items()
+    }
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:

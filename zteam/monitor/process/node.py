@@ -93,6 +93,6 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    log.info("%s: waiting for %s, then it gives GO", node.name, describe_team(options))
+    log.info("start gate: waiting for %s, then GO", describe_team(options))
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

@@ -163,7 +163,7 @@ class NavigationNode:
             )
             self._node.claim.under_name.append(Handle(claim.release))
         self._node.on_stop(self._halt)
-        log.info("navigation of robot %s; waiting for its map and data", format_robot_ids(self._robots))
+        log.info("navigation of robot %s: waiting for its map and data", format_robot_ids(self._robots))
         self._transforms.ask()
         self._node.run(self.step, period=self._period)
 

@@ -340,13 +340,8 @@ def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], opt
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
     simulation = open_simulation(node, world, robots, options)
     node.become_present()
-    log.info(
-        "%s: %s, a tick every %g ms%s",
-        world.name,
-        counted(len(robots), "robot"),
-        world.interval / 1e6,
-        _hold_text(options),
-    )
+    size, period = counted(len(robots), "robot"), world.interval / 1e6
+    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, _hold_text(options))
     run_ticks(simulation)
 
 

@@ -255,5 +255,5 @@ def run_aggregator(node: ProcessNode, options: AggregatorOptions, descriptions: 
     """Be the aggregator until asked to stop."""
     aggregator = Aggregator(node, options, descriptions)
     node.become_present()
-    log.info("%s: the transforms of all robots; waiting for the first ones (robot_N/tf)", node.name)
+    log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")
     aggregator.run()
