@@ -168,7 +168,10 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
     return Facts(
         nodes=nodes,
-        writers={key: [places.get(each.source) or name_of(each) for each in samples] for key, samples in heard.items()},
+        writers={
+            key: [(has_one_writer(key) and places.get(each.source)) or name_of(each) for each in samples]
+            for key, samples in heard.items()
+        },
         publishers=_by_key(nodes, filter(attrgetter("publishes"), declarations), places),
         faults=faults,
         dropped=_by_key(nodes, filter(attrgetter("dropped"), declarations)),

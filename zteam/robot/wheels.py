@@ -20,8 +20,8 @@ from zteam.simulator.client import absence_of
 
 log = logging.getLogger("zteam")
 
-GAP = 0.3
-"""Host seconds without a command after which a sender has let go of the robot; they come every 0.05 to 0.1 s."""
+GAP = 0.5
+"""Host seconds without a command after which a sender has let go of the robot, as for its mux."""
 _MOST = 16
 """Senders that are remembered: a sender can invent sessions."""
 

@@ -160,7 +160,12 @@ def check_silence(facts: Facts) -> Iterator[Finding]:
     """Robots whose processes answer, but whose main loops publish nothing."""
     for node in facts.nodes:
         robot_id = names.robot_id_of(node.name)
-        if robot_id is not None and node.pid and robot_id not in facts.statuses:
+        if robot_id is None or not node.pid or robot_id in facts.statuses:
+            continue
+        if facts.publishers and names.robot_key(robot_id, names.STATUS) not in facts.publishers:
+            text = f"{node.name} is held by process {node.pid} on {node.host}, which publishes no status"
+            yield note("robots", f"{text}: zteam teleop, or a node without a gate, drives its base")
+        else:
             text = f"{node.name} is alive but publishes no status: its behaviour hangs"
             yield problem("process", text, f"look at its behaviour, then end process {node.pid} on {node.host}")
 

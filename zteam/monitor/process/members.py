@@ -89,6 +89,8 @@ class KnownRobot(msgspec.Struct):
     came_late: bool = False
     """Whether its process came after GO."""
     silent: bool = False
+    mute: bool = False
+    """Whether its process publishes no status at all, as a teleop or a node without a gate."""
     stopped: bool = False
     """Whether it said that it stops before it went."""
     absence: str = ""
@@ -114,6 +116,8 @@ class KnownRobot(msgspec.Struct):
             return "its process is gone" if self.was_lost else "no process yet"
         if self.silent:
             return "does not answer"
+        if self.mute:
+            return "its process publishes no status (zteam teleop, or a node without a gate)"
         if self.status is None:
             return "no status yet"
         text = short(self.status.text) or "not ready yet"
@@ -247,7 +251,7 @@ class WatchedTeam:
         member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
         # A process that comes later under this name speaks for itself.
         member.status = None
-        member.was_ready = member.silent = False
+        member.was_ready = member.silent = member.mute = False
         member.was_lost = True
         kind = "stopped" if member.stopped else "lost"
         self.tell(kind, robot_id, kind)
@@ -262,12 +266,21 @@ class WatchedTeam:
         before, member.status, member.heard = member.status, status, now
         if before is None or before.header.stamp != status.header.stamp:
             member.moved, member.doubts = now, max(0, member.doubts - 1)
+        member.mute = False
         if member.silent:
             member.silent = False
             self.tell("answers", robot_id, "answers again")
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self.tell("fault", robot_id, f"fault: {status.text}")
         return True
+
+    @staticmethod
+    def _is_quiet(member: KnownRobot, now: float) -> bool:
+        return member.alive and not member.silent and not member.mute and now - member.heard > SILENT_AFTER
+
+    def never_heard(self, now: float) -> list[int]:
+        """Ids of the robots without a status that would be told as silent now."""
+        return [i for i, m in self.members.items() if m.status is None and m.heard and self._is_quiet(m, now)]
 
     def check_leaders(self, now: float, *, at_once: bool = False) -> None:
         """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
@@ -297,7 +310,7 @@ class WatchedTeam:
         for robot_id, member in self.members.items():
             if member.status is None:
                 member.heard = member.heard or now
-            if member.alive and not member.silent and now - member.heard > SILENT_AFTER:
+            if self._is_quiet(member, now):
                 member.silent = True
                 member.was_ready = False
                 self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")

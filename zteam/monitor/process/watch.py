@@ -251,8 +251,23 @@ class TeamWatch:
     def look(self) -> None:
         """Look at what commands the robots, and take what has been gone for long enough to be lost."""
         self.writers.look()
+        self._find_mute()
         with self._node.changed:
             self._take_losses(monotonic())
+
+    def _find_mute(self) -> None:
+        """A process that has not published a status hangs, unless it answers that it has no publisher of one."""
+        with self._node.changed:
+            quiet = self._team.never_heard(monotonic()) if self._losses.trusted(monotonic()) else []
+        if not quiet:
+            return
+        declarations = self._node.bus.declarations()
+        with self._node.changed:
+            for robot_id in quiet:
+                sessions = self.writers.tokens.instances(names.robot_name(robot_id))
+                own = [each for each in declarations if each.session in sessions]
+                key = names.robot_key(robot_id, names.STATUS)
+                self._team.members[robot_id].mute = bool(own) and not any(each.key == key for each in own)
 
     def _take_losses(self, now: float) -> None:
         for key in self._losses.take_due(now):

@@ -184,6 +184,19 @@ def test_a_robot_without_a_status_hangs() -> None:
     assert (what, text) == ("process", "robot_1 is alive but publishes no status: its behaviour hangs")
     assert "process 1002 on host" in step
     assert not list(check_silence(team_facts(statuses={}, nodes=nodes("robot_1", silent=("robot_1",)))))
+    hangs = msgspec.structs.replace(facts, publishers={"robot_1/status": ["robot_1"]})
+    assert problems(check_silence(hangs)) == problems(check_silence(facts))
+
+
+def test_a_process_that_has_no_status_does_not_hang() -> None:
+    """A teleop that drives a base itself holds the robot's name, and has no publisher of a status."""
+    facts = team_facts(statuses={0: robot_status(0)}, publishers={"robot_1/cmd_vel": ["robot_1"]})
+    (finding,) = check_silence(facts)
+    assert finding.level == "note"
+    assert finding.text == (
+        "robot_1 is held by process 1002 on host, which publishes no status: "
+        "zteam teleop, or a node without a gate, drives its base"
+    )
 
 
 CHAIN = {"robot_0/odom": "map", "robot_0/base_footprint": "robot_0/odom", "robot_0/base_link": "robot_0/base_footprint"}
