@@ -141,7 +141,7 @@ class Bus:
         """Of the process on the bus; empty for a tool without one."""
         self._rival_log = RivalLog()
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
-        self.serve(session_info_key(self.instance), SessionRequest, self._tell_who, at_once=True)
+        self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
             self.watch_link(self._check_rights_again)
 
@@ -314,7 +314,7 @@ class Bus:
             keys = [each.key for each in list(self._declared.values()) if each.publishes]
             self._rights.check_again(Use(key, PUBLISHES) for key in keys)
 
-    def _tell_who(self, request: SessionRequest) -> SessionInfo:
+    def _tell_process(self, request: SessionRequest) -> SessionInfo:
         if request.key and any(each.key == request.key and each.publishes for each in list(self._declared.values())):
             self._rival_log.take(request.key, request.rivals)
         return own_session_info(self.name)

@@ -1,4 +1,4 @@
-"""Which process a session is, tools included, and who publishes on a key that has one publisher at a time."""
+"""Which process a session is, tools included, and sessions that share a key which has one publisher at a time."""
 
 import logging
 import os

@@ -71,7 +71,7 @@ def is_sensed(key: str) -> bool:
 def has_one_writer(key: str) -> bool:
     """Whether one process at a time publishes a key of a robot: its sensors, its base, and each source of its velocity.
 
-    Transforms are merged, and anybody may send a goal.
+    Transforms are merged, and any process may send a goal.
     """
     target = names.split_robot_key(key)
     return target is not None and (target[1] in _ONE_WRITER or is_sensed(key))

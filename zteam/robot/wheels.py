@@ -112,7 +112,7 @@ class Wheels:
             log.warning("%s has no process: driving its base directly, without a safety layer", self.name)
         self._publisher = self._bus.publisher(self._key, Twist, to_others=True)
         self._open.append(self._publisher)
-        # Who drives the base itself takes the commands of others as the robot's process would.
+        # Where this drives the base itself, it takes the commands of others as the robot's process would.
         self._open.append(self._bus.subscribe_from(teleop, Twist, self._on_other))
         if self.direct:
             self._switch = StopSwitch(self._bus, self._id, lambda: self.drive(Twist()))

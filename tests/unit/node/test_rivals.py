@@ -59,5 +59,5 @@ def test_keys_with_one_publisher(topic: str) -> None:
 
 @pytest.mark.parametrize("key", ["robot_0/tf", "robot_0/goal_pose", "robot_0/plan", "map", "clock", "base_scan"])
 def test_keys_with_several_publishers(key: str) -> None:
-    """Transforms are merged, anybody sends a goal, and what belongs to no robot has rules of its own."""
+    """Transforms are merged, any process sends a goal, and what belongs to no robot has rules of its own."""
     assert not has_one_writer(key)
