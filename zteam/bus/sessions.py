@@ -49,8 +49,10 @@ class SessionInfo(msgspec.Struct):
 
 def own_session_info(name: str) -> SessionInfo:
     """Of this process; without a `name` its command, such as `zteam teleop`."""
-    command = Path(sys.argv[0]).name.strip("-c") or "python"
-    tool = " ".join([command, *sys.argv[1:2]]) if command == "zteam" else command
+    path = Path(sys.argv[0])
+    # As `python -m zteam.cli.main` has it.
+    is_tool = path.name == "zteam" or path.parts[-3:] == ("zteam", "cli", "main.py")
+    tool = " ".join(["zteam", *sys.argv[1:2]]) if is_tool else path.name.strip("-c") or "python"
     return SessionInfo((name or tool)[:255], socket.gethostname()[:255], os.getpid())
 
 

@@ -29,14 +29,15 @@ _MOST = 16
 class Turn:
     """Whose turn it is to drive a robot. Pure: it is told the host's time.
 
-    Commands have no key in them. A key of another sender was pressed when its commands begin, or begin to move.
+    Commands have no key in them. A key of another sender was pressed when its commands begin, or begin to move. One
+    that moves the robot while this one has been idle for GAP drives in any case.
     """
 
     def __init__(self, now: float) -> None:
         """Others are heard from host time `now` on."""
         self.other = ""
         """The session that drives instead of this one; empty while this one may."""
-        self._since = now
+        self._since, self._idle_since = now, now
         self._heard: dict[str, tuple[float, bool]] = {}
         """Of each other sender: when its last command came, and whether that moves the robot."""
 
@@ -48,15 +49,22 @@ class Turn:
         # One that is heard as soon as this one listens was there before.
         last, moved = self._heard.get(session, (self._since, moves))
         self._heard[session] = now, moves
-        if session == self.other or not (now - last >= GAP or (moves and not moved)):
+        begins = now - last >= GAP or (moves and not moved)
+        if session == self.other or not (begins or (moves and now - self._idle_since >= GAP)):
             return False
         self.other = session
         return True
 
-    def take(self) -> str:
+    def take(self, now: float) -> str:
         """A key of this one was pressed: it drives. The session that it takes the robot from; empty for none."""
-        before, self.other = self.other, ""
+        before, self.other, self._idle_since = self.other, "", now
         return before
+
+    def command(self, command: Twist, now: float) -> bool:
+        """A command of this one is due; whether to send it."""
+        if command != Twist():
+            self._idle_since = now
+        return not self.other
 
     def rivals(self, now: float) -> list[str]:
         """The other sessions that command the robot now."""
@@ -154,7 +162,7 @@ class Wheels:
     def press(self) -> None:
         """A key was pressed here: from now on this one drives."""
         with self._lock:
-            before = self._turn.take()
+            before = self._turn.take(monotonic())
         if before:
             self._log_aside("%s: taken from %s", before)
 
@@ -185,10 +193,11 @@ class Wheels:
     def drive(self, command: Twist) -> None:
         """Send a command, unless another one drives; zero where the robot has no process and is stopped."""
         self.command = command
+        with self._lock:
+            drives = self._turn.command(command, monotonic())
         is_held = self._switch is not None and self._switch.is_stopped
-        if self.gives_way and not is_held:
-            return
-        self._publisher.put(Twist() if is_held else command)
+        if drives or is_held:
+            self._publisher.put(Twist() if is_held else command)
 
     def close(self) -> None:
         """Give the name back, and send nothing more."""

@@ -145,15 +145,21 @@ def test_a_teleop_without_the_robots_process_takes_the_commands_of_another(
         ([("a", AHEAD, 0.9), ("press", STILL, 1.0), ("a", AHEAD, 1.1), ("a", AHEAD, 1.3)], False),
         ([("a", AHEAD, 0.5), ("press", STILL, 1.0), ("a", AHEAD, 1.1)], True),
         ([("press", STILL, 1.0), ("a", STILL, 9.0), ("press", STILL, 9.1), ("a", STILL, 9.2)], False),
+        ([("press", STILL, 0.1), *(("a", AHEAD, 0.1 * n) for n in range(2, 6))], False),
+        ([("press", STILL, 0.1), *(("a", AHEAD, 0.1 * n) for n in range(2, 8))], True),
+        ([("press", STILL, 0.1), *((who, AHEAD, 0.1 * n) for n in range(2, 20) for who in ("a", "own"))], False),
     ],
-    ids=["begins", "was there before", "moves", "is on its way", "comes back", "taken back"],
+    ids=["begins", "was before", "moves", "on its way", "comes back", "taken back", "just idle", "idle", "both move"],
 )
 def test_a_key_is_known_by_its_commands(story: list[tuple[str, Twist, float]], gives_way: bool) -> None:
-    """Another one's key was pressed when its commands begin, or begin to move; those under way are older."""
+    """Another one's key was pressed when its commands begin, or begin to move; those under way are older.
+    An idle one gives way to one that moves the robot."""
     turn = Turn(0.0)
     for sender, command, now in story:
         if sender == "press":
-            turn.take()
+            turn.take(now)
+        elif sender == "own":
+            turn.command(command, now)
         else:
             turn.hear(sender, command, now)
     assert bool(turn.other) == gives_way
