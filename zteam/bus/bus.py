@@ -315,9 +315,10 @@ class Bus:
             self._rights.check_again(Use(key, PUBLISHES) for key in keys)
 
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
-        if request.key and any(each.key == request.key and each.publishes for each in list(self._declared.values())):
+        publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
+        if publishes and request.rivals:
             self._rival_log.take(request.key, request.rivals)
-        return own_session_info(self.name)
+        return own_session_info(self.name, publishes=publishes)
 
     def _own_declarations(self) -> list[Declaration]:
         found, rights = list(self._declared.values()), self._rights

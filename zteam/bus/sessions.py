@@ -42,18 +42,20 @@ class SessionInfo(msgspec.Struct):
     """That of the process on the bus, or the command of a tool."""
     host: _Text
     pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+    publishes: bool = False
+    """Whether it publishes on the key that it was asked for."""
 
     def __str__(self) -> str:
         return f"{self.name} (process {self.pid} on {self.host})"
 
 
-def own_session_info(name: str) -> SessionInfo:
+def own_session_info(name: str, *, publishes: bool) -> SessionInfo:
     """Of this process; without a `name` its command, such as `zteam teleop`."""
     path = Path(sys.argv[0])
     # As `python -m zteam.cli.main` has it.
     is_tool = path.name == "zteam" or path.parts[-3:] == ("zteam", "cli", "main.py")
     tool = " ".join(["zteam", *sys.argv[1:2]]) if is_tool else path.name.strip("-c") or "python"
-    return SessionInfo((name or tool)[:255], socket.gethostname()[:255], os.getpid())
+    return SessionInfo((name or tool)[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
 
 class RivalLog:
@@ -72,18 +74,27 @@ class RivalLog:
 
 def describe_sessions(bus: "Bus", sessions: Sequence[str]) -> dict[str, str]:
     """`name (process PID on HOST)` of each session that answers."""
+    return {session: str(info) for session, info in _ask(bus, sessions, "").items()}
+
+
+def _ask(bus: "Bus", sessions: Sequence[str], key: str) -> dict[str, SessionInfo]:
+    """What the sessions answer that do; `key` is the one of which they say whether they publish on it."""
     found = {}
     for session in sessions[:_MOST]:
-        for _, info in bus.find(session_info_key(session), SessionInfo, SessionRequest(), timeout=_LIMIT):
-            found[session] = str(info)
+        for _, info in bus.find(session_info_key(session), SessionInfo, SessionRequest(key), timeout=_LIMIT):
+            found[session] = info
     return found
 
 
 def tell_rivals(bus: "Bus", key: str, sessions: Sequence[str]) -> list[str]:
     """Tell each of these sessions that the others publish on `key` too; what people read for each, in this order."""
-    answers = describe_sessions(bus, sessions)
-    texts = {each: answers.get(each) or f"session {each}" for each in sessions}
-    for session in answers:
+    answers = _ask(bus, sessions, key)
+    # A sender chooses its time stamps, and with them the session that they name: that one has no part in it.
+    forged = [each for each, info in answers.items() if not info.publishes]
+    texts = {each: str(answers.get(each) or f"session {each}") for each in sessions if each not in forged}
+    if forged:
+        texts[""] = "a sender with forged time stamps"
+    for session in answers.keys() - forged:
         rivals = [text for each, text in texts.items() if each != session][:_MOST]
         bus.find(session_info_key(session), SessionInfo, SessionRequest(key, rivals), timeout=_LIMIT)
     return list(texts.values())

@@ -1,6 +1,8 @@
 """Keys that have one publisher at a time, and on which several publish: two bases of one robot, two teleops."""
 
 import logging
+import threading
+from collections.abc import Mapping
 
 from zteam.bus import Bus
 from zteam.bus.sessions import tell_rivals
@@ -52,6 +54,7 @@ class RivalWatch:
         self._bus = bus
         self._writers = KeyWriters()
         self._told: dict[str, list[str]] = {}
+        self._asking: threading.Thread | None = None
 
     def take(self, key: str, session: str) -> None:
         """A message has come on a key that has one publisher (under the node's lock)."""
@@ -59,12 +62,20 @@ class RivalWatch:
             self._writers.take(key, session, monotonic())
 
     def look(self) -> None:
-        """Log what has changed. It asks the bus: main loop only, without the node's lock."""
+        """Log what has changed (under the node's lock). A thread of its own asks the sessions: a robot drives on."""
+        if self._asking is not None and self._asking.is_alive():
+            return
         found = self._writers.rivals(monotonic())
-        for key, sessions in found.items():
-            if self._told.get(key) != sessions:
-                writers = tell_rivals(self._bus, key, sessions)
-                log.warning("%s has %d publishers: %s: end all but one", key, len(writers), ", ".join(writers))
+        new = {key: sessions for key, sessions in found.items() if self._told.get(key) != sessions}
         for key in self._told.keys() - found.keys():
             log.info("%s has one publisher again", key)
         self._told = found
+        if new:
+            self._asking = threading.Thread(target=self._tell, args=[new], name="rivals", daemon=True)
+            self._asking.start()
+
+    def _tell(self, found: Mapping[str, list[str]]) -> None:
+        for key, sessions in found.items():
+            writers = tell_rivals(self._bus, key, sessions)
+            if len(writers) > 1:
+                log.warning("%s has %d publishers: %s: end all but one", key, len(writers), ", ".join(writers))

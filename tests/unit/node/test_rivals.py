@@ -5,6 +5,7 @@ import pytest
 from support.log_capture import captured_log
 from support.named_sessions import open_named
 from zteam.bus import MemoryHub
+from zteam.bus.sessions import tell_rivals
 from zteam.messages import LaserScan
 from zteam.messages.topics import has_one_writer
 from zteam.node.rivals import KeyWriters, RivalWatch
@@ -43,12 +44,22 @@ def test_all_terminals_say_which_processes_publish(hub: MemoryHub) -> None:
             for publisher in publishers:
                 publisher.put(LaserScan())
             watch.look()
+        log.wait_for(" has 2 publishers: ")
     told = sorted(line for line in log.lines)
     assert len(told) == 3, told
     assert sum(line.startswith(f"{SCAN} has 2 publishers: ") for line in told) == 1
     by = [line for line in told if line.startswith(f"{SCAN} is also published by ")]
     assert sorted(line.split(" by ")[1].split(" ")[0] for line in by) == ["base_0", "sim"]
     assert all("(process " in line for line in told)
+
+
+def test_a_forged_session_accuses_nobody(hub: MemoryHub) -> None:
+    """The session in a time stamp is what the sender wrote: one that does not publish on the key is not named."""
+    sim, tf = open_named(hub, "sim"), open_named(hub, "tf")
+    publisher = sim.publisher(SCAN, LaserScan)
+    texts = tell_rivals(hub.bus(), SCAN, [sim.instance, tf.instance, "f0"])
+    assert [text.split(" (")[0] for text in texts] == ["sim", "session f0", "a sender with forged time stamps"]
+    publisher.close()
 
 
 @pytest.mark.parametrize("topic", ["base_scan", "base_scan_1", "odom", "sonar_3", "cmd_vel_teleop", "base_info"])

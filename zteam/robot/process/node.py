@@ -323,10 +323,10 @@ class RobotNode:
             if not self._heartbeat.due():
                 continue
             self._start.find_absence()
-            self._rivals.look()
             self._step(self._start.begin_look, self._driver.pass_gate)
             with self._node.changed:
                 self._start.tell()
+                self._rivals.look()
                 self._status.beat()
 
     def _wait_for_work(self) -> None:
