@@ -68,7 +68,9 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
     simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     desk.watch.tokens.take(names.SIMULATOR, simulator.instance, True)
-    robot, joystick = open_named(hub, "robot_0").instance, open_named(hub, "joystick").instance
+    commanding = [open_named(hub, name) for name in ("robot_0", "joystick")]
+    publishers = [bus.publisher("robot_0/cmd_vel", Twist) for bus in commanding]
+    robot, joystick = (bus.instance for bus in commanding)
     place = f"(process {os.getpid()} on {socket.gethostname()})"
     assert desk.tell() == []
     status.writers = {0: [robot, "b2"]}
@@ -78,6 +80,7 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     status.writers = {0: [robot, joystick, "c3"]}
     ((_, _, more),) = desk.tell()
     assert f"3 processes: robot_0 {place}, joystick {place}, session c3" in more
+    assert len(publishers) == 2
     status.writers = {}
     assert desk.tell() == [("writers", 0, "is commanded by one process again")]
     assert desk.tell() == []
