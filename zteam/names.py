@@ -394,6 +394,11 @@ def declarations_key(instance: str) -> str:
     return f"@session/{instance}/declarations"
 
 
+def session_info_key(instance: str) -> str:
+    """Query: which process the session `instance` is; it is told there of others that publish on one of its keys."""
+    return f"@session/{instance}/info"
+
+
 def service_key(name: str, service: str) -> str:
     """Query `service` of the process `name`: `sim/report`, `tf/lookup`, …"""
     return f"{name}/{service}"

@@ -55,3 +55,46 @@ def test_the_status_says_why_a_robot_stands(team: TeamFixture, in_process: bool)
     team.run(5.0)
     told = [line for line in team.lines("robot_0") if "safety: stopped forward (0.50 m/s): obstacle 0." in line]
     assert len(told) == 1
+
+
+@pytest.mark.real_time
+def test_the_end_of_a_lone_simulator_is_told(team: TeamFixture) -> None:
+    """The row has no speed and says since when there is no data; doctor names the process that is missing first."""
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-tf", name=names.AGGREGATOR)
+    team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.05", name="robot_0")
+    team.spawn("zteam-monitor", "--ids", "0", "--table", "0.5", name=names.MONITOR)
+    team.wait_for_go()
+    team.wait_for_line(names.MONITOR, "  0.05  ")
+    team.kill(names.SIMULATOR)
+    team.wait_for_line(names.MONITOR, "the simulator is gone: time stands still")
+    team.wait_for_line(names.MONITOR, "no data since ")
+    after = team.lines(names.MONITOR)
+    gone = next(number for number, line in enumerate(after) if "no data since " in line)
+    assert not any("  0.05  " in line for line in after[gone:])
+    told = team.command("doctor").stdout.splitlines()
+    wrong = [line for line in told if line.startswith("problem")]
+    assert wrong[0].split()[1:] == ["simulator", "no", "process", "sim"]
+    assert not any("has robot" in line for line in told)
+
+
+@pytest.mark.real_time
+def test_robots_that_cannot_follow_are_told_before_go(team: TeamFixture) -> None:
+    """A circle gets its line before GO, from monitor and doctor; each process has said what it is and waits for."""
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-tf", name=names.AGGREGATOR)
+    team.spawn("zteam-robot", "--id", "0", "--follow", "1", name="robot_0")
+    team.spawn("zteam-monitor", "--ids", "0", "1", name=names.MONITOR)
+    team.spawn("zteam-robot", "--id", "1", "--follow", "0", name="robot_1")
+    circle = "robots follow each other in a circle: robot_0 -> robot_1 -> robot_0"
+    for name, line in (
+        (names.AGGREGATOR, "aggregator of transforms: waiting for those of the robots"),
+        ("robot_0", "robot 0, behaviour follow behind robot_1: waiting for its data, then for the monitor's GO"),
+        (names.MONITOR, "start gate: waiting for robots 0, 1, then GO"),
+        (names.MONITOR, "All robots GO!"),
+    ):
+        team.wait_for_line(name, line)
+    lines = team.lines(names.MONITOR)
+    told, go = (next(number for number, line in enumerate(lines) if text in line) for text in (circle, "robots GO!"))
+    assert told < go
+    assert circle in team.command("doctor").stdout

@@ -179,6 +179,32 @@ def test_a_robot_with_a_process_is_driven_through_it(team: TeamFixture) -> None:
         hands.terminal.close()
 
 
+@pytest.mark.ci
+def test_the_newest_key_drives(team: TeamFixture) -> None:
+    """An idle teleop gives way to a script, whose end does not end the hold of a newer key; both terminals, monitor and
+    doctor name the processes."""
+    start_world(team)
+    team.spawn("zteam-monitor", "--ids", "0", name=names.MONITOR)
+    robot = ["--id", "0", "--behavior", "forward", "--param", "speed=0", "--no-gate"]
+    team.spawn("zteam-robot", *robot, name="robot_0")
+    team.wait_for_processes("robot_0")
+    hands = Hands(team, "--id", "0")
+    try:
+        hands.press(b"k", still(topic=names.CMD_VEL_TELEOP))
+        script = team.spawn("zteam", "teleop", "--id", "0", "--script", "j*600", name="teleop")
+        team.wait_for(lambda: abs(team.robot(0).pose[2]) > 0.5)
+        hands.terminal.wait_for(lambda _: "robot_0: driven by " in hands.terminal.text)
+        team.wait_for_line(names.MONITOR, "robot_0 has 2 publishers on cmd_vel_teleop: ")
+        assert "robot_0/cmd_vel_teleop has 2 " in team.command("doctor").stdout
+        hands.press(b"k", still(topic=names.CMD_VEL_TELEOP))
+        team.wait_for_line(script, "robot_0: driven by ")
+        turned = len(hands.commands)
+        team.wait_for(lambda: len(hands.commands) > turned + 20)
+        assert not any(command.angular.z for _, command in hands.commands[turned:])
+    finally:
+        hands.terminal.close()
+
+
 def test_a_script_is_sent_press_by_press(team: TeamFixture) -> None:
     """Ten presses of i are ten commands of 0.5 m/s; five of k and the end of the script are six zeros."""
     start_world(team)

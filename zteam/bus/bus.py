@@ -11,6 +11,7 @@ from zteam.bus.held_declarations import Held, Holding
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.rights import RightCheck, Use
+from zteam.bus.sessions import RivalLog, SessionInfo, SessionRequest, own_session_info
 from zteam.bus.transport import (
     Closeable,
     Declaration,
@@ -24,7 +25,7 @@ from zteam.bus.transport import (
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
-from zteam.names import ANSWERS, PUBLISHES, declarations_key, stats_key
+from zteam.names import ANSWERS, PUBLISHES, declarations_key, session_info_key, split_token_key, stats_key
 
 if TYPE_CHECKING:
     from zteam.bus.options import BusOptions
@@ -136,7 +137,11 @@ class Bus:
         self.holding = Holding()
         self._declared: dict[object, Declaration] = {}
         """The open publishers and subscribers."""
+        self.name = ""
+        """Of the process on the bus; empty for a tool without one."""
+        self._rival_log = RivalLog()
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
+        self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
             self.watch_link(self._check_rights_again)
 
@@ -283,6 +288,8 @@ class Bus:
 
     def declare_token(self, key: str) -> Closeable:
         """A presence token, which ends with this process."""
+        if not self.name and (token := split_token_key(key)) is not None:
+            self.name = token[0]
         return self.transport.declare_token(key)
 
     def is_hidden(self, token: str) -> bool:
@@ -306,6 +313,12 @@ class Bus:
         if up and self._rights is not None:
             keys = [each.key for each in list(self._declared.values()) if each.publishes]
             self._rights.check_again(Use(key, PUBLISHES) for key in keys)
+
+    def _tell_process(self, request: SessionRequest) -> SessionInfo:
+        publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
+        if publishes and request.rivals:
+            self._rival_log.take(request.key, request.rivals)
+        return own_session_info(self.name, publishes=publishes)
 
     def _own_declarations(self) -> list[Declaration]:
         found, rights = list(self._declared.values()), self._rights

@@ -6,12 +6,13 @@ import sys
 import textwrap
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 
 import msgspec
@@ -23,8 +24,9 @@ from zteam.bus.options import TlsFiles, default_endpoint, host_port, port_accept
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
+from zteam.bus.sessions import describe_sessions
 from zteam.bus.strangers import find_strangers
-from zteam.bus.transport import RawSample
+from zteam.bus.transport import Declaration, RawSample
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.node import find_nodes, writer_names
@@ -47,12 +49,12 @@ from zteam.messages import (
     type_of_encoding,
 )
 from zteam.messages.message import zeros
-from zteam.messages.topics import type_of_key
+from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.checks import check_elsewhere, check_team
 from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map_file
 from zteam.node import kinds
-from zteam.simulator.client import MapInfo, find_status
+from zteam.simulator.client import MapInfo, SimStatus, find_status
 from zteam.transforms import Buffer, FrameInfo
 from zteam.transforms.client import Lookup, TransformClient
 from zteam.transforms.lasers import LaserMounts, LaserProblem
@@ -142,7 +144,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
     before, begin = find_status(bus), monotonic()
     nodes = find_nodes(bus)
-    survey, strangers = _listen(bus, nodes), find_strangers(options)
+    declarations = bus.declarations()
+    survey = _listen(bus, nodes, [] if before is None or _stands(before) else declarations)
+    strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
     heard = survey.samples
     admin = read_admin(options)
@@ -154,6 +158,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
             return "a client without time stamps (plain Zenoh)"
         return writer_names(nodes, [sample.source], sample.key)[0]
 
+    places = describe_sessions(bus, _rivals(heard, declarations))
     loads = survey.loads(name_of, {node.instance for node in nodes})
     tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
     faults, newest = _decode(heard, name_of)
@@ -163,9 +168,13 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
     return Facts(
         nodes=nodes,
-        writers={key: [name_of(sample) for sample in samples] for key, samples in heard.items()},
+        writers={
+            key: [(has_one_writer(key) and places.get(each.source)) or name_of(each) for each in samples]
+            for key, samples in heard.items()
+        },
+        publishers=_by_key(nodes, filter(attrgetter("publishes"), declarations), places),
         faults=faults,
-        dropped=_dropped(bus, nodes),
+        dropped=_by_key(nodes, filter(attrgetter("dropped"), declarations)),
         counts=_counts(bus),
         statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
         team=team[1] if team and isinstance(team[1], TeamStatus) else None,
@@ -234,11 +243,18 @@ class _Survey:
         return found
 
 
-def _listen(bus: Bus, nodes: list[ProcessInfo]) -> _Survey:
-    """Listen to all keys, latched ones included, until every robot that answers has told its status."""
+def _stands(sim: SimStatus) -> bool:
+    """Whether no data comes of the simulator for now."""
+    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
+
+
+def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> _Survey:
+    """Listen to all keys, latched ones included, until every robot that answers has published its status and all that
+    is measured has come, as far as these declarations have it: a slow world takes its time for a tick."""
     survey, lock, waiter = _Survey(), threading.Lock(), Waiter()
     robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
+    due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
 
     def take(sample: RawSample) -> None:
         with lock:
@@ -271,12 +287,27 @@ def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
     return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
-def _dropped(bus: Bus, nodes: list[ProcessInfo]) -> dict[str, list[str]]:
+def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:
+    """The sessions that share a key which has one publisher: what they are called needs their host and process too."""
+    users = {key: {each.source for each in samples} for key, samples in heard.items()}
+    for each in declarations:
+        if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
+            users.setdefault(each.key, set()).add(each.session)
+    return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
+
+
+def _by_key(
+    nodes: list[ProcessInfo], declarations: Iterable[Declaration], places: Mapping[str, str] | None = None
+) -> dict[str, list[str]]:
+    """The processes of these publishers, by key; in the words of `places` where a session is among them."""
     sessions = defaultdict[str, set[str]](set)
-    for each in bus.declarations():
-        if each.dropped:
-            sessions[each.key].add(each.session)
-    return {key: writer_names(nodes, sorted(found), key) for key, found in sessions.items()}
+    for each in declarations:
+        sessions[each.key].add(each.session)
+    known = places or {}
+    return {
+        key: [known.get(each) or writer_names(nodes, [each], key)[0] for each in sorted(found)]
+        for key, found in sessions.items()
+    }
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:

@@ -158,6 +158,11 @@ def describe(pilot: Pilot, wheels: Wheels) -> str:
         return f"{keys} | nothing hears {wheels.unheard}"
     if wheels.is_stopped:
         return f"{keys} | {STOPPED}"
+    others = ", ".join(wheels.others)
+    if others and wheels.gives_way:
+        return f"{keys} | driven by {others}; a key takes it back"
+    if others:
+        return f"{keys} | also driven by {others}"
     if wheels.direct:
         return f"{keys} | {_velocity(wheels.command)} straight to the base, no safety layer"
     status = wheels.status

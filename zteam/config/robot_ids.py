@@ -1,7 +1,7 @@
 """One grammar for the ids of several robots, wherever a user types them: `0 1 2 3`, `0-3`, `0,2-4`, `0 2-4`."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from zteam import names
 from zteam.config.numbers import shown
@@ -54,3 +54,13 @@ def _parse_item(item: str, place: str) -> range:
     if first > last:
         raise UsageError(f"{place}: {shown(item)}: the first id is above the last")
     return range(first, last + 1)
+
+
+def circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
+    """`1, 2, 1` if `robot_id` is part of a circle of robots that follow each other, else empty."""
+    chain = [robot_id]
+    leader = leaders.get(robot_id)
+    while leader is not None and leader not in chain:
+        chain.append(leader)
+        leader = leaders.get(leader)
+    return [*chain, robot_id] if leader == robot_id else []

@@ -49,6 +49,7 @@ SENSORS: dict[str, type[messages.Message]] = {
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
 _LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
+_ONE_WRITER = frozenset({names.BASE_INFO, names.CMD_VEL, names.CMD_VEL_NAV, names.CMD_VEL_TELEOP})
 
 
 @lru_cache(maxsize=1024)
@@ -57,7 +58,23 @@ def is_measured(key: str) -> bool:
     target = names.split_robot_key(key)
     if target is None:
         return key == names.CLOCK
-    return target[1] in (names.CMD_VEL, names.TF) or _sensor(target[1]) is not None
+    return target[1] in (names.CMD_VEL, names.TF) or is_sensed(key)
+
+
+def is_sensed(key: str) -> bool:
+    """Whether a key carries what a sensor of a robot measures."""
+    target = names.split_robot_key(key)
+    return target is not None and _sensor(target[1]) is not None
+
+
+@lru_cache(maxsize=1024)
+def has_one_writer(key: str) -> bool:
+    """Whether one process at a time publishes a key of a robot: its sensors, its base, and each source of its velocity.
+
+    Transforms are merged, and any process may send a goal.
+    """
+    target = names.split_robot_key(key)
+    return target is not None and (target[1] in _ONE_WRITER or is_sensed(key))
 
 
 def _sensor(topic: str) -> type[messages.Message] | None:

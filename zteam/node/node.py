@@ -260,6 +260,7 @@ class Node(ProcessNode):
         if gate:
             self._gate = NodeGate(self, self._lacking, lambda: self._part.active, self._switch)
         self.become_present()
+        log.info("node %s, a step every %g s%s", self.name, period, ": waiting for the monitor's GO" if gate else "")
         # Only the process that holds the name may publish under it, so not before this.
         self.on_stop(self._halt)
         self._keep_pace(period)

@@ -27,6 +27,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.node.process_node import ProcessNode
+from zteam.node.reasons import ReasonLog
 from zteam.node.stopping import STOPPED, StopSwitch
 
 log = logging.getLogger("zteam")
@@ -154,6 +155,7 @@ class StatusReport:
         self._driver = RobotDriver.BEHAVIOR
         """What gave it."""
         self._told = self._state()
+        self._reasons = ReasonLog()
         self._last: RobotStatus | None = None
         """The newest one that was made."""
         self._spoke = False
@@ -184,15 +186,15 @@ class StatusReport:
         return RobotDriver.NONE if self.command is None else self._driver
 
     def tell(self, *, logged: bool = True) -> None:
-        """Publish the state if it is another one than before; also log it, unless the caller has."""
+        """Publish the state if it is another one than before; also log the reason, unless the caller has."""
         now = self._state()
-        if now == self._told:
-            return
         state, reason = now[:2]
-        if logged and reason and reason != self._told[1]:
+        # In each step: the reason that holds on and on is not a new one when it has been gone for a moment.
+        if self._reasons.admit(reason, self._node.clock.now(), is_known=not logged):
             log.info("%s: %s", RobotState.TEXT[state], reason)
-        self._told = now
-        self.publish()
+        if now != self._told:
+            self._told = now
+            self.publish()
 
     def keep_up(self, now: int) -> None:
         """In a step of lock-step at time `now` (ns): publish the state if that was not done in this PERIOD.

@@ -104,8 +104,11 @@ class Pilot:
         self._key = ""
         self._until = 0.0
 
-    def press(self, key: str, now: float) -> None:
-        """Take a key, its repeat, or a change of the focus. A key without a meaning stops."""
+    def press(self, key: str, now: float) -> bool:
+        """Take a key, its repeat, or a change of the focus. A key without a meaning stops.
+
+        Returns whether the key, and not the repeat of one that is held down, commands the robot.
+        """
         if key in SPEED_FACTORS:
             speed, turn = SPEED_FACTORS[key]
             self.speed, self.turn = _bounded(self.speed * speed), _bounded(self.turn * turn)
@@ -118,8 +121,11 @@ class Pilot:
             repeated = key == self._key and now < self._until
             self._until = max(self._until, now + REPEAT) if repeated else now + FIRST
             self._key, self.holds = key, True
+            return not repeated
         elif key not in (FOCUS_GAINED, HELP):
             self._key, self.holds = "", True
+            return True
+        return False
 
     def let_go(self) -> None:
         """Stop the robot and command it no more."""
@@ -185,7 +191,8 @@ def drive(pilot: Pilot, wheels: Mapping[int, "Wheels"], presses: Presses, show: 
     try:
         for keys, now in presses:
             for key in keys:
-                pilot.press(key, now)
+                if pilot.press(key, now):
+                    wheels[pilot.robot_id].press()
             send(now)
             show()
     finally:

@@ -1,7 +1,8 @@
 """Which page drives which robot, and what it commands.
 
 A lease is for one robot and one page. While it holds, the robot is commanded: with what the page says, and with zero
-velocity when the page has said nothing for DEAD_MAN.
+velocity when the page has said nothing for DEAD_MAN. It ends when another one drives the robot, or when the page has
+said nothing for GONE: a page with a lease sends ten commands a second.
 """
 
 import asyncio
@@ -19,6 +20,8 @@ from zteam.robot.wheels import Wheels
 
 DEAD_MAN = 0.5
 """Host seconds for which what a page says counts."""
+GONE = 2.0
+"""Host seconds without a word after which a page has gone: the end of its socket may come much later."""
 PERIOD = 0.05
 """Host seconds between two commands to a leased robot."""
 
@@ -32,6 +35,8 @@ class Lease(msgspec.Struct):
     command: Twist = msgspec.field(default_factory=Twist)
     until: float = float("-inf")
     """Host time until which that command counts."""
+    heard: float = msgspec.field(default_factory=monotonic)
+    """Host time of the page's last word."""
 
     def send(self, now: float) -> None:
         """Command the robot at host time `now`."""
@@ -57,8 +62,12 @@ class Driving:
     async def take(self, robot_id: int, viewer: int) -> str:
         """Give a viewer the lease of a robot; why not, if that cannot be."""
         holder = self.holder(robot_id)
+        if holder == viewer:
+            return ""
         if holder is not None:
-            return "" if holder == viewer else f"viewer {holder} drives this robot"
+            if monotonic() - self._leases[robot_id].heard < DEAD_MAN:
+                return f"viewer {holder} drives this robot"
+            await self.release(robot_id, holder)
         lease = self._leases[robot_id] = Lease(viewer)
         try:
             wheels = await asyncio.to_thread(self._open, robot_id)
@@ -70,7 +79,8 @@ class Driving:
             # The page has gone meanwhile.
             await asyncio.to_thread(wheels.close)
             return "the lease was given back"
-        lease.wheels = wheels
+        lease.wheels, lease.heard = wheels, monotonic()
+        wheels.press()
         self._repeat()
         return ""
 
@@ -115,7 +125,9 @@ class Driving:
         lease, now = self._leases.get(robot_id), monotonic()
         if lease is None or lease.viewer != viewer:
             return False
-        lease.command, lease.until = command, now + DEAD_MAN
+        if lease.wheels is not None and command != Twist() and (now >= lease.until or lease.command == Twist()):
+            lease.wheels.press()
+        lease.command, lease.until, lease.heard = command, now + DEAD_MAN, now
         lease.send(now)
         return True
 
@@ -123,8 +135,11 @@ class Driving:
         """Send every leased robot its command, until there is no lease."""
         if self._timer is not None:
             self._timer.cancel()
-        for lease in self._leases.values():
-            lease.send(monotonic())
+        now = monotonic()
+        for robot_id, lease in list(self._leases.items()):
+            lease.send(now)
+            if lease.wheels is not None and (lease.wheels.gives_way or now - lease.heard > GONE):
+                self._lose(robot_id)
         self._timer = self._loop.call_later(PERIOD, self._repeat) if self._leases else None
 
     def stop(self) -> None:

@@ -112,6 +112,16 @@ def test_a_quick_second_tap_takes_nothing_away() -> None:
     assert [pilot.command(now) for now in (1.74, 1.76)] == [AHEAD, STILL]
 
 
+def test_a_key_that_is_held_down_is_pressed_once() -> None:
+    """Its repeats do not take the robot back from another teleop; a stop does each time, and what commands nothing
+    never."""
+    pilot = make_pilot()
+    pressed = [pilot.press("i", now) for now in (1.0, 1.5, 1.6)]
+    assert [*pressed, pilot.press("j", 1.7), pilot.press("j", 9.0)] == [True, False, False, True, True]
+    assert [pilot.press(key, 10.0) for key in ("k", "k", SPACE)] == [True] * 3
+    assert not any(pilot.press(key, 11.0) for key in (FOCUS_LOST, FOCUS_GAINED, HELP, "q", NEXT))
+
+
 @pytest.mark.parametrize("key", ["k", SPACE, OTHER, "y", "\x04", FOCUS_LOST])
 def test_these_keys_stop_at_once(key: str) -> None:
     """k, space, any key without a meaning, and the loss of the focus."""

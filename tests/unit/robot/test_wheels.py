@@ -1,12 +1,16 @@
 """The way to a robot's wheels, on a bus in memory."""
 
+import os
+import socket
 import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from support.named_sessions import open_named
+from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.presence import Claim, own_info
@@ -15,11 +19,12 @@ from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopReply, StopService
+from zteam.robot import wheels as module
 from zteam.robot.teleop import Pilot, drive
-from zteam.robot.wheels import Wheels
+from zteam.robot.wheels import Turn, Wheels
 from zteam.simulator.client import SimStatus
 
-AHEAD = Twist(Vector3(0.5))
+AHEAD, BACK, STILL = Twist(Vector3(0.5)), Twist(Vector3(-0.5)), Twist()
 
 
 @pytest.fixture
@@ -70,6 +75,94 @@ def test_a_base_without_a_process_is_held(hub: MemoryHub) -> None:
     assert base[-1] == AHEAD
     wheels.close()
     assert bus.query("robot_0/stop", StopReply) == []
+
+
+@pytest.fixture
+def time(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Host time by hand; each call lets a while pass."""
+    times = [100.0]
+    monkeypatch.setattr(module, "monotonic", lambda: times[-1])
+    return lambda: times.append(times[-1] + 2 * module.GAP)
+
+
+def test_the_newest_key_drives(hub: MemoryHub, time: Callable[[], None]) -> None:
+    """Of two teleops of one robot the one sends whose key was pressed last; an idle one is silent, and its last zero
+    does not stop the robot. Both logs say who drives."""
+    robot = open_named(hub, "robot_0")
+    mux = hear(robot, "robot_0/cmd_vel_teleop")
+    first, second = take(hub), take(hub)
+    time()
+    with captured_log() as log:
+        first.press()
+        first.drive(AHEAD)
+        first.drive(Twist())
+        second.press()
+        second.drive(BACK)
+        first.drive(Twist())
+        first.drive(AHEAD)
+        second.drive(BACK)
+        assert mux == [AHEAD, Twist(), BACK, BACK]
+        assert (first.gives_way, second.gives_way) == (True, False)
+        me = f"(process {os.getpid()} on {socket.gethostname()})"
+        # Each of the two gives way once, and the second one takes the robot.
+        wait_until_true(lambda: (log.count("robot_0: driven by "), log.count("robot_0: taken from ")) == (2, 1))
+        assert log.count(me) == 3
+        assert me in first.others[0]
+        assert "| driven by " in describe(Pilot((0,), 0.5, 1.0), first)
+        time()
+        first.press()
+        first.drive(AHEAD)
+        assert mux[-1] == AHEAD
+        wait_until_true(lambda: log.count("robot_0: taken from ") == 2)
+        assert (first.gives_way, second.gives_way) == (False, True)
+
+
+def test_a_teleop_without_the_robots_process_takes_the_commands_of_another(
+    hub: MemoryHub, time: Callable[[], None]
+) -> None:
+    """The first one drives the base under the robot's name; the second one's keys reach the base through it."""
+    base = hear(hub.bus(), "robot_0/cmd_vel")
+    first, second = take(hub), take(hub)
+    time()
+    first.press()
+    first.drive(AHEAD)
+    second.press()
+    second.drive(BACK)
+    first.drive(Twist())
+    assert (first.direct, second.direct, second.unheard) == (True, False, "")
+    assert base == [AHEAD, BACK]
+    hub.bus().ask("robot_0/stop/engage", StopReply)
+    second.drive(BACK)
+    assert base == [AHEAD, BACK, Twist()]
+
+
+@pytest.mark.parametrize(
+    ("story", "gives_way"),
+    [
+        ([("a", STILL, 1.0)], True),
+        ([("press", STILL, 0.1), ("a", STILL, 0.2), ("a", STILL, 0.3)], False),
+        ([("press", STILL, 0.1), ("a", STILL, 0.2), ("a", AHEAD, 0.3)], True),
+        ([("a", AHEAD, 0.9), ("press", STILL, 1.0), ("a", AHEAD, 1.1), ("a", AHEAD, 1.3)], False),
+        ([("a", AHEAD, 0.5), ("press", STILL, 1.0), ("a", AHEAD, 1.1)], True),
+        ([("press", STILL, 1.0), ("a", STILL, 9.0), ("press", STILL, 9.1), ("a", STILL, 9.2)], False),
+        ([("press", STILL, 0.1), *(("a", AHEAD, 0.1 * n) for n in range(2, 6))], False),
+        ([("press", STILL, 0.1), *(("a", AHEAD, 0.1 * n) for n in range(2, 8))], True),
+        ([("press", STILL, 0.1), *((who, AHEAD, 0.1 * n) for n in range(2, 20) for who in ("a", "own"))], False),
+    ],
+    ids=["begins", "was before", "moves", "on its way", "comes back", "taken back", "just idle", "idle", "both move"],
+)
+def test_a_key_is_known_by_its_commands(story: list[tuple[str, Twist, float]], gives_way: bool) -> None:
+    """Another one's key was pressed when its commands begin, or begin to move; those under way are older.
+    An idle one gives way to one that moves the robot."""
+    turn = Turn(0.0)
+    for sender, command, now in story:
+        if sender == "press":
+            turn.take(now)
+        elif sender == "own":
+            turn.command(command, now)
+        else:
+            turn.hear(sender, command, now)
+    assert bool(turn.other) == gives_way
 
 
 def test_a_robots_process_is_asked_to_drive(hub: MemoryHub) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Twist, Vector3
 from zteam.robot.wheels import Wheels
@@ -19,6 +20,17 @@ class Sent(Wheels):
 
     def __init__(self) -> None:
         self.commands: list[Twist] = []
+        self.presses = 0
+        self.is_taken = False
+
+    def press(self) -> None:
+        """Count a key."""
+        self.presses += 1
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether another teleop drives."""
+        return self.is_taken
 
     def drive(self, command: Twist) -> None:
         """Keep a command."""
@@ -82,6 +94,49 @@ def test_a_silent_page_stops_its_robot(wheels: Sent) -> None:
     lease.send(10.0 + DEAD_MAN - 0.01)
     lease.send(10.0 + DEAD_MAN)
     assert wheels.commands == [AHEAD, Twist()]
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Let the timers run."""
+    for _ in range(int(LIMIT / 0.01)):
+        if condition():
+            return
+        await asyncio.sleep(0.01)  # noqa: TID251
+    raise AssertionError
+
+
+def test_a_page_that_has_gone_gives_way(wheels: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A silent page's lease is free for another page at once, and ends by itself: its socket may end much later."""
+
+    async def story(driving: Driving) -> None:
+        monkeypatch.setattr(module, "DEAD_MAN", 0.0)
+        await driving.take(0, viewer=1)
+        assert (await driving.take(0, viewer=2), driving.holder(0)) == ("", 2)
+        monkeypatch.setattr(module, "PERIOD", 0.001)
+        monkeypatch.setattr(module, "GONE", 0.0)
+        await driving.take(1, viewer=1)
+        await until(lambda: driving.holder(1) is None)
+        assert wheels.commands[-1] == Twist()
+
+    run(story)
+
+
+def test_a_page_gives_way_to_another_teleop(wheels: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lease is taken with a key, and so is the robot; when another key is newer, the lease ends, and the page is
+    told with its next command."""
+    monkeypatch.setattr(module, "PERIOD", 0.001)
+
+    async def story(driving: Driving) -> None:
+        await driving.take(0, viewer=1)
+        assert wheels.presses == 1
+        for command in (AHEAD, AHEAD, Twist(), AHEAD):
+            assert driving.drive(0, 1, command)
+        assert wheels.presses == 3
+        wheels.is_taken = True
+        await until(lambda: driving.holder(0) is None)
+        assert not driving.drive(0, 1, AHEAD)
+
+    run(story)
 
 
 @pytest.mark.usefixtures("wheels")

@@ -10,8 +10,10 @@ from zteam.clock import APART, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
+from zteam.messages.topics import has_one_writer, is_sensed
 from zteam.monitor.doctor.facts import Facts, Finding, Load, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
+from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.node import kinds
 
 
@@ -47,7 +49,11 @@ def check_gate(facts: Facts) -> Iterator[Finding]:
         return
     if team.state == TeamState.WAITING:
         missing = team.missing.tolist()
-        awaited = team.waiting_for or ", ".join(map(names.robot_name, missing))
+        # What a robot that has a process says of itself is told below.
+        named = ", ".join(map(names.robot_name, missing))
+        waiting = (RobotState.BOOT, RobotState.FAULT)
+        told = {i for i, status in facts.statuses.items() if status.state in waiting and i in facts.robots}
+        awaited = named if told.issuperset(missing) and missing else team.waiting_for or named
         awaited = awaited or f"{team.team_size - len(team.ready)} more of any id"
         text = f"the start gate waits for {awaited} ({len(team.ready)} of {team.team_size} ready)"
         yield problem("gate", text, _gate_step(facts, missing))
@@ -133,15 +139,20 @@ def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
     return None if frame == names.MAP_FRAME else (names.MAP_FRAME, frame)
 
 
+_SOURCE = "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
+
+
 def _boot_step(facts: Facts, status: RobotStatus) -> str:
     if "pose" in status.text and names.AGGREGATOR not in facts.alive:
         return "zteam-tf"
     if wrong := facts.lasers.get(names.scan_key(status.robot_id, 0)):
         return wrong.way_out
+    if unled := [each for each in _follow_problems(facts) if status.robot_id in each.robots]:
+        return _follow_step(facts, unled[0])
     if facts.stands_still:
         return "its data comes when the world goes on"
     if facts.sim is None:
-        return "start what publishes its data: zteam-sim WORLD, or the driver of a real base"
+        return _SOURCE
     return f"'zteam topic info {names.scan_key(status.robot_id, 0)}' names the publishers of its scans"
 
 
@@ -149,7 +160,12 @@ def check_silence(facts: Facts) -> Iterator[Finding]:
     """Robots whose processes answer, but whose main loops publish nothing."""
     for node in facts.nodes:
         robot_id = names.robot_id_of(node.name)
-        if robot_id is not None and node.pid and robot_id not in facts.statuses:
+        if robot_id is None or not node.pid or robot_id in facts.statuses:
+            continue
+        if facts.publishers and names.robot_key(robot_id, names.STATUS) not in facts.publishers:
+            text = f"{node.name} is held by process {node.pid} on {node.host}, which publishes no status"
+            yield note("robots", f"{text}: zteam teleop, or a node without a gate, drives its base")
+        else:
             text = f"{node.name} is alive but publishes no status: its behaviour hangs"
             yield problem("process", text, f"look at its behaviour, then end process {node.pid} on {node.host}")
 
@@ -245,25 +261,59 @@ def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
         yield note("robots", text, f"zteam-robot --id {idle[0]}")
 
 
+def check_followers(facts: Facts) -> Iterator[Finding]:
+    """Robots that follow one without a process, and robots that follow each other in a circle."""
+    for wrong in _follow_problems(facts):
+        yield problem("robots", wrong.text, _follow_step(facts, wrong))
+
+
+def _follow_problems(facts: Facts) -> list[FollowProblem]:
+    leaders = {i: status.leader for i, status in facts.statuses.items() if status.leader >= 0 and i in facts.robots}
+    lost = () if facts.team is None else facts.team.lost.tolist()
+    return list(follow_problems(leaders, lambda leader: leader in facts.robots or leader in lost))
+
+
+def _follow_step(facts: Facts, wrong: FollowProblem) -> str:
+    first = names.robot_name(wrong.robots[0])
+    if wrong.leader is None:
+        return f"let one of them lead: start {first} again without --follow"
+    if facts.sim is not None and facts.lacks(wrong.leader):
+        known = format_robot_ids(facts.sim.robots) or "none"
+        return f"the world has no robot {wrong.leader} (it has {known}): start {first} again with another --follow"
+    return f"zteam-robot --id {wrong.leader}, or start {first} again with another --follow"
+
+
 def check_data(facts: Facts) -> Iterator[Finding]:
     """Whether keys carry data, and whether each robot's process gets scans."""
     if not facts.writers:
         yield problem("data", "no key carries data", "start a simulator or a robot")
         return
-    yield ok("data", f"data on {counted(len(facts.writers), 'key')}")
+    silent = [key for key in facts.publishers if is_sensed(key) and key not in facts.writers]
+    text = f"data on {counted(len(facts.writers), 'key')}"
+    if silent:
+        rest = f", none on {counted(len(silent), 'key')} of sensors, such as {min(silent)}"
+        text += rest + (": the world stands still" if facts.stands_still else "")
+    yield ok("data", text) if facts.stands_still or not silent else note("data", text)
     for robot_id in facts.robots if not facts.stands_still else ():
         if names.scan_key(robot_id, 0) not in facts.writers and not facts.lacks(robot_id):
-            step = f"has the world a robot {robot_id} with a laser? see 'zteam topic list'"
+            # Only where a simulator answers, and has this robot, is there anything to guess.
+            guess = f"has robot {robot_id} of the world a laser? see 'zteam topic list'"
+            step = _SOURCE if facts.sim is None else guess
             yield problem("data", f"{names.robot_name(robot_id)} gets no scan", step)
 
 
 def check_writers(facts: Facts) -> Iterator[Finding]:
-    """Robots that get commands from more than one process."""
-    for key, writers in sorted(facts.writers.items()):
-        target = names.split_robot_key(key)
-        if target is not None and target[1] == names.CMD_VEL and len(writers) > 1:
-            text = f"{key} has {len(writers)} writers: {', '.join(writers)}"
-            yield problem("commands", text, "end all but one: their commands take turns")
+    """Keys of a robot on which one process at a time publishes, and more do, or are about to."""
+    for key in sorted(filter(has_one_writer, {*facts.writers, *facts.publishers})):
+        heard, publishers = facts.writers.get(key, ()), facts.publishers.get(key, ())
+        what = "sensors" if is_sensed(key) else "commands"
+        if len(heard) > 1:
+            text = f"{key} has {len(heard)} writers: {', '.join(heard)}"
+            yield problem(what, text, f"end all but one: their {'data' if is_sensed(key) else 'commands'} take turns")
+        elif len(publishers) > 1 and not key.endswith(f"/{names.CMD_VEL}"):
+            # On cmd_vel the simulator publishes what a robot answers in lock-step.
+            text = f"{key} has {len(publishers)} publishers: {', '.join(publishers)}"
+            yield note(what, f"{text}; one of them sends", "end all but one, if that is not meant")
 
 
 HISTORY_AFTER = 60.0
@@ -404,6 +454,7 @@ _CHECKS = (
     check_clocks,
     check_world,
     check_robots_of_world,
+    check_followers,
     check_lasers,
     check_gate,
     check_stops,

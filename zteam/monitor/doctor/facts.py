@@ -88,6 +88,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Every process with a presence token; one that does not answer has pid 0."""
     writers: Mapping[str, Sequence[str]] = {}
     """The processes that published on each key, by name."""
+    publishers: Mapping[str, Sequence[str]] = {}
+    """The processes that have a publisher of each key, by name; those of other programs than zteam's are not known."""
     faults: Sequence[UnusableMessages] = ()
     dropped: Mapping[str, Sequence[str]] = {}
     """The processes, by name, that publish on a key on which the router drops what they send, by key."""

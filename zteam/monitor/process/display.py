@@ -116,27 +116,36 @@ def make_rows(
     team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float
 ) -> list[Row]:
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
-    return [_row(names.robot_name(i), m, poses.get(i), restarts, now) for i, m in sorted(team.members.items())]
+    rows = []
+    for robot_id, member in sorted(team.members.items()):
+        name, lack = names.robot_name(robot_id), team.lack_of_data(member, now)
+        row = Row(name, _state(member), pose=poses.get(robot_id))
+        row.restarts = restarts[name].count if name in restarts else 0
+        rows.append(_filled(row, member, lack, now))
+    return rows
 
 
-def _row(name: str, member: KnownRobot, pose: Pose2 | None, restarts: Mapping[str, Restarted], now: float) -> Row:
-    row = Row(name, _state(member), pose=pose, restarts=restarts[name].count if name in restarts else 0)
+def _filled(row: Row, member: KnownRobot, lack: str, now: float) -> Row:
+    """The row with what the robot says of itself; `lack` says that it gets no data: then its speed is an old one."""
     status = member.status
     if status is None:
         row.reason = member.why_not_ready
         return row
     row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
     row.age = now - member.heard
-    row.speed = status.speed
     if member.silent:
         row.reason = member.why_not_ready
         return row
+    row.speed = None if lack else status.speed
     row.is_stopped = status.is_stopped and member.alive
     if row.is_stopped:
         row.reason = STOPPED
         return row
     if status.state == RobotState.READY:
         # What GO waits for stands below the table.
+        return row
+    if lack:
+        row.reason = lack
         return row
     # A robot of an older version says only in its text why it does not drive.
     reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
@@ -190,7 +199,7 @@ def team_notes(team: WatchedTeam, restarts: Mapping[str, Restarted], problems: S
     told = [restarts_text(restarts)] if restarts else []
     held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
     told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
-    return ["GO is out" if team.gone else f"waiting for {team.waiting_for()}", *told, *problems]
+    return ["GO is out" if team.gone else f"waiting for {team.awaited()}", *told, *problems]
 
 
 _event_log = logging.getLogger("zteam.monitor.events")
@@ -278,6 +287,8 @@ class TeamDisplay:
         self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout
         self._nag = Every(5.0)
         self._nag.due()
+        self._nagged = ""
+        """What the log said last that GO waits for."""
         self._table = Every(_LIVE_PERIOD if output.is_live else options.table or 0.0)
         self._table_from = monotonic() + (0.0 if output.is_live else _STATUSES)
         self._poses = Poses(node, self._robots) if output.is_live or options.table is not None else None
@@ -330,6 +341,7 @@ class TeamDisplay:
         if gone and self._options.exit_on_go:
             self._leave_at = self._leave_at or monotonic() + LEAVE_AFTER
             return running or monotonic() > self._leave_at
-        if not gone and not self._output.is_live and self._nag.due():
+        if not gone and self._poses is None and waiting_for != self._nagged and self._nag.due():
+            self._nagged = waiting_for
             log.warning("waiting for %s", waiting_for)
         return False

@@ -1,8 +1,11 @@
 """The monitor process: the start gate and the team's health, shown to a user or as JSON lines."""
 
+import logging
 from contextlib import nullcontext
 
 from zteam import names
+from zteam.config.numbers import counted
+from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import TeamStatus, Tick, ns_from_time
 from zteam.monitor.process.display import Lines, TeamDisplay, showing
 from zteam.monitor.process.start_gate import Gate
@@ -12,6 +15,8 @@ from zteam.node.lockstep import Ticks
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.simulator.client import find_status
+
+log = logging.getLogger("zteam")
 
 
 class Monitor:
@@ -77,6 +82,13 @@ class Monitor:
             self._publisher.put(status)
 
 
+def describe_team(options: MonitorOptions) -> str:
+    """The robots that GO waits for, in words."""
+    if options.ids is None:
+        return counted(options.team_size, "robot")
+    return f"robot{'s' * (len(options.ids) > 1)} {format_robot_ids(options.ids)}"
+
+
 def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None = None) -> None:
     """Be the monitor until asked to stop, or until GO with `exit_on_go`; `lines` instead of standard output.
 
@@ -88,5 +100,6 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None 
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
+    log.info("start gate: waiting for %s, then GO", describe_team(options))
     with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

@@ -11,13 +11,11 @@ import numpy as np
 from zteam import names
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.monitor.process.members import KnownRobot, WatchedTeam
+from zteam.monitor.process.members import NAMED, KnownRobot, WatchedTeam
 from zteam.simulator.client import absence_text
 
 _LAST_EPOCH = 2**32 - 1
 """On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
-_NAMED = 8
-"""Robots that the text of what GO waits for names at most."""
 
 
 class Gate(WatchedTeam):
@@ -125,6 +123,7 @@ class Gate(WatchedTeam):
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
+        self.check_leaders(0.0, at_once=True)
         self._next_epoch()
         self.gone, self.go_stamp = True, stamp
         for member in self.members.values():
@@ -142,24 +141,28 @@ class Gate(WatchedTeam):
 
     def waiting_for(self) -> str:
         """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
-        unready = self.missing
-        if self.expected is None:
-            unready = sorted(i for i, member in self.members.items() if member.alive and not member.ready)
-        parts = [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:_NAMED]]
-        if len(unready) > _NAMED:
-            parts.append(f"and {len(unready) - _NAMED} more robots")
-        if self.expected is None and len(self.ready) < self.team_size:
-            parts.insert(0, self._count())
+        unready, unknown = self.unready(), self.unknown()
+        parts = [f"{unknown} more of any id"] if unknown else []
+        parts += [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:NAMED]]
+        if len(unready) > NAMED:
+            parts.append(f"and {len(unready) - NAMED} more robots")
         return "; ".join(parts)
 
-    def _count(self) -> str:
-        return f"{self.team_size - len(self.ready)} more of any id"
+    def unready(self) -> list[int]:
+        """Ids of the known robots that GO waits for."""
+        if self.expected is not None:
+            return self.missing
+        if len(self.ready) >= self.team_size:
+            return []
+        return sorted(i for i, member in self.members.items() if member.alive and not member.ready)
+
+    def unknown(self) -> int:
+        """How many further robots GO waits for, whatever their ids are."""
+        return 0 if self.expected is not None else max(0, self.team_size - len(self.ready) - len(self.unready()))
 
     def _progress(self) -> str:
-        done = f"{len(self.ready)} of {self.team_size}"
-        if len(self.ready) >= self.team_size:
-            return done
-        return f"{done}; waiting for {', '.join(map(names.robot_name, self.missing)) or self._count()}"
+        done, awaited = f"{len(self.ready)} of {self.team_size}", self.awaited()
+        return f"{done}; waiting for {awaited}" if awaited else done
 
     def status(self, stamp: int) -> TeamStatus:
         """What to publish, at time `stamp` (ns)."""

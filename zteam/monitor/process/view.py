@@ -64,6 +64,25 @@ class FollowedTeam(WatchedTeam):
         # A monitor that is not of zteam may leave the reasons out.
         return status.waiting_for or ", ".join(map(names.robot_name, status.missing.tolist()))
 
+    def unready(self) -> list[int]:
+        """Ids of the known robots that GO waits for."""
+        status = self.status
+        if status is None or self.gone:
+            return []
+        there = [i for i, member in self.members.items() if member.alive and not member.ready]
+        return status.missing.tolist() or sorted(there)
+
+    def unknown(self) -> int:
+        """How many further robots GO waits for, whatever their ids are."""
+        status = self.status
+        if status is None or self.gone or status.missing.size:
+            return 0
+        return max(0, status.team_size - status.ready.size - len(self.unready()))
+
+    def awaited(self) -> str:
+        """What GO waits for, without the reasons, which each robot's row has."""
+        return super().awaited() or self.waiting_for()
+
     def _difference(self, size: int) -> str:
         """How the running monitor's team, of this size, differs from the one asked for; empty if it does not."""
         if size != self._team_size:

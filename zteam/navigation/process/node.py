@@ -16,6 +16,7 @@ from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import Handle, RawSample
 from zteam.clock import monotonic
+from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
@@ -170,6 +171,7 @@ class NavigationNode:
             )
             self._node.claim.under_name.append(Handle(claim.release))
         self._node.on_stop(self._halt)
+        log.info("navigation of robot %s: waiting for its map and data", format_robot_ids(self._robots))
         self._transforms.ask()
         self._node.run(self.step, period=self._period)
 

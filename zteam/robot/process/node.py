@@ -29,10 +29,11 @@ from zteam.messages import (
     Twist,
 )
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.messages.topics import is_latched
+from zteam.messages.topics import has_one_writer, is_latched
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
+from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import MAX_AHEAD, HeldMessage, stamp_of
@@ -209,6 +210,8 @@ class RobotNode:
         self._heartbeat = Every(_HEARTBEAT)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
+        self._rivals = RivalWatch(node.bus)
+        """Of base_scan, velocities and declared inputs: what comes with its sender."""
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self._alive: TokenSet | None = None
@@ -283,7 +286,8 @@ class RobotNode:
 
     # Inputs
 
-    def _on_scan(self, _key: str, scan: LaserScan, _source: str) -> None:
+    def _on_scan(self, key: str, scan: LaserScan, source: str) -> None:
+        self._rivals.take(key, source)
         self._inputs.take_scan(scan)
         self._part.take_stamp(self._inputs.scan_stamp)
         self._first_data = self._first_data or monotonic()
@@ -318,6 +322,8 @@ class RobotNode:
     def _on_sent(self, number: int, take: Callable[..., None], key: str, message: Message, source: str = "") -> None:
         """A message of another process than the simulator: in lock-step it counts in the tick after its own."""
         part, clock, messages = self._part, self._node.clock, self._inputs.messages
+        if has_one_writer(key):
+            self._rivals.take(key, source)
         if isinstance(message, RobotStatus) and self._node.ended_time.has(key, lambda: stamp_of(message), clock.now()):
             return
         if not part.active:
@@ -379,6 +385,7 @@ class RobotNode:
             self._step(self._start.begin_look, self._driver.pass_gate)
             with self._node.changed:
                 self._start.tell()
+                self._rivals.look()
                 self._status.beat()
 
     def _wait_for_work(self) -> None:
@@ -465,6 +472,13 @@ class RobotNode:
         self._status.keep_up(self._acted)
         return command
 
+    def log_start(self, *, gated: bool) -> None:
+        """Log what this process is and what it waits for; `gated`: for GO too."""
+        leader = self._driver.behavior.leader
+        behind = "" if leader is None else f" behind {names.robot_name(leader)}"
+        go = "then for the monitor's GO" if gated else "not for GO (--no-gate)"
+        log.info("robot %d, behaviour %s%s: waiting for its data, %s", self._id, self._status.behavior, behind, go)
+
     def halt(self) -> None:
         """Publish zero velocity, then the status; both leave before the session closes."""
         with self._node.changed:
@@ -479,10 +493,9 @@ def run_robot(
     """Be robot `options.robot_id` until asked to stop. `transforms` are those of all robots of this process."""
     robot = RobotNode(node, kind, options, transforms)
     node.become_present()
+    robot.log_start(gated=options.gate)
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
-    if not options.gate:
-        log.info("not waiting for GO (--no-gate)")
     robot.run()

@@ -331,6 +331,14 @@ def _pose(request: SpawnRequest | MoveRequest) -> Pose2:
     return Pose2(request.x, request.y, request.yaw)
 
 
+def _hold_text(options: SimOptions) -> str:
+    """What the first tick waits for, as the end of a sentence."""
+    lockstep = options.lockstep
+    awaited = [] if lockstep is None else [*lockstep.expected, *(["the monitor's GO"] if lockstep.gate else [])]
+    held = f", lock-step: the first tick waits for {', '.join(awaited)}" if awaited else ""
+    return f"{held}{', paused' if options.paused else ''}"
+
+
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
     """Run the simulator until it is asked to stop."""
     for pair in options.follows.items():
@@ -341,7 +349,8 @@ def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], opt
             )  # fmt: skip
     simulation = open_simulation(node, world, robots, options)
     node.become_present()
-    log.info("%s: %s, a tick every %g ms", world.name, counted(len(robots), "robot"), world.interval / 1e6)
+    size, period = counted(len(robots), "robot"), world.interval / 1e6
+    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, _hold_text(options))
     run_ticks(simulation)
 
 

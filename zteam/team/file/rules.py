@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 from zteam import names
 from zteam.config.problems import Problem
-from zteam.config.robot_ids import format_robot_ids
+from zteam.config.robot_ids import circle_from, format_robot_ids
 from zteam.config.toml_values import KeyPath, toml_text
 from zteam.errors import did_you_mean
 from zteam.geometry import turn_problem
@@ -51,7 +51,7 @@ def check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None)
     for i, robot in robots.items():
         key, text = _check_follow(robot, ids)
         if not text and robot.id not in circles:
-            circle = _circle_from(robot.id, leaders)
+            circle = circle_from(robot.id, leaders)
             circles.update(circle)
             chain = " → ".join(map(str, circle))
             text = f"robots follow each other in a circle ({chain}); let one of them lead" if circle else ""
@@ -75,16 +75,6 @@ def _check_follow(robot: RobotEntry, ids: Collection[int] | None) -> tuple[str, 
     if ids is not None and robot.follow not in ids:
         return "follow", f"no robot {robot.follow} in this team (it has {format_robot_ids(ids)})"
     return "follow", ""
-
-
-def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
-    """`1, 2, 1` if `robot_id` is part of a circle, else empty."""
-    chain = [robot_id]
-    leader = leaders.get(robot_id)
-    while leader is not None and leader not in chain:
-        chain.append(leader)
-        leader = leaders.get(leader)
-    return [*chain, robot_id] if leader == robot_id else []
 
 
 def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> Iterator[Problem]:

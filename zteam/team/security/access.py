@@ -194,7 +194,8 @@ _BY_ROBOT: dict[str, Callable[[str], int | None]] = {
 _LATCH = "@adv/pub/**"
 """Below a key: what a latched topic's publisher holds and answers. No wildcard means a part of a key with @."""
 _EVERYTHING = ("**", "**/@adv/**")
-_DECLARATIONS = names.declarations_key("*")
+_SESSIONS = (names.declarations_key("*"), names.session_info_key("*"))
+"""What every session answers."""
 _CHECKED = names.checked_key("*", "*")
 _ROUTER_RECORD = "@/*/router"
 _WATCH = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
@@ -227,8 +228,8 @@ def access_control(
     # All within the namespace: a wildcard in its place would reach it too, and pass the rules that deny.
     rule("receive", _ALL, [*here((*_EVERYTHING, "@session/**")), "@/**"], "egress")
     rule("watch", _WATCH, here((*_EVERYTHING, _CHECKED)), "ingress")
-    rule("ask", _ASK, [*here((*_EVERYTHING, _DECLARATIONS)), _ROUTER_RECORD], "ingress")
-    rule("tell", _ANSWER, here([_DECLARATIONS]), "ingress")
+    rule("ask", _ASK, [*here((*_EVERYTHING, *_SESSIONS)), _ROUTER_RECORD], "ingress")
+    rule("tell", _ANSWER, here(_SESSIONS), "ingress")
     rule("check", _HOLD, here([_CHECKED]), "ingress")
     rule("link", _ALL, ["**", "**/@adv/**", "**/@session/**", "@/**"], "ingress", "egress")
     common = [each["id"] for each in rules if each["id"] != "link"]

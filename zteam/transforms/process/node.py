@@ -257,4 +257,5 @@ def run_aggregator(node: ProcessNode, options: AggregatorOptions, descriptions: 
     """Be the aggregator until asked to stop."""
     aggregator = Aggregator(node, options, descriptions)
     node.become_present()
+    log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")
     aggregator.run()

@@ -6,6 +6,7 @@ import pytest
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts, team_status
 from zteam.messages import RobotState
 from zteam.monitor.doctor.checks import (
+    check_followers,
     check_frames,
     check_gate,
     check_lasers,
@@ -23,6 +24,31 @@ def test_a_paused_world_is_named_as_the_cause() -> None:
     assert problems(check_team(facts)) == [
         ("world", "the simulator is paused at 5.000 s (tick 50)", "zteam sim resume"),
     ]
+
+
+def test_robots_that_cannot_follow_are_named() -> None:
+    """A circle, and a leader without a process, which is the cause of what the follower waits for; one that was lost is
+    told as that."""
+    circle = team_facts(statuses={0: robot_status(0, leader=1), 1: robot_status(1, leader=0)})
+    assert problems(check_team(circle)) == [
+        (
+            "robots",
+            "robots follow each other in a circle: robot_0 -> robot_1 -> robot_0",
+            "let one of them lead: start robot_0 again without --follow",
+        )
+    ]
+    waits = robot_status(1, RobotState.BOOT, text="waiting for the pose of its leader robot_9", leader=9)
+    facts = team_facts(statuses={0: robot_status(0), 1: waits})
+    step = "the world has no robot 9 (it has 0, 1): start robot_1 again with another --follow"
+    assert problems(check_team(facts)) == [
+        ("robots", "robot_1 follows robot_9, which has no process", step),
+        ("robots", "robot_1 is not ready (boot): waiting for the pose of its leader robot_9", step),
+    ]
+    assert problems(check_followers(msgspec.structs.replace(facts, sim=sim_status(robots=[0, 1, 9]))))[0][2] == (
+        "zteam-robot --id 9, or start robot_1 again with another --follow"
+    )
+    gone = msgspec.structs.replace(facts, team=team_status(ready=[1], missing=[], lost=[9]))
+    assert list(check_followers(gone)) == []
 
 
 def test_robots_that_are_stopped_are_named_with_the_way_out() -> None:
@@ -158,6 +184,19 @@ def test_a_robot_without_a_status_hangs() -> None:
     assert (what, text) == ("process", "robot_1 is alive but publishes no status: its behaviour hangs")
     assert "process 1002 on host" in step
     assert not list(check_silence(team_facts(statuses={}, nodes=nodes("robot_1", silent=("robot_1",)))))
+    hangs = msgspec.structs.replace(facts, publishers={"robot_1/status": ["robot_1"]})
+    assert problems(check_silence(hangs)) == problems(check_silence(facts))
+
+
+def test_a_process_that_has_no_status_does_not_hang() -> None:
+    """A teleop that drives a base itself holds the robot's name, and has no publisher of a status."""
+    facts = team_facts(statuses={0: robot_status(0)}, publishers={"robot_1/cmd_vel": ["robot_1"]})
+    (finding,) = check_silence(facts)
+    assert finding.level == "note"
+    assert finding.text == (
+        "robot_1 is held by process 1002 on host, which publishes no status: "
+        "zteam teleop, or a node without a gate, drives its base"
+    )
 
 
 CHAIN = {"robot_0/odom": "map", "robot_0/base_footprint": "robot_0/odom", "robot_0/base_link": "robot_0/base_footprint"}

@@ -78,6 +78,22 @@ def test_a_silent_robot_is_named_and_unnamed() -> None:
     assert told(gate, "silent", "answers") == ["robot_0 answers again"]
 
 
+def test_a_process_that_never_sent_a_status_is_silent() -> None:
+    """A robot that came back and hangs in its first step is told like one that hangs later, and so is what it is."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.take_token(0, "first-0", False)
+    gate.take_token(0, "second-0", True)
+    gate.check_silence(100.0)
+    assert gate.waiting_for() == "robot_0: no status yet"
+    told(gate)
+    gate.check_silence(100.5 + SILENT_AFTER)
+    assert told(gate) == ["robot_0 does not answer for 4 s"]
+    assert gate.waiting_for() == "robot_0: does not answer"
+    gate.take_status(0, status(0), 110.0)
+    assert told(gate, "answers") == ["robot_0 answers again"]
+
+
 def test_a_dead_robot_is_not_silent() -> None:
     """A lost robot is not told as silent too."""
     gate = Gate([0], 1)

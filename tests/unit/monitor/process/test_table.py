@@ -3,8 +3,9 @@
 import pytest
 
 from support.gate_feed import come
+from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import RobotDriver, RobotState, RobotStatus
+from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.monitor.process.display import Row, format_table, make_rows, team_notes
 from zteam.monitor.process.members import SILENT_AFTER
 from zteam.monitor.process.start_gate import Gate
@@ -33,6 +34,51 @@ def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:
         "robot_0  running  wander          -12.35  8.50  -3.10  0.40  0.2 s",
         "robot_1  running  follow robot_0       -     -      -  0.00  0.2 s  obstacle ahead",
     ]
+
+
+def running(robot_id: int, stamp: float, speed: float = 0.2) -> RobotStatus:
+    """The status of a robot that drives, at `stamp` seconds of the team's time."""
+    header = Header(time_from_ns(to_ns(stamp)))
+    return RobotStatus(header, robot_id, is_ready=True, state=RobotState.RUNNING, speed=speed)
+
+
+def test_a_robot_without_data_shows_no_speed() -> None:
+    """Where a robot's time stands still its last speed is an old one; it shows again when time goes on, by its own
+    statuses or by the simulator's ticks, as in lock-step, where a slow world repeats a status."""
+    gate = Gate([0], 1)
+    gate.take_token(0, "a", True)
+
+    def row(now: float) -> tuple[float | None, str]:
+        (found,) = make_rows(gate, {}, {}, now)
+        return found.speed, found.reason
+
+    for now in (10.0, 11.0, 12.0, 13.0):
+        gate.take_status(0, running(0, min(now, 11.5)), now)
+    assert row(13.0) == (0.2, "")
+    gate.take_status(0, running(0, 11.5), 15.2)
+    assert row(15.2) == (None, "no data since 11.5 s")
+    gate.take_tick(115, 16.0)
+    assert row(16.0) == (0.2, "")
+    gate.take_tick(115, 20.0)
+    gate.take_status(0, running(0, 11.5), 20.0)
+    assert row(20.0) == (None, "no data since 11.5 s")
+    gate.take_status(0, running(0, 12.0), 20.5)
+    assert row(20.5) == (0.2, "")
+
+
+@pytest.mark.parametrize("stamp", [12.3, 1.8e9])
+def test_what_is_known_to_be_gone_takes_the_speed_at_once(stamp: float) -> None:
+    """When the simulator or the router goes, nothing is waited for; one status may be on its way, two mean data. By the
+    host's clock the age is shown."""
+    gate = Gate([0], 1)
+    gate.take_token(0, "a", True)
+    gate.take_status(0, running(0, stamp), 10.0)
+    gate.lose_data()
+    gate.take_status(0, running(0, stamp + 0.1), 10.5)
+    (row,) = make_rows(gate, {}, {}, 11.5)
+    assert (row.speed, row.reason) == (None, "no data since 12.4 s" if stamp < 1e8 else "no data for 1 s")
+    gate.take_status(0, running(0, stamp + 0.2), 12.0)
+    assert make_rows(gate, {}, {}, 12.0)[0].speed == 0.2
 
 
 def test_a_robot_that_is_stopped_says_so_in_each_state() -> None:
@@ -66,6 +112,7 @@ def test_every_robot_has_a_state() -> None:
     assert [row.state for row in rows] == ["silent", "lost", "stopped", "silent", "absent", "absent"]
     assert [row.reason for row in rows[1:3]] == ["its process is gone"] * 2
     assert rows[0].reason == rows[3].reason == "does not answer"
+    assert rows[0].speed is rows[3].speed is None
     assert rows[4].reason == "no status yet"
     assert rows[5].reason.startswith("not in the world; it has 0-4 ('zteam sim spawn --id 5")
 
@@ -116,9 +163,10 @@ def test_the_notes_tell_of_go_and_of_what_is_wrong() -> None:
     """Before GO what it waits for, then that it is out, and below it what else is wrong."""
     gate = Gate([0], 1)
     assert team_notes(gate, {}, ["the simulator is gone"]) == [
-        "waiting for robot_0: no process yet",
+        "waiting for robot_0",
         "the simulator is gone",
     ]
+    assert make_rows(gate, {}, {}, 0.0)[0].reason == "no process yet"
     come(gate, 0)
     gate.try_go(1)
     assert team_notes(gate, {}, []) == ["GO is out"]

@@ -1,5 +1,7 @@
 """What the start gate says it waits for, and which robots it names."""
 
+import msgspec
+
 from support.gate_feed import BOOT, FAULT, come, status, told
 from zteam.monitor.process.members import SILENT_AFTER
 from zteam.monitor.process.start_gate import Gate
@@ -30,11 +32,14 @@ def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
 
 
 def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> None:
-    """How many are missing, and what the robots that came still wait for."""
+    """How many are missing besides the robots that came, and what these still wait for."""
     gate = Gate(None, 3)
     come(gate, 0)
     come(gate, 4, state=BOOT)
-    assert gate.waiting_for() == "2 more of any id; robot_4: not ready yet"
+    assert gate.waiting_for() == "1 more of any id; robot_4: not ready yet"
+    assert gate.awaited() == "robot_4, 1 more of any id"
+    come(gate, 6, state=BOOT)
+    assert gate.waiting_for() == "robot_4: not ready yet; robot_6: not ready yet"
 
 
 def test_a_large_team_is_not_told_in_full() -> None:
@@ -57,6 +62,36 @@ def test_a_robot_that_the_world_lacks_is_named() -> None:
         gate.take_world([])
         gate.take_world(world)
         assert gate.waiting_for() == "robot_9: no process yet"
+
+
+def test_robots_that_cannot_follow_are_told_before_go() -> None:
+    """A circle, and a leader that GO does not wait for, each once; a leader that is still to come is not missed."""
+    gate = Gate([0, 1, 2], 3)
+    for robot_id, leader in ((0, 1), (1, 0), (2, 9)):
+        gate.take_token(robot_id, "a", True)
+        gate.take_status(robot_id, msgspec.structs.replace(status(robot_id), leader=leader), 0.0)
+    told(gate)
+    assert gate.try_go(1)
+    assert told(gate) == [
+        "robots follow each other in a circle: robot_0 -> robot_1 -> robot_0",
+        "robot_2 follows robot_9, which has no process",
+        "All robots GO!",
+    ]
+    gate.check_leaders(9.0)
+    assert told(gate) == []
+    waiting = Gate(None, 2)
+    waiting.take_token(1, "a", True)
+    waiting.take_status(1, msgspec.structs.replace(status(1, BOOT), leader=9), 0.0)
+    for now in (10.0, 20.0):
+        waiting.check_leaders(now)
+    assert told(waiting, "follow") == []
+    come(waiting, 0)
+    for now in (30.0, 40.0):
+        waiting.check_leaders(now)
+    assert told(waiting, "follow") == ["robot_1 follows robot_9, which has no process"]
+    waiting.take_status(1, msgspec.structs.replace(status(1, BOOT), leader=0), 50.0)
+    waiting.check_leaders(50.0)
+    assert waiting.follow_problems == []
 
 
 def test_a_robot_that_is_not_expected_is_named_once() -> None:

@@ -1,10 +1,16 @@
 """Which processes command a robot, and what the monitor tells of that."""
 
+import os
+import socket
+
 import pytest
 
+from support.log_capture import captured_log
+from support.named_sessions import open_named
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
-from zteam.messages import Twist
+from zteam.clock import Every
+from zteam.messages import Odometry, TFMessage, Twist
 from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
@@ -62,19 +68,40 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
     simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     desk.watch.tokens.take(names.SIMULATOR, simulator.instance, True)
-    desk.watch.tokens.take("robot_0", "a1", True)
+    commanding = [open_named(hub, name) for name in ("robot_0", "joystick")]
+    publishers = [bus.publisher("robot_0/cmd_vel", Twist) for bus in commanding]
+    robot, joystick = (bus.instance for bus in commanding)
+    place = f"(process {os.getpid()} on {socket.gethostname()})"
     assert desk.tell() == []
-    status.writers = {0: ["a1", "b2"]}
-    text = "is commanded by 2 processes: robot_0, session b2 (see 'zteam topic info robot_0/cmd_vel')"
+    status.writers = {0: [robot, "b2"]}
+    text = f"is commanded by 2 processes: robot_0 {place}, session b2 (see 'zteam topic info robot_0/cmd_vel')"
     assert desk.tell() == [("writers", 0, text)]
     assert desk.tell() == []
-    desk.watch.tokens.take("joystick", "b2", True)
-    status.writers = {0: ["a1", "b2", "c3"]}
+    status.writers = {0: [robot, joystick, "c3"]}
     ((_, _, more),) = desk.tell()
-    assert "3 processes: robot_0, joystick, session c3" in more
+    assert f"3 processes: robot_0 {place}, joystick {place}, session c3" in more
+    assert len(publishers) == 2
     status.writers = {}
     assert desk.tell() == [("writers", 0, "is commanded by one process again")]
     assert desk.tell() == []
+
+
+def test_two_bases_of_a_robot_are_told(hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All sessions are asked what they publish: two on a sensor's key are named with host and process, and told."""
+    bases = [hub.bus() for _ in range(2)]
+    publishers = [bus.publisher("robot_0/odom", Odometry) for bus in bases]
+    bases[0].publisher("robot_0/tf", TFMessage), bases[1].publisher("robot_0/tf", TFMessage)
+    desk.node.clock.use_wall()
+    assert desk.tell() == []
+    monkeypatch.setattr(desk.watch, "_ask_all", Every(0.0))
+    with captured_log() as log:
+        ((kind, robot_id, text),) = desk.tell()
+    assert (kind, robot_id) == ("writers", 0)
+    assert text.startswith("has 2 publishers on odom: ") and text.count("(process ") == 2
+    assert log.count("robot_0/odom is also published by ") == 2
+    assert desk.watch.notes() == ["robot_0/odom has 2 publishers"]
+    publishers[0].close()
+    assert desk.tell() == [("writers", 0, "has one publisher again on odom")]
 
 
 def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
@@ -85,9 +112,8 @@ def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: 
 
 def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
     """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
-    robot, rival = hub.bus(), hub.bus()
+    robot, rival = open_named(hub, "robot_3"), open_named(hub, "joystick")
     publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
-    desk.watch.tokens.take("robot_3", robot.instance, True)
     desk.tell()
     for publisher in publishers:
         publisher.put(Twist())
@@ -99,4 +125,4 @@ def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) 
     publishers[1].put(Twist())
     ((kind, robot_id, text),) = desk.tell()
     assert (kind, robot_id) == ("writers", 3)
-    assert f"robot_3, session {rival.instance}" in text
+    assert "2 processes: robot_3 (process " in text and ", joystick (process " in text
