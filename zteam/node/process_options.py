@@ -161,8 +161,25 @@ class ViewOptions(msgspec.Struct, frozen=True):
     """Its name on the bus; empty: a new one of its kind."""
 
 
+class NodeOptions(msgspec.Struct, frozen=True):
+    """A node of the user's own."""
+
+    name: str
+    body: str
+    """Its function, as `package.module:function`."""
+    folders: tuple[str, ...] = ("",)
+    """As of RobotOptions."""
+
+
 ProcessOptions = (
-    SimOptions | MapOptions | AggregatorOptions | MonitorOptions | RobotOptions | NavigationOptions | ViewOptions
+    SimOptions
+    | MapOptions
+    | AggregatorOptions
+    | MonitorOptions
+    | RobotOptions
+    | NavigationOptions
+    | ViewOptions
+    | NodeOptions
 )
 
 
