@@ -1,8 +1,15 @@
 """A lab's own project, whose modules only pytest finds: what passes there, what fails, and with which words."""
 
+import os
+import subprocess
+import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
+
+from support.limits import LIMIT
+from zteam.testing import Team
 
 pytest_plugins = "pytester"
 pytestmark = [pytest.mark.team, pytest.mark.gate]
@@ -73,14 +80,16 @@ def test_a_node_by_popen(team, lockstep):
         start(team, expect=["counter"], lockstep=lockstep)
         team.run(2)
 
-@pytest.mark.parametrize("asked", [False, True])
-def test_a_node_that_the_test_ends(team, asked):
+@pytest.mark.parametrize("how", ["at the end", "waited for", "expected"])
+def test_a_node_that_the_test_ends(team, how):
     with counter(team) as node:
         start(team, expect=["counter"])
-        if asked:
-            team.expect_end("counter")
+        if how != "at the end":
+            if how == "expected":
+                team.expect_end("counter")
             node.terminate()
-            node.wait(60)
+            if how == "waited for":
+                node.wait(60)
             team.run(2)
 
 def test_programs(team, tmp_path, monkeypatch):
@@ -97,8 +106,6 @@ def test_programs(team, tmp_path, monkeypatch):
     team.run(1)
 """
 FAILING = """
-import zteam.errors
-
 @pytest.mark.parametrize("lockstep", [False, True])
 @pytest.mark.parametrize("how", ["raises", "vanishes"])
 def test_a_node_by_popen(team, how, lockstep):
@@ -126,6 +133,33 @@ def test_a_node_by_its_name(team):
 """
 
 
+REFUSED = """
+from zteam.errors import ZteamError
+
+def test_shadowed(team):
+    with pytest.raises(ZteamError, match=r"^team.start: robots.0..behavior: .* module lab is .*src.* import .*away"):
+        team.start("arena", 1, behavior="lab.guard:Guard")
+    with pytest.raises(ZteamError, match=r"^node 'crowd': .* module lab is .*src.* import .*away"):
+        team.start("arena", 1, nodes={"crowd": "lab.counter:main"})
+    assert team.log == []
+"""
+OWN_CLASS = """
+from zteam import Behavior
+from zteam.messages import Twist, Vector3
+
+class Here(Behavior):
+    def step(self, view):
+        return Twist(Vector3(0.2))
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_of_the_test_file(team, in_process):
+    team.start("arena", 1, behavior=f"{__name__}:Here", in_process=in_process)
+    team.wait_for_go()
+    team.run(2)
+    assert team.robot(0).distance_travelled > 0.1
+"""
+
+
 def make_lab(folder: Path, test: str, *, importmode: str = "prepend") -> Path:
     """The lab's project in `folder`: one exercise with a source folder that only pytest's settings name."""
     files = {
@@ -145,10 +179,31 @@ def make_lab(folder: Path, test: str, *, importmode: str = "prepend") -> Path:
 
 def test_a_lab_finds_its_modules_everywhere(pytester: pytest.Pytester) -> None:
     """From above the exercise, with xdist: behaviours, nodes by name and by Popen, and programs find what the test
-    finds, and what the test ends itself is no failure."""
+    finds, and what the test ends by itself is no failure."""
     make_lab(pytester.path, PASSING)
     result = pytester.runpytest_subprocess("hw1", "-n", "2", "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=7)
+    result.assert_outcomes(passed=8)
+
+
+@pytest.mark.parametrize("importmode", ["prepend", "importlib"])
+def test_a_behavior_may_stand_in_the_test(pytester: pytest.Pytester, importmode: str) -> None:
+    """However pytest imports the file: the children find it by the name that it has there."""
+    make_lab(pytester.path, OWN_CLASS, importmode=importmode)
+    result = pytester.runpytest_subprocess("hw1", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=2)
+
+
+def test_a_module_of_another_file_is_refused(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The children would take another package of this name from PYTHONPATH: one line names both files, and nothing
+    starts."""
+    make_lab(pytester.path, REFUSED)
+    away = pytester.path / "away" / "lab"
+    away.mkdir(parents=True)
+    for name in ("__init__", "guard", "counter"):
+        (away / f"{name}.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(away.parent))
+    result = pytester.runpytest_subprocess("hw1", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=1)
 
 
 @pytest.mark.real_time
@@ -157,8 +212,31 @@ def test_what_takes_part_fails_the_test_when_it_ends(pytester: pytest.Pytester) 
     make_lab(pytester.path, FAILING)
     result = pytester.runpytest_subprocess("hw1", "-n", "2", "-p", "no:cacheprovider")
     result.assert_outcomes(failed=7)
-    raised = [line for line in result.outlines if "TeamFailure: counter ended" in line]
-    assert sum("ValueError: three seconds are over" in line for line in raised) >= 4, raised
-    assert sum("TeamFailure: counter is gone" in line for line in result.outlines) >= 2
-    assert any("TeamFailure: counter hangs" in line for line in result.outlines)
-    assert any("counter.py" in line for line in result.outlines)
+    told = [line.partition("TeamFailure: counter ")[2] for line in result.outlines if line.startswith("E  ")]
+    assert sum("ValueError: three seconds are over" in line for line in told) == 4, told
+    assert sum(line.startswith("ended (exit code 7)") for line in told) == 2, told
+    assert sum(line.startswith("hangs") for line in told) == 1, told
+    result.stdout.re_match_lines([r"E +File .*counter.py\", line \d+, in step"])
+
+
+def test_a_node_that_is_left_behind_ends_by_itself(tmp_path: Path) -> None:
+    """Its fixture's router has gone for good: one that was in the team ends, and one that comes too late."""
+    (tmp_path / "node.py").write_text(COUNTER.replace("from lab.speeds import SPEED", ""))
+    team = Team()
+    assert float(team.environment["ZTEAM_GIVE_UP"]) > 0.0
+    start = partial(
+        subprocess.Popen,
+        [sys.executable, str(tmp_path / "node.py")],
+        env={**os.environ, **team.environment, "ZTEAM_GIVE_UP": "1"},
+    )
+    with start() as left:
+        try:
+            team.wait_for(lambda: team.alive("counter"))
+            team.close()
+            with start() as late:
+                try:
+                    assert (left.wait(LIMIT), late.wait(LIMIT)) == (0, 1)
+                finally:
+                    late.kill()
+        finally:
+            left.kill()

@@ -40,7 +40,7 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
-from zteam.team.testing.others import RETURN, Others
+from zteam.team.testing.others import RETURN, Gone, Others
 from zteam.team.testing.view import ObservedTeam, RobotView
 
 if TYPE_CHECKING:
@@ -91,6 +91,7 @@ class TeamProcesses:
         self._rootdir = rootdir
         self._others: Others | None = None
         """None until the router runs, and without processes."""
+        self._at_end = False
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
         self.log: list[tuple[str, str]] = []
@@ -160,19 +161,17 @@ class TeamProcesses:
         for process in self._supervisor.failures:
             if process.name not in self._may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
-        if self._others is not None:
-            lost = self._others.lost()
-            for name in self._unasked(self._others.gone()):
-                # The test itself may have ended one that is gone, or is about to start it again, unless it has failed.
-                if any(ENDED in line for line in self.lines(name)):
-                    raise TeamFailure(f"{name} ended: {self._words(name)}")
-                if name in lost:
-                    text = f"{name} is gone (team.expect_end({name!r}) lets it end); its last lines"
-                    raise TeamFailure(f"{text}: {self._words(name) or 'none'}")
+        for gone in self._unasked_ends():
+            if any(ENDED in line for line in self.lines(gone.name)):
+                raise TeamFailure(f"{gone}: {self._words(gone.name)}")
+            if gone.is_failure(self._at_end):
+                words = self._words(gone.name) or "it has logged nothing"
+                raise TeamFailure(f"{gone}, without team.expect_end({gone.name!r}): {words}")
 
-    def _unasked(self, others: set[str]) -> list[str]:
-        """Those that this fixture has not started and that may not end."""
-        return sorted(others - self._may_end - self._supervisor.members.keys())
+    def _unasked_ends(self) -> list[Gone]:
+        """Processes that the test has started by itself, which are gone and must not be."""
+        found = [] if self._others is None else self._others.gone()
+        return [gone for gone in found if gone.name not in self._may_end and gone.name not in self._supervisor.members]
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -383,9 +382,9 @@ class TeamProcesses:
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
         self._watch_others(status.participants)
-        if others := left.difference(self._supervisor.members, self._may_end):
+        if left.difference(self._supervisor.members, self._may_end):
             # `_check` fails for those that stay away.
-            self._wait(lambda: all(map(self.alive, others)), 2.0 * RETURN)
+            self._wait(lambda: all(gone.settled for gone in self._unasked_ends()), 2.0 * RETURN)
         for name in left.intersection(self._supervisor.members) - self._may_end - self._restarts:
             if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
@@ -435,16 +434,24 @@ class TeamProcesses:
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
+        self._at_end = True
+        try:
+            self._check_at_end()
+        finally:
+            self._at_end = False
+
+    def _check_at_end(self) -> None:
         self._check()
         if self._bus is None or (self._in_process is None and not self._process(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         self._wait_for_silent()
         if self._others is not None:
-            missing = self._unasked(self._others.missing())
+            self._wait(lambda: all(gone.settled for gone in self._unasked_ends() if gone.code), RETURN)
+            missing = self._others.missing() - self._may_end - self._supervisor.members.keys()
             # In lock-step the world has not moved without them.
             if missing and not self._interval:
-                raise TeamFailure(f"{', '.join(missing)} was expected and never came")
+                raise TeamFailure(f"{', '.join(sorted(missing))}: expected, and never came")
         ended = self._supervisor.ended
         gone = [n for n in self._present - self._may_end if n not in ended and not self.alive(n)]
         self._wait(lambda: all(n in ended or self.alive(n) for n in gone), START_LIMIT)
