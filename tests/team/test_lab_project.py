@@ -121,6 +121,11 @@ def test_a_node_that_hangs(team):
         finally:
             node.kill()
 
+def test_a_node_that_does_not_begin(team):
+    command = [sys.executable, "-m", "lab.no_such_module"]
+    with subprocess.Popen(command, env={**os.environ, **team.environment}):
+        start(team, expect=["counter"])
+
 def test_a_program(team):
     start(team)
     team.spawn(sys.executable, "-m", "lab.counter", "raises", name="counter")
@@ -211,11 +216,12 @@ def test_what_takes_part_fails_the_test_when_it_ends(pytester: pytest.Pytester) 
     """Whoever started it, in both paces: an error with its text and line, an end without one, and a hang."""
     make_lab(pytester.path, FAILING)
     result = pytester.runpytest_subprocess("hw1", "-n", "2", "-p", "no:cacheprovider")
-    result.assert_outcomes(failed=7)
+    result.assert_outcomes(failed=8)
     told = [line.partition("TeamFailure: counter ")[2] for line in result.outlines if line.startswith("E  ")]
     assert sum("ValueError: three seconds are over" in line for line in told) == 4, told
     assert sum(line.startswith("ended (exit code 7)") for line in told) == 2, told
     assert sum(line.startswith("hangs") for line in told) == 1, told
+    result.stdout.re_match_lines([r"E .*counter: expected, and not there; process \d+, .* ended \(exit code 1\)"])
     result.stdout.re_match_lines([r"E +File .*counter.py\", line \d+, in step"])
 
 

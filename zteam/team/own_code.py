@@ -1,9 +1,7 @@
 """The user's own code by its name: bodies of nodes, and in which files a process finds modules."""
 
 import os
-import site
 import sys
-import sysconfig
 from collections.abc import Callable, Container, Iterator
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -34,6 +32,10 @@ def find_body(name: str, spec: str) -> "Callable[[Node], None]":
 
 def search_folders() -> list[str]:
     """Where this process looks for modules besides what its Python has installed, absolute, in its order."""
+    # Only a test pays for these imports.
+    import site
+    import sysconfig
+
     installed = {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()}
     stdlib, version = Path(sysconfig.get_path("stdlib")), "".join(map(str, sys.version_info[:2]))
     # Its compiled modules, and the archive that may stand for it.

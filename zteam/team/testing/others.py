@@ -13,6 +13,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import find_processes
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.messages import Log
+from zteam.node.faults import ENDED
 from zteam.team.launch.process import exit_text
 from zteam.team.testing.view import ObservedTeam
 
@@ -22,6 +23,8 @@ _LAST_LINES = 0.5
 """Host seconds for the last lines of a process that has ended."""
 _INFO_LIMIT = 1.0
 """Host seconds for a process to say which one it is."""
+_LOOK = os.WEXITED | os.WNOHANG | os.WNOWAIT if hasattr(os, "waitid") else 0
+"""Whether a child has ended, which stays to be waited for; 0 where the system cannot tell."""
 _BY_TEST = frozenset({0, -signal.SIGTERM, -signal.SIGINT, -signal.SIGKILL})
 """Exit codes of a process that the test may have ended."""
 
@@ -48,43 +51,83 @@ class Gone(NamedTuple):
         return f"{self.name} {'is gone' if self.code is None else f'ended ({exit_text(self.code)})'}"
 
 
+class TeamAccess(NamedTuple):
+    """What is needed of the fixture."""
+
+    take_line: Callable[[str, str], None]
+    """`take_line(name, line)`: a process has logged a line."""
+    lines: Callable[[str], list[str]]
+    """Those of a process."""
+    words: Callable[[str], str]
+    """The last error of a process, else its last lines."""
+    not_awaited: Callable[[], set[str]]
+    """Names of the processes that may end, or that the fixture has started itself."""
+    own_pids: Callable[[], set[int]]
+    """Of the children of this process that the fixture has started."""
+
+
 class Others:
     """Those that are watched."""
 
-    def __init__(self, bus: Bus, seen: ObservedTeam, on_line: Callable[[str, str], None]) -> None:
-        """`on_line(name, line)` takes what they log."""
-        self._bus, self._seen, self._on_line = bus, seen, on_line
+    def __init__(self, bus: Bus, seen: ObservedTeam, team: TeamAccess) -> None:
+        self._bus, self._seen, self._team = bus, seen, team
         self._watched: set[str] = set()
         self._children: dict[str, int | None] = {}
         """Process ids of those that are there, where they are children of this process."""
         self._gone_since: dict[str, float] = {}
+        self._child = _find_ended_child(), monotonic()
+        """The first child of this process that has ended and was not waited for, and since when; (0, 0) for none."""
+        self._left = self._child[0]
+        """That of a test before."""
         self._up = True
         bus.watch_link(self._on_link)
 
     def watch(self, processes: Iterable[str]) -> None:
         """Watch these from here on, which may come later."""
-        for name in set(processes) - self._watched:
+        for name in set(processes) - self._watched - self._team.not_awaited():
             self._watched.add(name)
             self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
 
     def _take(self, name: str, _key: str, message: Log) -> None:
         level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
-        self._on_line(name, f"{level}{message.msg}")
+        self._team.take_line(name, f"{level}{message.msg}")
 
     def _on_link(self, up: bool) -> None:
         self._up = up
 
-    def missing(self) -> set[str]:
-        """Those that were never there."""
-        return self._watched - self._seen.were_there
+    def missing(self) -> list[str]:
+        """Those that must not end and were never there."""
+        return sorted(self._watched - self._seen.were_there - self._team.not_awaited())
+
+    def failure(self, *, at_end: bool) -> str:
+        """How one ended, unasked by the test, or did not even begin; empty if none did. `at_end` is as of Gone."""
+        for gone in self.gone():
+            words = self._team.words(gone.name) or "it has logged nothing"
+            if any(ENDED in line for line in self._team.lines(gone.name)):
+                return f"{gone}: {words}"
+            if gone.is_failure(at_end):
+                return f"{gone}, without team.expect_end({gone.name!r}): {words}"
+        missing = self.missing()
+        ended = self._ended_child() if missing else ""
+        return f"{', '.join(missing)}: expected, and not there; {ended}" if ended else ""
+
+    def _ended_child(self) -> str:
+        """How a child of this process failed; empty if none did. Which name it would have held is not known."""
+        found, now = _find_ended_child(), monotonic()
+        if found != self._child[0]:
+            self._child = found, now
+        (pid, code), since = self._child
+        # Those of the fixture are waited for at once.
+        is_news = code and found != self._left and pid not in self._team.own_pids() and now - since > _LAST_LINES
+        return f"process {pid}, which the test has started, ended ({exit_text(code)})" if is_news else ""
 
     def gone(self) -> list[Gone]:
-        """Those that were there and are not. Without the router all would be gone, so none is."""
+        """Those that must not end, were there and are not. Without the router all would be gone, so none is."""
         if not self._watched or not self._up:
             self._gone_since.clear()
             return []
         found, now = list[Gone](), monotonic()
-        for name in sorted(self._watched & self._seen.were_there):
+        for name in sorted((self._watched & self._seen.were_there) - self._team.not_awaited()):
             if not self._seen.alive(name):
                 found.append(self._judge(name, now - self._gone_since.setdefault(name, now)))
             elif self._gone_since.pop(name, None) is not None or name not in self._children:
@@ -96,22 +139,34 @@ class Others:
         if pid is None:
             return Gone(name, since > RETURN, None, known=False)
         try:
-            ended = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            ended = os.waitid(os.P_PID, pid, _LOOK)
         except ChildProcessError:
             return Gone(name, since > _LAST_LINES, None, known=True)
         if ended is None:
             # It has given its name back, and may be about to end.
             return Gone(name, since > RETURN, None, known=False)
-        code = ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
-        return Gone(name, since > _LAST_LINES, code, known=False)
+        return Gone(name, since > _LAST_LINES, _exit_code(ended), known=False)
 
     def _find_child(self, name: str) -> int | None:
         """The process id if it is a child of this process."""
         for info in find_processes(self._bus, name, timeout=_INFO_LIMIT):
             try:
-                if hasattr(os, "waitid"):
-                    os.waitid(os.P_PID, info.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+                if _LOOK:
+                    os.waitid(os.P_PID, info.pid, _LOOK)
                     return info.pid
             except ChildProcessError:
                 continue
         return None
+
+
+def _exit_code(ended: os.waitid_result) -> int:
+    return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+
+
+def _find_ended_child() -> tuple[int, int]:
+    """Process id and exit code of a child of this process that was not waited for; (0, 0) if there is none."""
+    try:
+        ended = os.waitid(os.P_ALL, 0, _LOOK) if _LOOK else None
+    except ChildProcessError:
+        return 0, 0
+    return (0, 0) if ended is None else (ended.si_pid, _exit_code(ended))

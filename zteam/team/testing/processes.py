@@ -40,7 +40,7 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
-from zteam.team.testing.others import RETURN, Gone, Others
+from zteam.team.testing.others import RETURN, Others, TeamAccess
 from zteam.team.testing.view import ObservedTeam, RobotView
 
 if TYPE_CHECKING:
@@ -147,7 +147,11 @@ class TeamProcesses:
         self._bus = connect(options, patience=START_LIMIT)
         self._signals.serve(self._bus)
         self._seen = ObservedTeam(self._bus, self._repeat)
-        self._others = Others(self._bus, self._seen, self._take_line)
+        self._others = Others(
+            self._bus,
+            self._seen,
+            TeamAccess(self._take_line, self.lines, self._words, self._not_awaited, self._own_pids),
+        )
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -161,17 +165,16 @@ class TeamProcesses:
         for process in self._supervisor.failures:
             if process.name not in self._may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
-        for gone in self._unasked_ends():
-            if any(ENDED in line for line in self.lines(gone.name)):
-                raise TeamFailure(f"{gone}: {self._words(gone.name)}")
-            if gone.is_failure(self._at_end):
-                words = self._words(gone.name) or "it has logged nothing"
-                raise TeamFailure(f"{gone}, without team.expect_end({gone.name!r}): {words}")
+        if self._others is not None and (text := self._others.failure(at_end=self._at_end)):
+            raise TeamFailure(text)
 
-    def _unasked_ends(self) -> list[Gone]:
-        """Processes that the test has started by itself, which are gone and must not be."""
-        found = [] if self._others is None else self._others.gone()
-        return [gone for gone in found if gone.name not in self._may_end and gone.name not in self._supervisor.members]
+    def _not_awaited(self) -> set[str]:
+        """Names of the processes that may end, or that this fixture has started itself."""
+        return {*self._may_end, *self._supervisor.members}
+
+    def _own_pids(self) -> set[int]:
+        """Of the children of this process that the fixture has started."""
+        return {process.pid for process in self._supervisor.processes.values()} | {*WARM_PARENT.pids.values()}
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -382,9 +385,9 @@ class TeamProcesses:
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
         self._watch_others(status.participants)
-        if left.difference(self._supervisor.members, self._may_end):
+        if (others := self._others) is not None and left - self._not_awaited():
             # `_check` fails for those that stay away.
-            self._wait(lambda: all(gone.settled for gone in self._unasked_ends()), 2.0 * RETURN)
+            self._wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
         for name in left.intersection(self._supervisor.members) - self._may_end - self._restarts:
             if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
@@ -392,7 +395,7 @@ class TeamProcesses:
 
     def _watch_others(self, processes: Iterable[str]) -> None:
         if self._others is not None:
-            self._others.watch(set(processes) - self._supervisor.members.keys())
+            self._others.watch(processes)
 
     def _has_ended_or_joined(self, name: str) -> bool:
         process, status = self._process(name), self.sim_status
@@ -446,12 +449,12 @@ class TeamProcesses:
             # Without its router a team sees nothing of itself.
             return
         self._wait_for_silent()
-        if self._others is not None:
-            self._wait(lambda: all(gone.settled for gone in self._unasked_ends() if gone.code), RETURN)
-            missing = self._others.missing() - self._may_end - self._supervisor.members.keys()
+        others = self._others
+        if others is not None:
+            self._wait(lambda: all(gone.settled for gone in others.gone() if gone.code), RETURN)
             # In lock-step the world has not moved without them.
-            if missing and not self._interval:
-                raise TeamFailure(f"{', '.join(sorted(missing))}: expected, and never came")
+            if not self._interval and (missing := others.missing()):
+                raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
         ended = self._supervisor.ended
         gone = [n for n in self._present - self._may_end if n not in ended and not self.alive(n)]
         self._wait(lambda: all(n in ended or self.alive(n) for n in gone), START_LIMIT)
