@@ -38,7 +38,8 @@ class Gone(NamedTuple):
     code: int | None
     """The exit code of a child of this process that was not waited for."""
     known: bool
-    """Whether it was a child of this process that was waited for: the test knows of its end."""
+    """Whether it was a child of this process that was waited for, so that the test knows of its end; or is not known to
+    be none, and not expected: a program without zteam does not say which process it is."""
 
     def is_failure(self, at_end: bool) -> bool:
         """Whether its end, without an error in its log, is none that the test has asked for.
@@ -72,8 +73,10 @@ class Others:
     def __init__(self, bus: Bus, seen: ObservedTeam, team: TeamAccess) -> None:
         self._bus, self._seen, self._team = bus, seen, team
         self._watched: set[str] = set()
+        self._expected: set[str] = set()
         self._children: dict[str, int | None] = {}
-        """Process ids of those that are there, where they are children of this process."""
+        """Process ids of those that are there, where they are children of this process; 0 = it is none, None = it does
+        not say."""
         self._gone_since: dict[str, float] = {}
         self._child = _find_ended_child(), monotonic()
         """The first child of this process that has ended and was not waited for, and since when; (0, 0) for none."""
@@ -82,8 +85,10 @@ class Others:
         self._up = True
         bus.watch_link(self._on_link)
 
-    def watch(self, processes: Iterable[str]) -> None:
-        """Watch these from here on, which may come later."""
+    def watch(self, processes: Iterable[str], *, expected: bool) -> None:
+        """Watch these from here on, which may come later if they are `expected`."""
+        if expected:
+            self._expected.update(processes)
         for name in set(processes) - self._watched - self._team.not_awaited():
             self._watched.add(name)
             self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
@@ -136,8 +141,9 @@ class Others:
 
     def _judge(self, name: str, since: float) -> Gone:
         pid = self._children.get(name)
-        if pid is None:
-            return Gone(name, since > RETURN, None, known=False)
+        if not pid:
+            may_be_gone = pid is None and name not in self._expected
+            return Gone(name, may_be_gone or since > RETURN, None, known=may_be_gone)
         try:
             ended = os.waitid(os.P_PID, pid, _LOOK)
         except ChildProcessError:
@@ -148,15 +154,17 @@ class Others:
         return Gone(name, since > _LAST_LINES, _exit_code(ended), known=False)
 
     def _find_child(self, name: str) -> int | None:
-        """The process id if it is a child of this process."""
+        """As `_children` has it."""
+        found = None
         for info in find_processes(self._bus, name, timeout=_INFO_LIMIT):
+            found = 0
             try:
                 if _LOOK:
                     os.waitid(os.P_PID, info.pid, _LOOK)
                     return info.pid
             except ChildProcessError:
                 continue
-        return None
+        return found
 
 
 def _exit_code(ended: os.waitid_result) -> int:

@@ -384,7 +384,7 @@ class TeamProcesses:
             )
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
-        self._watch_others(status.participants)
+        self._watch_others(status.participants, expected=False)
         if (others := self._others) is not None and left - self._not_awaited():
             # `_check` fails for those that stay away.
             self._wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
@@ -393,9 +393,9 @@ class TeamProcesses:
                 self._note_hang(name, "it lives and has left the bus")
         self._check()
 
-    def _watch_others(self, processes: Iterable[str]) -> None:
+    def _watch_others(self, processes: Iterable[str], *, expected: bool = True) -> None:
         if self._others is not None:
-            self._others.watch(processes)
+            self._others.watch(processes, expected=expected)
 
     def _has_ended_or_joined(self, name: str) -> bool:
         process, status = self._process(name), self.sim_status
