@@ -56,7 +56,11 @@ def test_hangs(team):
     team.spawn("zteam-robot", "--id", "0", name="robot_0")
     team.wait_for_processes("sim", "robot_0")
     team.pause_process("robot_0")
-    Path("pids").write_text(" ".join(str(team.pid(name)) for name in ("router", "sim", "robot_0")))
+    # Programs without zteam in them.
+    team.spawn("sh", "-c", "sleep 1000 & echo $!; wait", name="recorder")
+    team.wait_for(lambda: team.lines("recorder"))
+    pids = [team.pid(name) for name in ("router", "sim", "robot_0", "recorder")]
+    Path("pids").write_text(" ".join([*map(str, pids), *team.lines("recorder")]))
     END
 """
 
@@ -73,9 +77,10 @@ def ended(handles: list[int]) -> bool:
     return all(done)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_no_process_outlives_pytest(pytester: pytest.Pytester, number: signal.Signals) -> None:
-    """However pytest ends during a test, the team's processes end too, a frozen one included."""
+    """However pytest ends during a test, the team's processes end too, a frozen one included, and a program without
+    zteam in it with all that it has started."""
     end = "print('READY', flush=True)\n    __import__('signal').pause()"
     path = pytester.makepyfile(HANGING.replace("END", end))
     command = [sys.executable, "-m", "pytest", "-s", "-q", "-p", "no:cacheprovider", str(path)]

@@ -40,9 +40,12 @@ def test_the_lectures_line_drives_through_willow(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_no_process_outlives_the_launcher(tmp_path: Path, number: signal.Signals) -> None:
-    """However the launcher ends, all its processes end too; a signal that it handles ends it with exit code 0."""
+    """However the launcher ends, all its processes end too, a program of the team file with all that it has started; a
+    signal that the launcher handles ends it with exit code 0."""
+    node = '[[nodes]]\nname = "recorder"\ncommand = ["sh", "-c", "sleep 1000 & wait"]\n'
+    (tmp_path / "team.toml").write_text(f'include = ["arena.toml"]\n{node}')
     launcher = subprocess.Popen(
-        zteam_command("zteam", "up", "arena", "--lockstep"),
+        zteam_command("zteam", "up", "team.toml", "--lockstep"),
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -54,8 +57,9 @@ def test_no_process_outlives_the_launcher(tmp_path: Path, number: signal.Signals
             if "All robots GO!" in line:
                 break
         children = descendants_of(launcher.pid)
-        # Router, simulator, aggregator, monitor, two robots; and their warm parent, where there is one.
-        assert len(children) == 6 + can_fork()
+        # Router, simulator, aggregator, monitor, two robots; a shell, its child and its guard; and a warm parent, where
+        # there is one.
+        assert len(children) == 9 + can_fork()
         handles = [os.pidfd_open(pid) for pid in children]
         launcher.send_signal(number)
         launcher.stdout.read()

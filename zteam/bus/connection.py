@@ -109,8 +109,8 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     """A bus on an open session.
 
     Without `--connect` and certificates the local router is started if there is none. Otherwise this waits for the
-    router, for ever or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no
-    session.
+    router and says so: `patience` seconds, else those of `options.give_up`, else for ever. `stopping()` ends the wait.
+    Raises BusError when there is no session.
     """
     if options.connect == FROM_STDIN:
         options = msgspec.structs.replace(options, connect=_read_endpoint(stopping))
@@ -120,7 +120,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     if options.connect is None:
         session = _open_on_demand(options, stopping)
     else:
-        session = _open_patiently(options, patience, stopping)
+        session = _open_patiently(options, options.give_up if patience is None else patience, stopping)
     transport = ZenohTransport(session)
     transport.watch_link(LinkCheck(session, options).on_link)
     if options.tls is not None:

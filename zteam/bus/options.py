@@ -35,6 +35,8 @@ LEASE = 2.0 * HOST_FACTOR
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 LEASE_BOUNDS = (0.1, 7200.0)
 """Of a lease that a user asks for."""
+GIVE_UP_BOUNDS = (0.1, 86_400.0)
+"""Of the time without a router, in host seconds."""
 
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIMES = {
@@ -124,6 +126,8 @@ class BusOptions(msgspec.Struct, frozen=True):
     lock-step shall report a hung process first."""
     tls: TlsFiles | None = None
     """With it this process speaks mutual TLS only."""
+    give_up: float | None = None
+    """Host seconds without a router after which this process ends; None: it waits for ever."""
 
     @classmethod
     def from_environment(cls) -> "BusOptions":
@@ -141,7 +145,8 @@ class BusOptions(msgspec.Struct, frozen=True):
         except ValueError:
             raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {given('PATIENCE')!r}") from None
         tls = TlsFiles.from_environment()
-        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease, tls=tls)
+        give_up = give_up_from_environment()
+        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease, tls=tls, give_up=give_up)
 
     @property
     def endpoint(self) -> str:
@@ -154,6 +159,15 @@ class BusOptions(msgspec.Struct, frozen=True):
         without. An empty value overrides the environment. Raises UsageError."""
         connect = "" if self.endpoint == DEFAULT_ENDPOINT else self.endpoint
         return {"--connect": connect, "--namespace": self.namespace or "", "--config": self.config or ""}
+
+
+def give_up_from_environment() -> float | None:
+    """What ZTEAM_GIVE_UP says. Raises UsageError."""
+    text = os.environ.get("ZTEAM_GIVE_UP")
+    try:
+        return parse_number(text, *GIVE_UP_BOUNDS, "seconds") if text else None
+    except UsageError as error:
+        raise UsageError(f"ZTEAM_GIVE_UP {error}") from None
 
 
 def default_endpoint(tls: TlsFiles | None) -> str:

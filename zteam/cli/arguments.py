@@ -1,6 +1,7 @@
 """Values on a command line: numbers within bounds, a speed, negative numbers that are not options."""
 
 import argparse
+import os
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -72,8 +73,13 @@ def add_path_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FOLDER",
-        help="also search this folder for package.module (repeatable)",
+        help="also search this folder for package.module (repeatable; $ZTEAM_PATH has more)",
     )
+
+
+def folders_of(args: argparse.Namespace) -> tuple[str, ...]:
+    """Where modules are looked for: the folders of `--path`, those of $ZTEAM_PATH, and the current one."""
+    return (*args.path, *filter(None, os.environ.get("ZTEAM_PATH", "").split(os.pathsep)), "")
 
 
 def add_seed_option(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from zteam.cli.arguments import add_path_option
+from zteam.cli.arguments import add_path_option, folders_of
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json
 from zteam.cli.tables import format_table, terminal_width
@@ -40,7 +40,7 @@ def build_parser() -> Parser:
 
 
 def _show(args: argparse.Namespace) -> int:
-    look_in([*args.path, ""])
+    look_in(folders_of(args))
     if args.name is None:
         return _list(as_json=args.json)
     info = describe_behavior(args.name)

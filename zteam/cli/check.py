@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from zteam.cli.arguments import add_path_option
+from zteam.cli.arguments import add_path_option, folders_of
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.zteam_robot import add_param_option
@@ -37,7 +37,7 @@ def build_parser() -> Parser:
 
 def _check(args: argparse.Namespace) -> int:
     out, results = sys.stdout, []
-    look_in([*args.path, ""])
+    look_in(folders_of(args))
     # What the author's own code prints must not come among the results, and its steps are hundreds.
     with contextlib.redirect_stdout(sys.stderr):
         kind = find_behavior(args.name)

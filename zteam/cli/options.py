@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
-from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint
+from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
 from zteam.cli.arguments import negative_numbers, number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
@@ -163,7 +163,7 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
     tls = TlsFiles.from_environment()
     if connect not in (None, FROM_STDIN):
         check_endpoint(connect, tls)
-    return BusOptions(connect=connect, namespace=namespace, config=config, small=small, lease=args.lease, tls=tls)
+    return BusOptions(connect, namespace, config, small, args.lease, tls, give_up_from_environment())
 
 
 def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_output: bool = True) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_path_option, add_seed_option, option_type
+from zteam.cli.arguments import add_path_option, add_seed_option, folders_of, option_type
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.problems import problems_of
@@ -111,7 +111,7 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
         seed=args.seed,
         base=read_base(args.base),
         safety=not args.no_safety,
-        folders=(*args.path, ""),
+        folders=folders_of(args),
     )
     return names.robot_name(args.id), lambda: options
 

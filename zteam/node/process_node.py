@@ -137,6 +137,8 @@ class ProcessNode:
         self._follows_clock = False
         self.claim = Claim(bus, name)
         self.claim.under_name.append(bus.serve_stats(name))
+        self._give_up: threading.Timer | None = None  # noqa: TID251
+        """While the router is lost, if this process may wait for it only so long."""
         stop.on_request(self.wake)
         bus.watch_link(self._on_link)
 
@@ -205,7 +207,20 @@ class ProcessNode:
         else:
             log.warning("router lost: waiting for it to come back")
         self.link_up = up
+        limit = None if self.bus.options is None else self.bus.options.give_up
+        if self._give_up is not None:
+            self._give_up.cancel()
+            self._give_up = None
+        if not up and limit is not None:
+            # Host time: the main loop may be in a user's step, so no other thread can wait.
+            self._give_up = threading.Timer(limit, self._end_without_router, (limit,))  # noqa: TID251
+            self._give_up.daemon = True
+            self._give_up.start()
         self.wake()
+
+    def _end_without_router(self, limit: float) -> None:
+        log.error("no router for %g s: stopping, as ZTEAM_GIVE_UP says", limit)
+        self.stop.request("the router is gone for good")
 
     def _on_rival(self, info: ProcessInfo) -> None:
         log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)

@@ -173,8 +173,25 @@ class ViewOptions(msgspec.Struct, frozen=True):
         return msgspec.convert({field: text for field, text in found.items() if text}, cls)
 
 
+class NodeOptions(msgspec.Struct, frozen=True):
+    """A node of the user's own."""
+
+    name: str
+    body: str
+    """Its function, as `package.module:function`."""
+    folders: tuple[str, ...] = ("",)
+    """As of RobotOptions."""
+
+
 ProcessOptions = (
-    SimOptions | MapOptions | AggregatorOptions | MonitorOptions | RobotOptions | NavigationOptions | ViewOptions
+    SimOptions
+    | MapOptions
+    | AggregatorOptions
+    | MonitorOptions
+    | RobotOptions
+    | NavigationOptions
+    | ViewOptions
+    | NodeOptions
 )
 
 

@@ -17,6 +17,7 @@ from zteam.node.process_options import (
     MapOptions,
     MonitorOptions,
     NavigationOptions,
+    NodeOptions,
     ProcessOptions,
     RobotOptions,
     SimOptions,
@@ -124,6 +125,15 @@ def _view(options: ViewOptions) -> Part:
     )
 
 
+def _own_node(options: NodeOptions) -> Part:
+    from zteam.node.node import Node, stepping
+    from zteam.robot.behaviors.registry import look_in
+    from zteam.team.own_code import find_body
+
+    look_in(options.folders)
+    return Part(stepping(find_body(options.name, options.body)), Node)
+
+
 _MAKERS: dict[type, Callable[[Any], Part]] = {
     SimOptions: _simulator,
     MapOptions: _map_server,
@@ -132,6 +142,7 @@ _MAKERS: dict[type, Callable[[Any], Part]] = {
     RobotOptions: robot_part,
     NavigationOptions: _navigation,
     ViewOptions: _view,
+    NodeOptions: _own_node,
 }
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from zteam.bus import connect
 from zteam.bus.options import (
     RUNTIME_VARIABLE,
     TLS_VARIABLES,
@@ -16,7 +17,7 @@ from zteam.bus.options import (
     open_session,
     router_config,
 )
-from zteam.errors import UsageError
+from zteam.errors import BusError, UsageError
 
 
 @pytest.fixture
@@ -76,3 +77,15 @@ def test_two_threads_may_open_sessions_at_once(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("zenoh.open", opened)
     assert open_session(config, "usual")
     assert RUNTIME_VARIABLE not in os.environ
+
+
+def test_a_process_may_give_up_without_a_router(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the seconds that ZTEAM_GIVE_UP names, by default never; what is no time is refused."""
+    assert BusOptions.from_environment().give_up is None
+    monkeypatch.setenv("ZTEAM_GIVE_UP", "2.5")
+    assert BusOptions.from_environment().give_up == 2.5
+    with pytest.raises(BusError, match=r"no Zenoh router answers at tcp/127\.0\.0\.1:1"):
+        connect(BusOptions(connect="tcp/127.0.0.1:1", give_up=0.1))
+    monkeypatch.setenv("ZTEAM_GIVE_UP", "soon")
+    with pytest.raises(UsageError, match=r"^ZTEAM_GIVE_UP "):
+        BusOptions.from_environment()

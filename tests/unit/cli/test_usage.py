@@ -12,7 +12,7 @@ from zteam import cli
 from zteam.cli.main import COMMANDS, main
 
 PROCESSES = ("zteam_sim", "zteam_robot", "zteam_tf", "zteam_monitor", "zteam_map", "zteam_nav", "zteam_router")
-MODULES = sorted({module for module, _ in COMMANDS.values()} | set(PROCESSES))
+MODULES = sorted({module for module, _ in COMMANDS.values()} | {*PROCESSES, "own_node"})
 
 
 def parser_of(module: str) -> argparse.ArgumentParser:

@@ -4,7 +4,7 @@ import enum
 import importlib
 import inspect
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import PathFinder
 from pathlib import Path
 from types import NoneType, UnionType
@@ -218,7 +218,7 @@ def find_behavior(spec: str) -> type[Behavior]:
         meant = f"{module.removesuffix('.py').replace('/', '.')}:{name}"
         raise UsageError(f"no behaviour {spec!r} (did you mean {meant}?): a module is named without .py")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
-        return _checked(spec, _import(spec, module, name))
+        return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
     found = load_offered(GROUP, spec)
     if found is not None:
         return _checked(spec, found)
@@ -226,19 +226,22 @@ def find_behavior(spec: str) -> type[Behavior]:
     raise UsageError(f"no behaviour {spec!r}{_suggestion(spec, known)}: use {', '.join(known)} or package.module:Class")
 
 
-def _import(spec: str, module: str, name: str) -> Any:
-    """What is called `name` in the user's `module`. Raises UsageError."""
+def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]) -> Any:
+    """What is called `name` in the user's `module`. An error calls it `what`, and names what of the module `fits`.
+
+    Raises UsageError.
+    """
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
-        raise UsageError(f"behaviour {spec!r}: cannot import {module}: {explain(error)}") from error
+        raise UsageError(f"{what}: cannot import {module}: {explain(error)}") from error
     found = getattr(imported, name, None)
     if found is None:
-        known = [name for name, value in vars(imported).items() if _is_behavior(value) and value is not Behavior]
+        known = [name for name, value in vars(imported).items() if fits(value) and value is not Behavior]
         hint = did_you_mean(name, known) or (f"; it has {', '.join(known)}" if known else "")
         place = getattr(imported, "__file__", None) or "built in"
-        raise UsageError(f"behaviour {spec!r}: module {module} ({place}) has no {name}{hint}")
+        raise UsageError(f"{what}: module {module} ({place}) has no {name}{hint}")
     return found
 
 

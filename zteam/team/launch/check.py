@@ -28,21 +28,29 @@ from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
 from zteam.team.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.team.launch.plan import is_own, is_python
+from zteam.team.own_code import OtherFile
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
 
-def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = False) -> Path | None:
+def check_team(
+    file: TeamFile,
+    world_file: Path | None = None,
+    *,
+    here: bool = False,
+    other_file: OtherFile = lambda _module, _file: None,
+) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module.
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else a
+    module of which it has an `other_file` is refused.
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, other_file) as inquiry:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)

@@ -1,4 +1,4 @@
-"""Imports the user's behaviours and checks their parameters, in a child process.
+"""Imports the user's behaviours and nodes and checks the behaviours' parameters, in a child process.
 
 Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
 must survive that. `Inquiry` sends the questions; this module, run as a program, prints one line for each answer.
@@ -18,6 +18,7 @@ from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
+from zteam.team.own_code import OtherFile, files_since, find_body
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
@@ -28,25 +29,38 @@ _MARK = "\x1eanswer "
 
 
 class Question(msgspec.Struct, frozen=True):
-    """A behaviour by name, its parameters from the team file, and further words that an unknown key may stand for."""
+    """A behaviour by name, or the body of a node; the behaviour's parameters from the team file, and further words that
+    an unknown key may stand for.
+    """
 
     spec: str
     params: dict[str, Any]
     near: list[str] = []
+    node: str = ""
+    """With a name, `spec` is the body of that node."""
+
+    @property
+    def subject(self) -> str:
+        """What an error calls it."""
+        return f"node {self.node!r}: {self.spec!r}" if self.node else f"behaviour {self.spec!r}"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why the behaviour cannot be used, empty if it can; the mistakes in its parameters as (path, text); and the topics
-    of the inputs that it declares."""
+    """Why it cannot be used, empty if it can; of a behaviour, the mistakes in its parameters as (path, text), and the
+    topics of the inputs that it declares; and the files of the modules that were imported for it."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
     topics: list[str] = []
+    files: dict[str, str] = {}
 
 
 def answer(question: Question) -> Answer:
-    """Import the behaviour in this process and check its parameters."""
+    """Import what is asked for in this process, and check the parameters of a behaviour."""
     try:
+        if question.node:
+            find_body(question.node, question.spec)
+            return Answer()
         kind = find_behavior(question.spec)
     except UsageError as error:
         return Answer(str(error))
@@ -58,9 +72,15 @@ def answer(question: Question) -> Answer:
 class Inquiry:
     """Questions that a child process answers in the background. Leaving the context ends the child."""
 
-    def __init__(self, questions: Sequence[Question], folders: Sequence[str]) -> None:
-        """The child imports from `folders` besides the installed packages and the current folder."""
+    def __init__(
+        self, questions: Sequence[Question], folders: Sequence[str], other_file: OtherFile = lambda _module, _file: None
+    ) -> None:
+        """The child imports from `folders` besides the installed packages and the current folder.
+
+        What uses a module of which there is an `other_file` is refused.
+        """
         self._questions = questions
+        self._other_file = other_file
         self._answers: list[Answer] = []
         self._last_line = ""
         self._supervisor = Supervisor(self._take_line, lambda _process, _again: None)
@@ -82,21 +102,30 @@ class Inquiry:
         elif line.strip():
             self._last_line = line.strip()
 
+    def _refuse_other_files(self, question: Question, answered: Answer) -> Answer:
+        for module, file in answered.files.items():
+            mine = self._other_file(module, file)
+            if mine is not None:
+                text = f"module {module} is {mine} here, but the team's processes import {file}: rename one of the two"
+                return Answer(f"{question.subject}: {text}")
+        return answered
+
     def answers(self, limit: float = LIMIT) -> list[Answer]:
         """Wait for the answers: one for each question. `limit` is in host seconds."""
         process = self._process
         if process is None:
             return []
         ended = process.join(limit)
-        missing = len(self._questions) - len(self._answers)
+        answers = [*map(self._refuse_other_files, self._questions, self._answers)]
+        missing = len(self._questions) - len(answers)
         if missing:
-            spec = self._questions[len(self._answers)].spec
+            subject = self._questions[len(answers)].subject
             why = f"ended the process ({exit_text(process.exit_code)}): {self._last_line}".removesuffix(": ")
             text = why if ended else f"is not done after {limit:g} s"
-            refusal = Answer(f"behaviour {spec!r}: importing it {text}")
+            refusal = Answer(f"{subject}: importing it {text}")
             # The questions after this one were not answered.
-            return [*self._answers, refusal, *[Answer()] * (missing - 1)]
-        return self._answers
+            return [*answers, refusal, *[Answer()] * (missing - 1)]
+        return answers
 
 
 def main() -> None:
@@ -107,7 +136,9 @@ def main() -> None:
     look_in([*sys.argv[1:], ""])
     questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
     for question in questions:
-        line = msgspec.json.encode(answer(question)).decode()
+        before = frozenset(sys.modules)
+        answered = msgspec.structs.replace(answer(question), files=files_since(before))
+        line = msgspec.json.encode(answered).decode()
         # The first line break ends a line that the module may have begun.
         os.write(1, f"\n{_MARK}{line}\n".encode())
     # A thread that a module started must not keep this process alive.

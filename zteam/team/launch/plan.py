@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
@@ -14,7 +14,6 @@ from zteam.errors import UsageError
 from zteam.node import kinds
 from zteam.node.process_options import FROM_STDIN, ViewOptions, to_line
 from zteam.team.chaos.plan import choose_plan
-from zteam.team.file.entries import NodeEntry
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job, keep
 from zteam.team.launch.team_launch import TeamLaunch, options_of
@@ -74,7 +73,7 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
             if kind.beside:
                 beside.add(name)
     nodes = {
-        node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
+        node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes
     }
     awaited = launch.participants if launch.pace.lockstep else ()
@@ -107,9 +106,10 @@ def _keep_address(name: str, options: ViewOptions, job: Job, line: str) -> Job |
     return msgspec.structs.replace(job, words=to_line(name, again))
 
 
-def node_command(node: NodeEntry) -> list[str]:
-    """The command of a user's node. `python` is this interpreter, wherever the user's own is, and zteam this zteam."""
-    program, *rest = node.command
+def command_line(words: Sequence[str]) -> list[str]:
+    """The command line of a user's program. `python` is this interpreter, wherever the user's own is, and zteam this
+    zteam."""
+    program, *rest = words
     if is_own(program):
         return zteam_command(program, *rest)
     return [sys.executable if is_python(program) else program, *rest]

@@ -96,7 +96,31 @@ def environment_of(added: Mapping[str, str]) -> dict[str, str]:
     return {**os.environ, **added, "PYTHONUNBUFFERED": "1"}
 
 
+_GUARD = "trap '' HUP INT TERM; read -r line; kill -TERM 0; sleep 2; kill -KILL 0"
+"""Waits for the end of the lifeline, and ends its own process group: what handles SIGTERM has 2 s to end in order."""
+
+
+def runs_zteam(command: Sequence[str]) -> bool:
+    """Whether it is a command line as `zteam_command` makes them, or of another module of zteam."""
+    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.")
+
+
 class _Spawned(subprocess.Popen[str]):
+    guard: "subprocess.Popen[bytes] | None" = None
+    """Of a program that may not watch its lifeline: a shell in the program's group, which ends with the group."""
+
+    def watch(self, lifeline: int) -> None:
+        """End the program and all that it has started, in its group, when the launcher is gone."""
+        # Without a shell, or when the program has ended already, there is nothing to do.
+        with contextlib.suppress(OSError):
+            self.guard = subprocess.Popen(
+                ["/bin/sh", "-c", _GUARD, "zteam-guard"],
+                stdin=lifeline,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                process_group=self.pid,
+            )
+
     def wait(self, timeout: float | None = None) -> int:
         # Without waitid the process id is free before the group is ended.
         if timeout is None and self.returncode is None and hasattr(os, "waitid"):
@@ -105,6 +129,9 @@ class _Spawned(subprocess.Popen[str]):
         else:
             super().wait(timeout)
         kill_group(self.pid)
+        if self.guard is not None:
+            self.guard.kill()
+            self.guard.wait()
         return super().wait(timeout)
 
 
@@ -117,7 +144,7 @@ def kill_group(pid: int) -> None:
 
 def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None) -> Child:
     """Start a child as a program of its own."""
-    return _Spawned(
+    child = _Spawned(
         list(command),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -130,6 +157,9 @@ def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str],
         text=True,
         errors="replace",
     )
+    if not runs_zteam(command):
+        child.watch(lifeline)
+    return child
 
 
 def read_lines(output: IO[str], longest: int = MAX_LINE) -> Iterator[str]:

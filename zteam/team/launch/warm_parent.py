@@ -22,7 +22,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR, pause
 from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
-from zteam.team.launch.process import Child, environment_of, spawn
+from zteam.team.launch.process import Child, environment_of, runs_zteam, spawn
 
 log = logging.getLogger("zteam")
 
@@ -257,7 +257,7 @@ class WarmParent:
 
 def _is_own(command: Sequence[str]) -> bool:
     """Whether it is a command line as `zteam_command` makes them."""
-    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.cli.")
+    return runs_zteam(command) and command[3].startswith("zteam.cli.")
 
 
 def _inherited_environment() -> dict[str, str]:

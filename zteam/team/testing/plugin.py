@@ -20,7 +20,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
     """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
     from zteam.team.testing.team import TeamFixture
 
-    fixture = TeamFixture()
+    fixture = TeamFixture(request.config.rootpath)
     request.node.stash[_TEAM] = fixture
     try:
         yield fixture

@@ -7,7 +7,7 @@ Waits here count host seconds, because a starting or ending process has no simul
 import itertools
 import os
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
@@ -31,14 +31,16 @@ from zteam.team.chaos.links import Links
 from zteam.team.chaos.signals import Signals
 from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls
-from zteam.team.launch.plan import stop_order
+from zteam.team.launch.plan import command_line, is_own, stop_order
 from zteam.team.launch.process import exit_text, zteam_command
 from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import GRACE, Job, Supervisor
 from zteam.team.launch.team_launch import Pace
 from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.own_code import search_folders
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
+from zteam.team.testing.others import RETURN, Others, TeamAccess
 from zteam.team.testing.view import ObservedTeam, RobotView
 
 if TYPE_CHECKING:
@@ -53,6 +55,11 @@ _SILENT_AFTER = 1.5
 """Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
+
+_SITE = str(Path(__file__).parent / "site")
+"""A folder with the module that Python imports when it starts."""
+_ROUTERLESS = 10.0 * HOST_FACTOR
+"""Host seconds without a router after which a node ends that the test has left behind."""
 
 WARM_PARENT = WarmParent()
 """Of all teams of this pytest process."""
@@ -79,7 +86,12 @@ class TeamProcesses:
     The router is started when it is needed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rootdir: Path | None = None) -> None:
+        """`rootdir` is that of pytest: the team's processes look for modules there, too."""
+        self._rootdir = rootdir
+        self._others: Others | None = None
+        """None until the router runs, and without processes."""
+        self._at_end = False
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
         self.log: list[tuple[str, str]] = []
@@ -135,6 +147,11 @@ class TeamProcesses:
         self._bus = connect(options, patience=START_LIMIT)
         self._signals.serve(self._bus)
         self._seen = ObservedTeam(self._bus, self._repeat)
+        self._others = Others(
+            self._bus,
+            self._seen,
+            TeamAccess(self._take_line, self.lines, self._words, self._not_awaited, self._own_pids),
+        )
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -148,6 +165,16 @@ class TeamProcesses:
         for process in self._supervisor.failures:
             if process.name not in self._may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
+        if self._others is not None and (text := self._others.failure(at_end=self._at_end)):
+            raise TeamFailure(text)
+
+    def _not_awaited(self) -> set[str]:
+        """Names of the processes that may end, or that this fixture has started itself."""
+        return {*self._may_end, *self._supervisor.members}
+
+    def _own_pids(self) -> set[int]:
+        """Of the children of this process that the fixture has started."""
+        return {process.pid for process in self._supervisor.processes.values()} | {*WARM_PARENT.pids.values()}
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -232,26 +259,48 @@ class TeamProcesses:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment that makes any zteam command join this team; a secure team takes it for people's tools."""
-        return self._environment_of(OPERATOR)
+        """Environment that makes any zteam command join this team; a secure team takes it for people's tools.
+
+        With it a Python program finds modules where the test does, behind its own, and a node ends some seconds after
+        the team.
+        """
+        paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
+        return {
+            **self._environment_of(OPERATOR),
+            "PYTHONPATH": os.pathsep.join(paths),
+            "ZTEAM_GIVE_UP": str(_ROUTERLESS),
+        }
+
+    @property
+    def _folders(self) -> list[str]:
+        """Where the test finds modules, besides what is installed."""
+        rootdir = [] if self._rootdir is None else [str(self._rootdir)]
+        return list(dict.fromkeys([*search_folders(), *rootdir]))
 
     def _environment_of(self, name: str) -> dict[str, str]:
         """That of one process."""
         self._need_processes("environment")
-        given = {} if self._lease is None else {"ZTEAM_LEASE": str(self._lease)}
+        given = {"ZTEAM_PATH": os.pathsep.join(self._folders)}
+        if self._lease is not None:
+            given["ZTEAM_LEASE"] = str(self._lease)
         if self._certificates is not None:
             given |= files_of(self._certificates, name).environment
         return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace, **given}
 
-    def spawn(self, command: str, *arguments: str, name: str | None = None) -> str:
-        """Start one command (`zteam-robot`, `zteam-sim`, `zteam`, …) in this team; the process's name.
+    def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
+        """Start any program in this team, in the test's current folder; the name of the process.
 
-        Return at once: use `wait_for_processes` to wait until it is present.
+        `python` is this interpreter, and commands of zteam (`zteam-robot`, `zteam`, …) run with it. It ends with the
+        team, with all that it starts. Return at once: use `wait_for_processes` to wait until a node is present. A node
+        is known by its name on the bus, so give it as `name`. Raises ZteamError if there is no such program.
         """
         self._need_processes("spawn")
-        chosen = name or f"{command} #{next(numbers)}"
+        words = [str(command), *map(str, arguments)]
+        chosen = name or f"{Path(command).name} #{next(numbers)}"
+        # What is forked takes no other PYTHONPATH, and needs none.
+        environment = self._environment_of(OPERATOR) if is_own(words[0]) else self.environment
         # A tool ends by itself when its work is done.
-        self._supervisor.start_job(chosen, Job(zteam_command(command, *arguments), self.environment, may_end=True))
+        self._supervisor.start_job(chosen, Job(command_line(words), environment, may_end=True))
         return chosen
 
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
@@ -300,6 +349,7 @@ class TeamProcesses:
         if missing:
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
         self._present.update(self._supervisor.members.keys() & {*processes})
+        self._watch_others(processes)
         if names.SIMULATOR in processes:
             status = self.sim_status
             self._interval = status.interval if status.lockstep else 0
@@ -334,10 +384,18 @@ class TeamProcesses:
             )
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
+        self._watch_others(status.participants, expected=False)
+        if (others := self._others) is not None and left - self._not_awaited():
+            # `_check` fails for those that stay away.
+            self._wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
         for name in left.intersection(self._supervisor.members) - self._may_end - self._restarts:
             if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
         self._check()
+
+    def _watch_others(self, processes: Iterable[str], *, expected: bool = True) -> None:
+        if self._others is not None:
+            self._others.watch(processes, expected=expected)
 
     def _has_ended_or_joined(self, name: str) -> bool:
         process, status = self._process(name), self.sim_status
@@ -379,11 +437,24 @@ class TeamProcesses:
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
+        self._at_end = True
+        try:
+            self._check_at_end()
+        finally:
+            self._at_end = False
+
+    def _check_at_end(self) -> None:
         self._check()
         if self._bus is None or (self._in_process is None and not self._process(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         self._wait_for_silent()
+        others = self._others
+        if others is not None:
+            self._wait(lambda: all(gone.settled for gone in others.gone() if gone.code), RETURN)
+            # In lock-step the world has not moved without them.
+            if not self._interval and (missing := others.missing()):
+                raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
         ended = self._supervisor.ended
         gone = [n for n in self._present - self._may_end if n not in ended and not self.alive(n)]
         self._wait(lambda: all(n in ended or self.alive(n) for n in gone), START_LIMIT)

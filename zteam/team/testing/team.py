@@ -39,9 +39,11 @@ from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.own_code import other_file, other_file_unless_in
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos
+from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
 from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
 from zteam.team.testing.view import ObservedTeam
 
@@ -80,7 +82,11 @@ class TeamFixture(TeamProcesses):
             self._certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
-        chosen = check_team(file, find_world(world).resolve() if world is not None else None)
+        # A module that lies beside the team file is the right one: a team in this process has to find it too.
+        of_file = () if in_process else file.team.folders
+        file.team = structs.replace(file.team, folders=(*file.team.folders, *self._folders))
+        replaced = find_world(world).resolve() if world is not None else None
+        chosen = check_team(file, replaced, other_file=other_file_unless_in(of_file))
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
@@ -99,7 +105,7 @@ class TeamFixture(TeamProcesses):
         lockstep: bool = True,
         lockstep_timeout: float = LOCKSTEP_TIMEOUT,
         expect: Sequence[str] = (),
-        nodes: "Mapping[str, Body] | None" = None,
+        nodes: "Mapping[str, Body | str] | None" = None,
         in_process: bool = False,
         chaos: bool = False,
     ) -> None:
@@ -112,29 +118,33 @@ class TeamFixture(TeamProcesses):
         seconds. Without `lockstep` the team runs in real time.
 
         With `chaos` each process has a link of its own to the router, which `team.chaos` can cut or make slow.
-        With `in_process` the whole team runs in the test's process, which starts it in a fifth of a second and steps it
-        many times faster, with the same result. `nodes` are own nodes for it, by name, as for `zteam.run_team`. Calls
-        that need processes are refused.
+        `nodes` are own nodes by name, which take part from the first tick on: each is a function of the node as for
+        `zteam.run`, given as text "module:function". With `in_process` the whole team runs in the test's process, which
+        starts it in a fifth of a second and steps it many times faster, with the same result; a node may then be the
+        function itself. Calls that need processes are refused.
         """
-        if nodes and not in_process:
-            raise UsageError("team.start: nodes needs in_process=True; start the process of an own node yourself")
         file = read_team_tables("team.start", {"robots": _tables(robots, behavior, follow or {}, params or {})})
+        # In the order of this process; the current folder follows.
+        file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
-            look_in([""])
-        chosen = check_team(file, find_world(world).resolve(), here=in_process)
+            look_in([*file.team.folders, ""])
+        chosen = check_team(file, find_world(world).resolve(), here=in_process, other_file=other_file)
+        own = own_nodes("team.start", nodes or {}, file.team.folders, here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
         self._give_links(chaos, in_process)
-        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, nodes)
+        self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, own)
 
-    def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
+    def _launch(self, launch: TeamLaunch, in_process: bool, own: OwnNodes = NO_NODES) -> None:
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
         self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
         plan = plan_team(launch)
+        own.check_names(plan.jobs)
+        plan.own |= own.jobs
         self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
-        started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch, plan)
+        started = self._start_in_process(launch, own.bodies) if in_process else self._start_processes(launch, plan)
         self.wait_for_processes(*started)
         if names.SIMULATOR in started:
             known = self.sim_status.robots
@@ -152,6 +162,7 @@ class TeamFixture(TeamProcesses):
         for name, job in plan.jobs.items():
             link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
             self._supervisor.start_job(name, structs.replace(job, environment={**self._environment_of(name), **link}))
+        self._watch_others(launch.pace.expect)
         return [name for name in plan.jobs if name not in plan.optional]
 
     def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:

@@ -122,6 +122,8 @@ class ObservedTeam:
         self.robots: dict[int, RobotView] = {}
         """All of which anything has been heard or asked, by id."""
         self._tokens = TokenSet()
+        self.were_there: set[str] = set()
+        """All names that processes have held."""
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         for topic, kind in ((names.GROUND_TRUTH, Odometry), (names.STATUS, RobotStatus)):
@@ -205,4 +207,5 @@ class ObservedTeam:
             return
         with self.changed:
             self._tokens.take(*token, alive)
+            self.were_there.add(token[0])
             self._tell()

@@ -206,12 +206,11 @@ def test_memory_is_the_peak(lifeline: int) -> None:
         "import mmap\nm = mmap.mmap(-1, 60_000_000)\nm.write(b'x' * 60_000_000)\nprint('full', flush=True)\ninput()\n"
     )
     code += "m.close()\nprint('empty', flush=True)\ninput()"
-    reader, writer = os.pipe()
     told = threading.Semaphore(0)
     process = Process(
         "big",
-        [sys.executable, "-c", code.replace("input()", f"import os; os.read({reader}, 1)")],
-        reader,
+        [sys.executable, "-c", code],
+        lifeline,
         on_line=lambda *_: told.release(),
         on_exit=lambda _process: told.release(),
     )
@@ -220,7 +219,7 @@ def test_memory_is_the_peak(lifeline: int) -> None:
         process.measure()
         full = process.usage.pss_mb
         assert full > 60
-        os.write(writer, b"1")
+        process.write_line("1", last=False)
         assert told.acquire(timeout=LIMIT)
         now = Usage()
         measure_usage(process.pid, now)
@@ -232,8 +231,6 @@ def test_memory_is_the_peak(lifeline: int) -> None:
     finally:
         process.kill()
         assert process.join(LIMIT)
-        os.close(reader)
-        os.close(writer)
 
 
 def test_an_ended_process_keeps_its_figures(lifeline: int) -> None:

@@ -45,6 +45,27 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
         lambda team: team.start("arena", [0, 7]),
         "team.start: robots[1].id: the world has no robot 7 (it has 0, 1); model and pose add one",
     ),
+    (
+        lambda team: team.start("arena", 1, nodes={"crowd": start_twice}),
+        "team.start: nodes['crowd'] is a function of this process: give a function of a module as text (",
+    ),
+    (
+        lambda team: team.start("arena", 1, nodes={"crowd": 7}, in_process=True),  # type: ignore[dict-item]
+        "team.start: nodes['crowd'] is 7: give text 'module:function', or a function of the node",
+    ),
+    (
+        lambda team: team.start("arena", 1, nodes={"crowd": "no_such:main"}),
+        "node 'crowd': cannot import no_such: ModuleNotFoundError: No module named 'no_such'",
+    ),
+    (
+        lambda team: team.start("arena", 1, nodes={"crowd": "no_such:main"}, in_process=True),
+        "node 'crowd': cannot import no_such: ModuleNotFoundError: No module named 'no_such'",
+    ),
+    (
+        lambda team: team.start("arena", 1, nodes={"sim": "zteam:run"}),
+        "node 'sim': the team has a process of this name",
+    ),
+    (lambda team: team.start("arena", 1, nodes={"a b": "zteam:run"}), "team.start: node 'a b': "),
     (lambda team: team.start("arena", 0), "team.start: robots is 0: give at least one robot"),
     (start_twice, "a test has one team, and this one has started"),
     (lambda team: team.run(-1), "team.run(-1): give the seconds of simulated time that are to pass, 0 or more"),

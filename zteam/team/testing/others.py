@@ -1,0 +1,180 @@
+"""Processes that take part in a team under test though the fixture has not started them, such as a node that the test
+starts by itself: what they log, and how they are gone."""
+
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import NamedTuple
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import find_processes
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.messages import Log
+from zteam.node.faults import ENDED
+from zteam.team.launch.process import exit_text
+from zteam.team.testing.view import ObservedTeam
+
+RETURN = 2.5 * HOST_FACTOR
+"""Host seconds for a process to be there again whose token is gone: the test may start it again."""
+_LAST_LINES = 0.5
+"""Host seconds for the last lines of a process that has ended."""
+_INFO_LIMIT = 1.0
+"""Host seconds for a process to say which one it is."""
+_LOOK = os.WEXITED | os.WNOHANG | os.WNOWAIT if hasattr(os, "waitid") else 0
+"""Whether a child has ended, which stays to be waited for; 0 where the system cannot tell."""
+_BY_TEST = frozenset({0, -signal.SIGTERM, -signal.SIGINT, -signal.SIGKILL})
+"""Exit codes of a process that the test may have ended."""
+
+
+class Gone(NamedTuple):
+    """A process whose name was held and is not any more."""
+
+    name: str
+    settled: bool
+    """Whether its last lines have come, and whether it stays away."""
+    code: int | None
+    """The exit code of a child of this process that was not waited for."""
+    known: bool
+    """Whether it was a child of this process that was waited for, so that the test knows of its end; or is not known to
+    be none, and not expected: a program without zteam does not say which process it is."""
+
+    def is_failure(self, at_end: bool) -> bool:
+        """Whether its end, without an error in its log, is none that the test has asked for.
+
+        The end of a test may just have ended what the test had started.
+        """
+        return self.settled and not self.known and not (at_end and self.code in _BY_TEST)
+
+    def __str__(self) -> str:
+        return f"{self.name} {'is gone' if self.code is None else f'ended ({exit_text(self.code)})'}"
+
+
+class TeamAccess(NamedTuple):
+    """What is needed of the fixture."""
+
+    take_line: Callable[[str, str], None]
+    """`take_line(name, line)`: a process has logged a line."""
+    lines: Callable[[str], list[str]]
+    """Those of a process."""
+    words: Callable[[str], str]
+    """The last error of a process, else its last lines."""
+    not_awaited: Callable[[], set[str]]
+    """Names of the processes that may end, or that the fixture has started itself."""
+    own_pids: Callable[[], set[int]]
+    """Of the children of this process that the fixture has started."""
+
+
+class Others:
+    """Those that are watched."""
+
+    def __init__(self, bus: Bus, seen: ObservedTeam, team: TeamAccess) -> None:
+        self._bus, self._seen, self._team = bus, seen, team
+        self._watched: set[str] = set()
+        self._expected: set[str] = set()
+        self._children: dict[str, int | None] = {}
+        """Process ids of those that are there, where they are children of this process; 0 = it is none, None = it does
+        not say."""
+        self._gone_since: dict[str, float] = {}
+        self._child = _find_ended_child(), monotonic()
+        """The first child of this process that has ended and was not waited for, and since when; (0, 0) for none."""
+        self._left = self._child[0]
+        """That of a test before."""
+        self._up = True
+        bus.watch_link(self._on_link)
+
+    def watch(self, processes: Iterable[str], *, expected: bool) -> None:
+        """Watch these from here on, which may come later if they are `expected`."""
+        if expected:
+            self._expected.update(processes)
+        for name in set(processes) - self._watched - self._team.not_awaited():
+            self._watched.add(name)
+            self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
+
+    def _take(self, name: str, _key: str, message: Log) -> None:
+        level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
+        self._team.take_line(name, f"{level}{message.msg}")
+
+    def _on_link(self, up: bool) -> None:
+        self._up = up
+
+    def missing(self) -> list[str]:
+        """Those that must not end and were never there."""
+        return sorted(self._watched - self._seen.were_there - self._team.not_awaited())
+
+    def failure(self, *, at_end: bool) -> str:
+        """How one ended, unasked by the test, or did not even begin; empty if none did. `at_end` is as of Gone."""
+        for gone in self.gone():
+            words = self._team.words(gone.name) or "it has logged nothing"
+            if any(ENDED in line for line in self._team.lines(gone.name)):
+                return f"{gone}: {words}"
+            if gone.is_failure(at_end):
+                return f"{gone}, without team.expect_end({gone.name!r}): {words}"
+        missing = self.missing()
+        ended = self._ended_child() if missing else ""
+        return f"{', '.join(missing)}: expected, and not there; {ended}" if ended else ""
+
+    def _ended_child(self) -> str:
+        """How a child of this process failed; empty if none did. Which name it would have held is not known."""
+        found, now = _find_ended_child(), monotonic()
+        if found != self._child[0]:
+            self._child = found, now
+        (pid, code), since = self._child
+        # Those of the fixture are waited for at once.
+        is_news = code and found != self._left and pid not in self._team.own_pids() and now - since > _LAST_LINES
+        return f"process {pid}, which the test has started, ended ({exit_text(code)})" if is_news else ""
+
+    def gone(self) -> list[Gone]:
+        """Those that must not end, were there and are not. Without the router all would be gone, so none is."""
+        if not self._watched or not self._up:
+            self._gone_since.clear()
+            return []
+        found, now = list[Gone](), monotonic()
+        for name in sorted((self._watched & self._seen.were_there) - self._team.not_awaited()):
+            if not self._seen.alive(name):
+                found.append(self._judge(name, now - self._gone_since.setdefault(name, now)))
+            elif self._gone_since.pop(name, None) is not None or name not in self._children:
+                self._children[name] = self._find_child(name)
+        return found
+
+    def _judge(self, name: str, since: float) -> Gone:
+        pid = self._children.get(name)
+        if not pid:
+            may_be_gone = pid is None and name not in self._expected
+            return Gone(name, may_be_gone or since > RETURN, None, known=may_be_gone)
+        try:
+            ended = os.waitid(os.P_PID, pid, _LOOK)
+        except ChildProcessError:
+            return Gone(name, since > _LAST_LINES, None, known=True)
+        if ended is None:
+            # It has given its name back, and may be about to end.
+            return Gone(name, since > RETURN, None, known=False)
+        return Gone(name, since > _LAST_LINES, _exit_code(ended), known=False)
+
+    def _find_child(self, name: str) -> int | None:
+        """As `_children` has it."""
+        found = None
+        for info in find_processes(self._bus, name, timeout=_INFO_LIMIT):
+            found = 0
+            try:
+                if _LOOK:
+                    os.waitid(os.P_PID, info.pid, _LOOK)
+                    return info.pid
+            except ChildProcessError:
+                continue
+        return found
+
+
+def _exit_code(ended: os.waitid_result) -> int:
+    return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+
+
+def _find_ended_child() -> tuple[int, int]:
+    """Process id and exit code of a child of this process that was not waited for; (0, 0) if there is none."""
+    try:
+        ended = os.waitid(os.P_ALL, 0, _LOOK) if _LOOK else None
+    except ChildProcessError:
+        return 0, 0
+    return (0, 0) if ended is None else (ended.si_pid, _exit_code(ended))
