@@ -263,7 +263,7 @@ class RobotReport(msgspec.Struct):
     pose: tuple[float, float, float]
     """x, y, yaw in `map`."""
     distance_m: float
-    """Length of the path driven."""
+    """Length of the path driven; what `sim/move` and `sim/spawn` do is no path."""
     stalls: int
     """How often the robot ran into something."""
     gap_m: Gap | None

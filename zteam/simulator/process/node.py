@@ -245,6 +245,7 @@ class Simulation:
         robot_id = free if request.id is None else request.id
         robot = add_robot(self.world, request.model, _pose(request), names.robot_name(robot_id))
         self.engine.spawn(robot_id, robot, checked=not request.force)
+        self.statistics.set_down(robot_id, robot.pose)
         self.match_robots()
         self.statistics.add_external_command()
         return robot_id
@@ -258,6 +259,7 @@ class Simulation:
     def move(self, request: MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""
         self.engine.place(request.id, _pose(request), checked=not request.force)
+        self.statistics.set_down(request.id, _pose(request))
         self.outputs.put_statics(request.id)
         self.statistics.add_external_command()
 
