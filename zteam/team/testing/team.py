@@ -9,13 +9,16 @@ import logging
 import math
 import signal
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import wait
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
 
 from msgspec import structs
 
 from zteam import names
+from zteam.bus import Bus
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_team, find_world
@@ -42,7 +45,8 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos
-from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
+from zteam.team.testing.hangs import LOOK, Wait
+from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
 from zteam.team.testing.view import ObservedTeam
 
 log = logging.getLogger("zteam")
@@ -332,6 +336,8 @@ class TeamFixture(TeamProcesses):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
         if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
             raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
+        if self._interval:
+            self._take_status(self.sim_status)
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
@@ -373,7 +379,7 @@ class TeamFixture(TeamProcesses):
 
     def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
         """Wait in real time until `condition()`."""
-        last, quiet_since = self.now, monotonic()
+        last, quiet_since, watch = self.now, monotonic(), Wait()
         while True:
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self._view.version
@@ -382,6 +388,7 @@ class TeamFixture(TeamProcesses):
                 return
             if self.now > end:
                 raise _not_true(within, self.now, self._view)
+            self._look_for_hangs(watch)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:
@@ -393,14 +400,22 @@ class TeamFixture(TeamProcesses):
         while ticks > 0:
             count = min(ticks, _SLICE)
             ticks -= count
+            # A node that hangs in this process may hold whatever the answer needs.
+            answer = in_thread(partial(self._ask_for_steps, self.bus, count))
+            while not answer.done():
+                self._check()
+                wait([answer], LOOK)
             try:
-                key = names.service_key(names.SIMULATOR, "step")
-                status = self.bus.ask(key, SimStatus, StepRequest(count), timeout=STALL_LIMIT)
+                status = answer.result()
             except BusError as error:
                 self._check()
-                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
             self._take_status(status)
             self._wait_for_messages_of(status)
+
+    def _ask_for_steps(self, bus: Bus, count: int) -> SimStatus:
+        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self._silence_limit)
+        return bus.ask(key, SimStatus, StepRequest(count), timeout=limit)
 
     def _wait_for_messages_of(self, status: SimStatus) -> None:
         def arrived() -> bool:
