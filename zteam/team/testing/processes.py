@@ -7,6 +7,7 @@ Waits here count host seconds, because a starting or ending process has no simul
 import itertools
 import os
 import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from contextlib import ExitStack, suppress
@@ -73,9 +74,14 @@ _KEPT_LINES = 50_000
 class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
     """A process of the team has ended or hangs, and the test did not ask for that."""
 
+    # Where users import it from; a summary has little room.
+    __module__ = "zteam.testing"
+
 
 class TeamTimeout(TeamFailure):
     """A condition did not come true in time."""
+
+    __module__ = "zteam.testing"
 
 
 class TeamProcesses:
@@ -84,11 +90,11 @@ class TeamProcesses:
     The router is started when it is needed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, live: bool = False) -> None:
+        """With `live` the lines of the processes are printed as they come."""
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
-        self.log: list[tuple[str, str]] = []
-        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._live = live
         self._supervisor = Supervisor(self._take_line, lambda *_: None, WARM_PARENT.start)
         self._signals = Signals(lambda: self._supervisor.processes)
         self._bus: Bus | None = None
@@ -101,22 +107,28 @@ class TeamProcesses:
         self._seen: ObservedTeam
         self._links: Links | None = None
         """Of a team that was started with `chaos=True`."""
-        self._chaos: TeamChaos | None = None
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
         self._in_process_ends = ExitStack()
-        self._may_end: set[str] = set()
-        """Processes that may end or hang."""
-        self._hangs: dict[str, str] = {}
-        """How processes hang, in words."""
         self._stacks = Stacks()
-        self._present: set[str] = set()
-        """Processes of the team that were there once."""
         self._interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self._silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
         self._has_team = False
+        self._begin_test()
+
+    def _begin_test(self) -> None:
+        """Forget what happened in the test before."""
+        self.log: list[tuple[str, str]] = []
+        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._chaos: TeamChaos | None = None
+        self._may_end: set[str] = set()
+        """Processes that may end or hang."""
+        self._hangs: dict[str, str] = {}
+        """How processes hang, in words."""
+        self._present: set[str] = set()
+        """Processes of the team that were there once."""
         self._restarts: set[str] = set()
         """Processes that are started again when they have failed."""
         self._participants: set[str] = set()
@@ -130,12 +142,20 @@ class TeamProcesses:
         self._check()
         if self._bus is not None:
             return
-        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
-        lease = lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+        lease = self._session_lease
         router = start_router(self._supervisor, lease=lease, certificates=self._certificates)
         self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
         if not self._endpoint:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
+        self._connect(lease)
+
+    @property
+    def _session_lease(self) -> float:
+        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
+        return lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+
+    def _connect(self, lease: float) -> None:
+        """Open the test's own session."""
         tls = None if self._certificates is None else files_of(self._certificates, TEST)
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
@@ -157,6 +177,10 @@ class TeamProcesses:
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
+        if self._live:
+            # Most lines name their process.
+            sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
+            sys.stdout.flush()
         if len(self.log) > 2 * _KEPT_LINES:
             del self.log[:_KEPT_LINES]
 

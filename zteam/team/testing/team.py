@@ -8,6 +8,7 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 import logging
 import math
 import signal
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import wait
 from contextlib import ExitStack
@@ -30,7 +31,8 @@ from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop
-from zteam.robot.behaviors.registry import look_in
+from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.registry import BEHAVIORS, look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
 from zteam.team.chaos.links import Links, no_link
@@ -96,7 +98,7 @@ class TeamFixture(TeamProcesses):
         world: str | Path = "arena",
         robots: int | str | Sequence[int] = 1,
         *,
-        behavior: str = "wander",
+        behavior: str | type[Behavior] = "wander",
         follow: Mapping[int, int] | None = None,
         params: Mapping[int, Mapping[str, Any]] | None = None,
         seed: int = 1,
@@ -109,11 +111,12 @@ class TeamFixture(TeamProcesses):
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
-        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the robot named
-        there, the others run `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands
-        still until `run`, `until` or `at` let it go on, as fast as the processes can; own nodes in `expect` take part
-        from the first tick on; a living process that does not answer is left behind after `lockstep_timeout` host
-        seconds. Without `lockstep` the team runs in real time.
+        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the
+        robot named there, the others run `behavior`, a name or a class of a module; `params` gives behaviour
+        parameters by robot. With `lockstep` the world stands still until `run`, `until` or `at` let it go on,
+        as fast as the processes can; own nodes in `expect` take part from the first tick on; a living process
+        that does not answer is left behind after `lockstep_timeout` host seconds. Without `lockstep` the team
+        runs in real time.
 
         With `chaos` each process has a link of its own to the router, which `team.chaos` can cut or make slow.
         With `in_process` the whole team runs in the test's process, which starts it in a fifth of a second and steps it
@@ -122,7 +125,8 @@ class TeamFixture(TeamProcesses):
         """
         if nodes and not in_process:
             raise UsageError("team.start: nodes needs in_process=True; start the process of an own node yourself")
-        file = read_team_tables("team.start", {"robots": _tables(robots, behavior, follow or {}, params or {})})
+        tables = _tables(robots, _spec_of(behavior), follow or {}, params or {})
+        file = read_team_tables("team.start", {"robots": tables})
         if in_process:
             look_in([""])
         chosen = check_team(file, find_world(world).resolve(), here=in_process)
@@ -134,31 +138,46 @@ class TeamFixture(TeamProcesses):
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
+        self._has_team, self._silence_limit = True, launch.pace.timeout
         plan = plan_team(launch)
+        self._expect(launch, plan)
+        if in_process:
+            self._open_in_process(launch, nodes)
+        else:
+            self._need_processes("start")
+            self._lease = lease_for(launch.pace, LEASE)
+            if self._certificates is not None:
+                rights = {**rights_of(launch.team), TEST: Rights(links=True)}
+                prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
+            self._open()
+        self._start_members(plan)
+
+    def _expect(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+        self._participants = {*launch.participants}
         self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
-        started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch, plan)
-        self.wait_for_processes(*started)
-        if names.SIMULATOR in started:
+
+    def _start_members(self, plan: LaunchPlan, kept: Collection[str] = ()) -> None:
+        """Start the processes of the team, or its nodes, but for those that are `kept`; wait until all are there."""
+        run = self._in_process
+        if run is not None:
+            members = [*run.parts]
+            for name in [name for name in members if name not in kept]:
+                run.start_node(name)
+        else:
+            members = [name for name in plan.jobs if name not in plan.optional]
+            for name in [name for name in plan.jobs if name not in kept]:
+                link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
+                job = structs.replace(plan.jobs[name], environment={**self._environment_of(name), **link})
+                self._supervisor.start_job(name, job)
+        self.wait_for_processes(*members)
+        if names.SIMULATOR in members:
             known = self.sim_status.robots
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
-    def _start_processes(self, launch: TeamLaunch, plan: LaunchPlan) -> list[str]:
-        self._need_processes("start")
-        self._lease = lease_for(launch.pace, LEASE)
-        if self._certificates is not None:
-            rights = {**rights_of(launch.team), TEST: Rights(links=True)}
-            prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
-        self._open()
-        for name, job in plan.jobs.items():
-            link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
-            self._supervisor.start_job(name, structs.replace(job, environment={**self._environment_of(name), **link}))
-        return [name for name in plan.jobs if name not in plan.optional]
-
-    def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
+    def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
         if self._bus is not None or self._in_process is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         with ExitStack() as ends:
@@ -173,13 +192,10 @@ class TeamFixture(TeamProcesses):
         self._supervisor = run.supervisor
         self._bus = run.sessions.bus("test")
         self._seen = ObservedTeam(self._bus, self._repeat)
-        for name in run.parts:
-            run.start_node(name)
-        return [*run.parts]
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self.log.append((line.process, f"{level}{line.text}"))
+        self._take_line(line.process, f"{level}{line.text}")
 
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
@@ -438,6 +454,20 @@ def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")
+
+
+def _spec_of(behavior: str | type[Behavior]) -> str:
+    """The name by which a robot's process finds a behaviour. Raises UsageError."""
+    if isinstance(behavior, str):
+        return behavior
+    if not isinstance(behavior, type):
+        raise UsageError(f"team.start: behavior is {behavior!r:.60}: give a name or a class")
+    shipped = [name for name, kind in BEHAVIORS.items() if kind is behavior]
+    module, name = behavior.__module__, behavior.__qualname__
+    if getattr(sys.modules.get(module), name, None) is not behavior:
+        text = f"{name} of {module}, which no process can import: define the class at the top level of a module"
+        raise UsageError(f"team.start: behavior is {text}")
+    return shipped[0] if shipped else f"{module}:{name}"
 
 
 def _tables(
