@@ -86,7 +86,7 @@ def is_library(file: str) -> bool:
 def unreturned_text(function: str, stack: traceback.StackSummary) -> str:
     """Of a call that has not returned: the user's line in which it is, and its traceback; the outermost frame first."""
     of_user = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
-    # A package of an environment is somebody else's, unless all is.
+    # What an environment has installed is not the user's, unless all of it is.
     now = ([frame for frame in of_user if not frame.filename.startswith(sys.prefix)] or of_user or stack)[-1]
     text = "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
     return f"{function} has not returned ({now.filename}:{now.lineno})\n{text}"
