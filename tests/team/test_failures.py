@@ -168,7 +168,7 @@ def test_what_is_started_again_is_no_failure_if_it_comes_back(team: Team, folder
     assert team.alive("robot_0")
 
 
-def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester) -> None:
+def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that ends after the last call fails the test itself, not its teardown, unless that is expected."""
     pytester.makepyfile(
         """
@@ -185,9 +185,12 @@ def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester) -> None:
             spawn(team)
         """
     )
+    monkeypatch.setenv("COLUMNS", "200")
     result = pytester.runpytest_subprocess()
     result.assert_outcomes(failed=1, passed=1)
-    result.stdout.re_match_lines([r"E .*TeamFailure: robot_0 ended \(exit code 2\): .*no behaviour 'dance'"])
+    reason = r"robot_0 ended \(exit code 2\): .*no behaviour 'dance'"
+    # Alone, and in the short summary.
+    result.stdout.re_match_lines([f"^{reason}", "^FAILED .*test_forgotten - robot_0 ended"])
 
 
 class Alarm(Exception):  # noqa: N818 - it is no error

@@ -108,8 +108,12 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     return result
 
 
+class _Told(pytest.fail.Exception):  # type: ignore[misc,name-defined]
+    """A failure that no line of the test has raised."""
+
+
 def _call(check: Callable[[], None]) -> None:
-    """Fail the test with the reason alone: no line of it has raised the error."""
+    """Fail the test with the reason alone."""
     from zteam.errors import ZteamError
 
     try:
@@ -118,7 +122,7 @@ def _call(check: Callable[[], None]) -> None:
         reason = str(error)
     else:
         return
-    pytest.fail(reason, pytrace=False)
+    raise _Told(reason, pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -129,7 +133,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
         _hide_library(value, errors.ZteamError)
     report = yield
     crash = getattr(report.longrepr, "reprcrash", None)
-    if errors is not None and isinstance(value, errors.ZteamError) and crash is not None:
+    if errors is not None and isinstance(value, (errors.ZteamError, _Told)) and crash is not None:
         # Without the type the short summary has room for the reason.
         crash.message = str(value)
     if report.failed:
