@@ -70,8 +70,13 @@ class Block(NamedTuple):
 
     @property
     def has_team_tests(self) -> bool:
-        """Whether its tests take the fixture `team`."""
-        return bool(re.search(r"^def test_\w+\(team\b", self.code, re.MULTILINE))
+        """Whether its tests take the fixture `team`, or a shared one."""
+        return self.shares_team or bool(re.search(r"^def test_\w+\(team\b", self.code, re.MULTILINE))
+
+    @property
+    def shares_team(self) -> bool:
+        """Whether its tests take a shared team, as only pytest gives it."""
+        return self.language == "python" and "(team_module)" in self.code
 
     def save(self, folder: Path) -> Path:
         """Save it and the files that it needs in a folder; return its own path."""

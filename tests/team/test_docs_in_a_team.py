@@ -35,7 +35,7 @@ def environment(extra: dict[str, str]) -> dict[str, str]:
     [
         pytest.param(block, name, id=f"{block.id}-{name}")
         for block in all_blocks("python")
-        if block.has_team_tests and block.page != README
+        if block.has_team_tests and not block.shares_team and block.page != README
         for name in block.tests
     ],
 )
@@ -44,6 +44,14 @@ def test_a_test_of_a_page_passes(block: Block, name: str, team: TeamFixture, emp
     importlib.invalidate_caches()
     test = getattr(importlib.import_module(block.save(empty_folder).stem), name)
     test(**{"team": team} if "team" in inspect.signature(test).parameters else {})
+
+
+@pytest.mark.parametrize("block", [b for b in all_blocks("python") if b.shares_team], ids=lambda block: block.id)
+def test_a_page_with_a_shared_team_passes(block: Block, tmp_path: Path) -> None:
+    """pytest runs it in a folder that holds only the files that the page names."""
+    command = [sys.executable, "-m", "pytest", "-q", block.save(tmp_path).name]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 def beside_the_team(page: Path) -> list[Block]:

@@ -1,31 +1,39 @@
 """A process of the team that ends or hangs unasked fails the test of the `team` fixture."""
 
+import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from zteam.clock import HOST_FACTOR
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.testing import Team
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]
 pytest_plugins = "pytester"
 
 OWN = """
-import pathlib
+import pathlib, time
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
 
 class Loops(Behavior):
     def step(self, view):
-        while view.now > 1_000_000_000:
+        while view.now > 1_000_000_000:  # Loops
             pathlib.Path("looping").touch()
             try:
                 pass
             except Exception:
                 pass
+        return Twist(Vector3(0.1))
+
+class Sleeps(Behavior):
+    def step(self, view):
+        if view.now > 1_000_000_000:
+            pathlib.Path("looping").touch()
+            time.sleep(1000)  # Sleeps
         return Twist(Vector3(0.1))
 """
 RETURNING = """
@@ -82,15 +90,70 @@ def test_a_loop_in_one_process_is_named_and_ended(team: Team, next_team: Team, f
     next_team.run(1)
 
 
-@pytest.mark.parametrize("lockstep", [True, pytest.param(False, marks=pytest.mark.real_time)])
-def test_a_process_that_hangs_is_named(team: Team, folder: Path, lockstep: bool) -> None:
-    """In lock-step it is left behind, in real time it is silent; its last lines are in the failure."""
-    team.start("arena", 1, behavior="bad_ways:Loops", lockstep=lockstep, lockstep_timeout=2.0 * HOST_FACTOR)
+LIMIT = 2.0 * HOST_FACTOR
+"""Host seconds after which a hang is one."""
+WAITS: dict[str, Callable[[Team], object]] = {
+    "run": lambda team: team.run(600),
+    "until": lambda team: team.until(lambda: False, within=600),
+    "wait_for": lambda team: team.wait_for(lambda: False),
+}
+WAYS = [("run", "Loops", True), ("run", "Sleeps", True)]
+WAYS_IN_REAL_TIME = [("run", "Sleeps", False), ("until", "Loops", False), ("wait_for", "Sleeps", False)]
+
+
+@pytest.mark.parametrize(
+    ("wait", "way", "lockstep"),
+    [*WAYS, *(pytest.param(*way, marks=pytest.mark.real_time) for way in WAYS_IN_REAL_TIME)],
+)
+def test_a_process_that_hangs_is_named_in_time(team: Team, folder: Path, wait: str, way: str, lockstep: bool) -> None:
+    """Every wait fails while it waits, with the user's line and traceback, once; the rest of the team lives."""
+    team.start("arena", 2, behavior=f"bad_ways:{way}", follow={1: 0}, lockstep=lockstep, lockstep_timeout=LIMIT)
     team.wait_for_go()
-    with pytest.raises(AssertionError, match=r"^robot_0 hangs: (?s:.*)GO: driving"):
+    if not lockstep:
+        team.wait_for(lambda: (folder / "looping").exists())
+    began = monotonic()
+    with pytest.raises(AssertionError) as told:
+        WAITS[wait](team)
+    assert monotonic() - began < LIMIT + 5.0 * HOST_FACTOR
+    first, *rest = str(told.value).splitlines()
+    line = next(k for k, text in enumerate(OWN.splitlines(), 1) if text.endswith(f"# {way}"))
+    lines = range(line, line + 5) if way == "Loops" else [line]
+    assert first in [
+        f"robot_0 hangs: after {LIMIT:g} s step has not returned ({folder}/bad_ways.py:{n})" for n in lines
+    ]
+    assert rest[0] == "Traceback (most recent call last):"
+    assert len([text for text in rest if "bad_ways.py" in text]) == 1
+    assert not any("/zteam/" in text for text in rest)
+    team.expect_end("robot_0")
+    if lockstep:
+        team.run(0.5)
+    assert team.alive("robot_1")
+
+
+def test_a_call_that_sleeps_in_one_process_is_named_in_time(next_team: Team, folder: Path) -> None:
+    """It cannot be ended, and holds up neither the failure nor the end of the team."""
+    next_team.start("arena", 1, behavior="bad_ways:Sleeps", in_process=True, lockstep_timeout=LIMIT)
+    next_team.wait_for_go()
+    began = monotonic()
+    with pytest.raises(
+        AssertionError, match=r"^robot_0 hangs: after .* s Sleeps\.step has not returned .*bad_ways"
+    ) as told:
+        next_team.run(600)
+    assert str(told.value).count("Traceback") == 1
+    assert told.value.__cause__ is None
+    next_team.close()
+    assert monotonic() - began < LIMIT + 5.0 * HOST_FACTOR
+
+
+def test_a_frozen_process_has_no_line(team: Team) -> None:
+    """One that is frozen from outside writes nothing: its last lines are shown."""
+    team.start("arena", 1, lockstep_timeout=LIMIT)
+    team.wait_for_go()
+    os.kill(team.pid("robot_0"), signal.SIGSTOP)
+    with pytest.raises(AssertionError, match=r"^robot_0 hangs: lock-step left it behind.*; its last lines:\n"):
         team.run(3)
     team.expect_end("robot_0")
-    team.run(0.5)
+    team.kill("robot_0")
 
 
 def test_what_is_started_again_is_no_failure_if_it_comes_back(team: Team, folder: Path) -> None:
@@ -105,7 +168,7 @@ def test_what_is_started_again_is_no_failure_if_it_comes_back(team: Team, folder
     assert team.alive("robot_0")
 
 
-def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester) -> None:
+def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that ends after the last call fails the test itself, not its teardown, unless that is expected."""
     pytester.makepyfile(
         """
@@ -122,9 +185,12 @@ def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester) -> None:
             spawn(team)
         """
     )
+    monkeypatch.setenv("COLUMNS", "200")
     result = pytester.runpytest_subprocess()
     result.assert_outcomes(failed=1, passed=1)
-    result.stdout.re_match_lines([r"E .*TeamFailure: robot_0 ended \(exit code 2\): .*no behaviour 'dance'"])
+    reason = r"robot_0 ended \(exit code 2\): .*no behaviour 'dance'"
+    # Alone, and in the short summary.
+    result.stdout.re_match_lines([f"^{reason}", "^FAILED .*test_forgotten - robot_0 ended"])
 
 
 class Alarm(Exception):  # noqa: N818 - it is no error

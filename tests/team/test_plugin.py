@@ -139,3 +139,72 @@ def test_the_plugin_costs_nothing_where_it_is_not_used() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
     packages = ["zteam", "zteam.team", "zteam.team.testing"]
     assert done.stdout.strip() == str([*packages, "zteam.team.testing.plugin", "zteam.version"])
+
+
+READ = """
+import pytest
+from zteam import Behavior
+from zteam.messages import Twist, Vector3
+
+class Guard(Behavior):
+    def step(self, view):
+        if view.now > 1e9:
+            raise ValueError("out of plans")
+        return Twist(Vector3(0.3))
+
+def test_crash(team):
+    team.start("arena", 1, behavior=Guard)
+    team.wait_for_go()
+    team.run(5)
+
+def test_refused(team):
+    team.start("arena", 1, in_process=True)
+    team.sim.move(0, 100.0, 0.0)
+
+def test_of_the_test(team):
+    team.start("arena", 1, in_process=True)
+    team.until(lambda: team.robot(0).sped > 0, within=1)
+"""
+
+
+def test_the_reason_is_what_a_person_reads_first(pytester: pytest.Pytester) -> None:
+    """The summary begins with the reason, no line of zteam's code is shown, and a class of the test file is a
+    behaviour."""
+    pytester.makepyfile(test_read=READ)
+    result = pytester.runpytest_subprocess("-p", "no:randomly", "-p", "no:cacheprovider")
+    result.assert_outcomes(failed=3)
+    result.stdout.fnmatch_lines(
+        [
+            "E * zteam.testing.TeamFailure: robot_0 ended (exit code 1): ValueError: out of plans",
+            "test_read.py:14: TeamFailure",
+            "FAILED test_read.py::test_crash - robot_0 ended (exit code 1): *",
+            "FAILED test_read.py::test_refused - robot 0 has no room at x 100*",
+            "FAILED test_read.py::test_of_the_test - AttributeError: *",
+        ]
+    )
+    shown = [line for line in result.outlines if "zteam/" in line or "testing/" in line]
+    assert not shown, shown
+
+
+@pytest.mark.parametrize("option", ["-s", "-q"])
+def test_lines_are_live_without_capture(pytester: pytest.Pytester, option: str) -> None:
+    """With `-s` what a process writes is printed at once, with its name once; otherwise not."""
+    pytester.makepyfile(
+        """
+        import sys
+
+        def test_lines(team):
+            team.start("arena", 1)
+            team.wait_for_go()
+            team.wait_for_line("robot_0", "GO: driving")
+            print("TEST GOES ON")
+        """
+    )
+    result = pytester.runpytest_subprocess(option)
+    result.assert_outcomes(passed=1)
+    output = result.stdout.str()
+    assert ("TEST GOES ON" in output) == (option == "-s")
+    before = output.partition("TEST GOES ON")[0].splitlines()
+    lines = [line for line in before if "GO: driving" in line]
+    assert len(lines) == (option == "-s")
+    assert all(line.count("[robot_0]") == 1 for line in lines)

@@ -7,6 +7,7 @@ import atexit
 import ctypes
 import logging
 import queue
+import sys
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -66,9 +67,13 @@ def _stay() -> None:
 
     Otherwise it makes that state for every callback and throws it away afterwards: 16 KB of stack mapped and unmapped,
     with their page faults, which takes as long as a short callback. An `Ensure` without its `Release` keeps it.
+
+    Python has not started this thread, so coverage and debuggers see it only from here on.
     """
     ctypes.pythonapi.PyGILState_Ensure()
     _THREAD.stays = True
+    if (trace := threading.gettrace()) is not None:
+        sys.settrace(trace)
 
 
 class Aside:

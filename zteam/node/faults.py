@@ -1,17 +1,21 @@
-"""How an error of a user's own code is shown: its traceback without the frames of zteam around it."""
+"""How an error of a user's own code is shown: its traceback without the frames of zteam around it; and where code is
+that does not return."""
 
 import gc
 import logging
+import os
+import signal
+import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
 log = logging.getLogger("zteam")
 
 _OWN = str(Path(__file__).parents[1])
 """The folder of zteam."""
+_PYTHON = str(Path(os.__file__).parent)
 _MEMORY = "memory or threads", "'ulimit -v', 'ulimit -u', a container's"
 _FILES = "open files", "'ulimit -n'"
 _SHORTAGES = {
@@ -26,6 +30,10 @@ _SHORTAGES = {
 """What Python, Zenoh, the dynamic loader and the system say; of what there is no more, and the limits to raise."""
 ENDED = "ended by an error:"
 """What the log says before the text of an error."""
+STACKS = "ZTEAM_STACKS"
+"""Environment: a folder of the `team` fixture. A process that finds it there lets the fixture read where it hangs."""
+STACK_SIGNAL = "SIGUSR2"
+"""Has a process write the stacks of its threads to its file in that folder."""
 
 
 def is_own(file: str) -> bool:
@@ -49,10 +57,39 @@ def reading_frames() -> Iterator[None]:
             gc.enable()
 
 
-def frames_text(frames: Iterable[FrameType]) -> str:
-    """Where these frames are, the outermost first, as in a traceback."""
-    stack = traceback.StackSummary.extract((frame, frame.f_lineno) for frame in frames)
-    return "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
+def offer_stacks(name: str) -> None:
+    """On STACK_SIGNAL the process `name` writes its stacks to a file of its own in the folder that STACKS names.
+
+    The file's name ends with the process id. The process holds a lock on the file as long as it lives, so that its
+    reader signals no other process. `faulthandler` writes also where all threads of Python wait for one that hangs.
+    """
+    folder = os.environ.get(STACKS)
+    if not folder:
+        return
+    import faulthandler
+    import fcntl
+
+    path = f"{folder}/{name.replace(os.sep, chr(95))}.{os.getpid()}"
+    try:
+        descriptor = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
+        faulthandler.register(getattr(signal, STACK_SIGNAL), file=descriptor, chain=False)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError as error:
+        log.debug("%s: %s", path, error)
+
+
+def is_library(file: str) -> bool:
+    """Whether the code of this file is Python's own library."""
+    return file.startswith("<frozen ") or (file.startswith(_PYTHON) and "-packages" not in file)
+
+
+def unreturned_text(function: str, stack: traceback.StackSummary) -> str:
+    """Of a call that has not returned: the user's line in which it is, and its traceback; the outermost frame first."""
+    of_user = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
+    # What an environment has installed is not the user's, unless all of it is.
+    now = ([frame for frame in of_user if not frame.filename.startswith(sys.prefix)] or of_user or stack)[-1]
+    text = "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
+    return f"{function} has not returned ({now.filename}:{now.lineno})\n{text}"
 
 
 def fault_text(error: BaseException) -> str:

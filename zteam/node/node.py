@@ -15,6 +15,7 @@ from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, 
 from zteam.messages.message import check_message_type
 from zteam.messages.topics import is_measured, type_of_key
 from zteam.messages.velocity import checked_command
+from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
@@ -384,6 +385,7 @@ def run(
         log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
         raise SystemExit(2)
     chosen = BusOptions.from_environment() if options is None else options
+    offer_stacks(name)
     stop = Stop()
     with stopping_in_order(stop):
         code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)

@@ -17,7 +17,7 @@ from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_un
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.certain_tokens import CertainTokens
-from zteam.node.faults import log_fault
+from zteam.node.faults import log_fault, offer_stacks
 from zteam.node.freeze_watch import watch_freezes
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
@@ -429,6 +429,7 @@ def run_node(
         body(node)
 
     sys.setswitchinterval(SWITCH_INTERVAL)
+    offer_stacks(name)
     stop = Stop()
     stop.install()
     exit_hard_later(stop)

@@ -55,6 +55,13 @@ class StepRequest(Change):
     """False: answer at once; `sim/stand` tells when the world stands. For steps that outlast any query."""
 
 
+class ResetRequest(Change):
+    """`sim/reset`: everything as at the start; GO, if it was given, holds from the first tick on."""
+
+    anew: bool = False
+    """Also pace, stops and faults, and GO has to be given again: in lock-step the first tick waits for it."""
+
+
 class SpeedRequest(Change):
     """`sim/speed`: simulated seconds a second of the host; None = as fast as possible."""
 
@@ -263,7 +270,7 @@ class RobotReport(msgspec.Struct):
     pose: tuple[float, float, float]
     """x, y, yaw in `map`."""
     distance_m: float
-    """Length of the path driven."""
+    """Length of the path driven; what `sim/move` and `sim/spawn` do is no path."""
     stalls: int
     """How often the robot ran into something."""
     gap_m: Gap | None
@@ -397,8 +404,15 @@ class SimulatorClient:
 
     def reset(self) -> SimStatus:
         """Everything as at the start, time too; a world that was paused stands at its first tick."""
-        status = self._ask("reset", SimStatus, Change(), timeout=CHANGE_LIMIT)
+        status = self._ask("reset", SimStatus, ResetRequest(), timeout=CHANGE_LIMIT)
         return self.stand(SETTLE).status if status.paused else status
+
+    def begin_anew(self) -> None:
+        """As a simulator that has just started: no GO, and pace, stops and faults as its options say.
+
+        The processes of the team are to be started anew too. Does not wait for the first tick.
+        """
+        self._ask("reset", SimStatus, ResetRequest(anew=True), timeout=CHANGE_LIMIT)
 
     def spawn(
         self,

@@ -204,10 +204,16 @@ class LockStep:
             self._publisher.hand_over(self.tick.open(stamp, tick, robots, out))
         self._patience = Patience(self._timeout, monotonic())
 
-    def start_anew(self) -> None:
-        """The world returns to its start: answers to earlier ticks no longer count."""
+    def start_anew(self, *, whole: bool = False) -> None:
+        """The world returns to its start: answers to earlier ticks no longer count.
+
+        With `whole` the first tick is held again until all expected processes take part and GO is given.
+        """
         with self._changed:
-            self.tick.start_anew()
+            if whole:
+                self.tick, self.resends = self.tick.renewed(), 0
+            else:
+                self.tick.start_anew()
 
     def wait(self, resend: Resend) -> bool:
         """Wait until every participant has answered the open tick; False when the process is asked to stop."""

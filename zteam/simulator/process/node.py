@@ -222,8 +222,16 @@ class Simulation:
         self.outputs.put_odometry(robot_ids, observation, again=True)
         self.outputs.put_scans(robot_ids, observation, self.commands.scan_sent, again=True)
 
-    def reset(self) -> None:
-        """Put everything back to the start, where GO, if it was given, holds from the first tick on."""
+    def reset(self, *, anew: bool = False) -> None:
+        """Put everything back to the start, where GO, if it was given, holds from the first tick on.
+
+        With `anew` this is as a simulator that has just started: GO, stops, faults and the pace are forgotten too.
+        """
+        if anew:
+            self._go = None
+            self.holds.start_anew()
+            self.faults = FaultPlan(self._options.faults, self.world.interval, to_ns(LATE))
+            self.pacer.paused, self.pacer.speed, self.pacer.steps = self._options.paused, self._options.speed, 0
         self.engine.reset()
         self.match_robots()
         for robot_id in self.outputs:
@@ -236,7 +244,7 @@ class Simulation:
         self.pacer.start_anew()
         self._is_first = True
         if self.lockstep is not None:
-            self.lockstep.start_anew()
+            self.lockstep.start_anew(whole=anew)
         self.boundary.begin_anew()
 
     def match_robots(self) -> None:
@@ -251,6 +259,7 @@ class Simulation:
         robot_id = free if request.id is None else request.id
         robot = add_robot(self.world, request.model, _pose(request), names.robot_name(robot_id))
         self.engine.spawn(robot_id, robot, checked=not request.force)
+        self.statistics.set_down(robot_id, robot.pose)
         self.match_robots()
         self.statistics.add_external_command()
         return robot_id
@@ -264,6 +273,7 @@ class Simulation:
     def move(self, request: MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""
         self.engine.place(request.id, _pose(request), checked=not request.force)
+        self.statistics.set_down(request.id, _pose(request))
         self.outputs.put_statics(request.id)
         self.statistics.add_external_command()
 

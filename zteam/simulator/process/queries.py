@@ -15,6 +15,7 @@ from zteam.simulator.client import (
     ObstacleShape,
     ObstaclesReply,
     RemoveRequest,
+    ResetRequest,
     RobotShape,
     ScansRequest,
     ShapesReply,
@@ -58,7 +59,9 @@ class Queries:
         self._serve_change("repeat", Change, lambda _: self._status_after(simulation.repeat))
         # Nothing changes, but only between two ticks does what was sent stay as it is.
         self._serve_change("scans", ScansRequest, lambda request: simulation.scans(request.robots))
-        self._serve_change("reset", Change, lambda _: self._status_after(simulation.reset))
+        self._serve_change(
+            "reset", ResetRequest, lambda request: self._status_after(lambda: simulation.reset(anew=request.anew))
+        )
         self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
         self._serve_change(
             "remove", RemoveRequest, lambda request: self._status_after(lambda: simulation.remove(request.id))

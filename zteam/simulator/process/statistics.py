@@ -47,7 +47,7 @@ _SUMS = np.dtype(
         ("gap_count", "<i8"),
     ]
 )
-"""One robot's pose (x, y, yaw), and its sums."""
+"""One robot's pose (x, y, yaw), and its sums; the distance is that of its path in ticks."""
 
 
 class RunStatistics:
@@ -103,6 +103,12 @@ class RunStatistics:
         self._followers, self._leaders = (
             np.array([(self._rows[follower], self._rows[leader]) for follower, leader in pairs], int).reshape(-1, 2).T
         )
+
+    def set_down(self, robot_id: int, pose: Pose2) -> None:
+        """A robot was put at a pose, between two ticks: the way there is not driven."""
+        with self._lock:
+            if robot_id in self._rows:
+                self._sums["pose"][self._rows[robot_id]] = pose
 
     def add_tick(self, ids: Collection[int], poses: Floats, stalled: Flags, scans: Mapping[int, int]) -> None:
         """Count a tick: robots (ascending) are at `poses` (rows x, y, yaw), are blocked or not, and sent `scans`."""

@@ -65,6 +65,11 @@ class Links:
             timer.daemon = True
             timer.start()
 
+    def heal(self) -> None:
+        """Make all links good ones."""
+        for name in self._links:
+            self.change(name, Wire())
+
     def serve(self, bus: Bus) -> None:
         """Let `zteam chaos` change links."""
 

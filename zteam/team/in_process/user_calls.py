@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import takewhile
 from threading import Event, Thread
-from traceback import walk_stack
+from traceback import StackSummary, walk_stack
 from types import FrameType
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.node.faults import frames_text, is_own, reading_frames
+from zteam.node.faults import is_own, reading_frames, unreturned_text
 from zteam.node.logs import KEEPER, node_of
 from zteam.node.step_watch import hanging
 from zteam.team.in_process.delivery import Delivery, current_owner
@@ -53,10 +53,8 @@ class UserCall(NamedTuple):
 
     def describe(self) -> str:
         """Which function it is and in which line, and then its traceback."""
-        code = self.frames[0].f_code
-        now = [frame for frame in self.frames if not _is_library(frame)][-1]
-        place = f"{now.f_code.co_filename}:{now.f_lineno}"
-        return f"{code.co_qualname} has not returned ({place})\n{frames_text(self.frames)}"
+        stack = StackSummary.extract((frame, frame.f_lineno) for frame in self.frames)
+        return unreturned_text(self.frames[0].f_code.co_qualname, stack)
 
     def end(self) -> None:
         """End it and its node. One that waits outside of Python, as in `time.sleep`, goes on until that is over."""

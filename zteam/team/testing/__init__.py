@@ -1,8 +1,9 @@
 """Tests of teams, nodes and behaviours.
 
-The pytest fixture `team` starts a whole team of real processes; `Team` is its type, for annotations. `run_node` runs
-one node of your own in the test's process on a `MemoryHub`, `make_view` makes what a behaviour sees, and `find_faults`
-tells what `zteam check` finds wrong.
+The pytest fixture `team` starts a whole team of real processes, and `team_module` and `team_session` start one that
+many tests share; `Team` is their type, for annotations. They raise `TeamFailure` and `TeamTimeout`. `run_node` runs one
+node of your own in the test's process on a `MemoryHub`, `make_view` makes what a behaviour sees, and `find_faults`
+returns what `zteam check` finds wrong.
 """
 
 import importlib
@@ -13,12 +14,28 @@ if TYPE_CHECKING:
     from zteam.bus import MemoryHub
     from zteam.robot.trials.check import find_faults
     from zteam.team.testing.in_memory import RunningNode, make_view, run_node
+    from zteam.team.testing.processes import TeamFailure, TeamTimeout
     from zteam.team.testing.team import TeamFixture as Team
 
-__all__ = ["MemoryHub", "RunningNode", "Team", "find_faults", "make_view", "run_node"]
+__all__ = [
+    "MemoryHub",
+    "RunningNode",
+    "Team",
+    "TeamFailure",
+    "TeamTimeout",
+    "find_faults",
+    "make_view",
+    "run_node",
+]
 
 
-_MODULES = {"MemoryHub": "zteam.bus", "Team": "zteam.team.testing.team", "find_faults": "zteam.robot.trials.check"}
+_MODULES = {
+    "MemoryHub": "zteam.bus",
+    "Team": "zteam.team.testing.team",
+    "TeamFailure": "zteam.team.testing.processes",
+    "TeamTimeout": "zteam.team.testing.processes",
+    "find_faults": "zteam.robot.trials.check",
+}
 """Where these are; the rest is in `in_memory`."""
 
 

@@ -1,18 +1,46 @@
-"""The pytest plugin with the `team` fixture.
+"""The pytest plugin with the fixtures `team`, `team_module` and `team_session`.
 
 Every pytest run on a machine with zteam loads this module, so it imports nothing of zteam until a test asks for a team.
 """
 
+import os
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
+    from zteam.team.testing.shared import SharedTeam
     from zteam.team.testing.team import TeamFixture
 
 _TEAM = pytest.StashKey["TeamFixture"]()
+"""Of the item, module or session whose fixture it is."""
+_FIXTURES: dict[str, type[pytest.Item] | type[pytest.Collector]] = {
+    "team": pytest.Item,
+    "team_module": pytest.Module,
+    "team_session": pytest.Session,
+}
+"""By name, and the kind of node that has the team."""
+
+
+_HERE = str(Path(__file__).parent) + os.sep
+_ZTEAM = str(Path(__file__).parents[2]) + os.sep
+
+
+def _give(node: Any, fixture: "TeamFixture") -> Iterator[Any]:
+    node.stash[_TEAM] = fixture
+    try:
+        yield fixture
+    finally:
+        fixture.close()
+        del node.stash[_TEAM]
+
+
+def _is_live(request: pytest.FixtureRequest) -> bool:
+    return bool(request.config.getoption("capture") == "no")
 
 
 @pytest.fixture
@@ -20,32 +48,110 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
     """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
     from zteam.team.testing.team import TeamFixture
 
-    fixture = TeamFixture(request.config.rootpath)
-    request.node.stash[_TEAM] = fixture
+    yield from _give(request.node, TeamFixture(request.config.rootpath, live=_is_live(request)))
+
+
+@pytest.fixture(scope="module")
+def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
+    """One team for the tests of a module: what `start` or `launch` has started is put back to its start for each test.
+
+    Router and simulator go on. The world is reset, all other processes are started anew, and stops, pauses and faults
+    are undone.
+    """
+    from zteam.team.testing.shared import SharedTeam
+
+    yield from _give(request.node, SharedTeam(request.config.rootpath, live=_is_live(request)))
+
+
+@pytest.fixture(scope="session")
+def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
+    """As `team_module`, for all tests of the run."""
+    from zteam.team.testing.shared import SharedTeam
+
+    yield from _give(request.session, SharedTeam(request.config.rootpath, live=_is_live(request)))
+
+
+def _teams(item: pytest.Item) -> "list[TeamFixture]":
+    """The teams that a test uses."""
+    used = tuple(kind for name, kind in _FIXTURES.items() if name in getattr(item, "fixturenames", ()))
+    return [node.stash[_TEAM] for node in item.listchain() if isinstance(node, used) and _TEAM in node.stash]
+
+
+def _shared_teams(item: pytest.Item) -> "list[SharedTeam]":
+    return [fixture for fixture in _teams(item) if hasattr(fixture, "put_back")]  # type: ignore[misc]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
+    """Put the teams back that an earlier test has used."""
+    for fixture in _shared_teams(item):
+        _call(fixture.put_back)
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object]:
+    """End what a test has used of a team that goes on."""
     try:
-        yield fixture
+        return (yield)
     finally:
-        fixture.close()
+        for fixture in _shared_teams(item):
+            fixture.clear()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """Fail a test that has come to its end with a process of its team that ended or hangs unasked."""
     result = yield
-    fixture = item.stash.get(_TEAM, None)
-    if fixture is not None:
-        fixture.check_at_end()
+    for fixture in _teams(item):
+        _call(fixture.check_at_end)
     return result
+
+
+class _Told(pytest.fail.Exception):  # type: ignore[misc,name-defined]
+    """A failure that no line of the test has raised."""
+
+
+def _call(check: Callable[[], None]) -> None:
+    """Fail the test with the reason alone."""
+    from zteam.errors import ZteamError
+
+    try:
+        check()
+    except ZteamError as error:
+        reason = str(error)
+    else:
+        return
+    raise _Told(reason, pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Add the logs of all processes of the team to the report of a failed test."""
+    """Show the reason of a failure first, and add the logs of all processes of the team."""
+    errors, value = sys.modules.get("zteam.errors"), call.excinfo and call.excinfo.value
+    if errors is not None and value is not None:
+        _hide_library(value, errors.ZteamError)
     report = yield
-    fixture = item.stash.get(_TEAM, None)
-    if fixture is not None and report.failed:
-        report.sections.append(("processes of the team", fixture.report_log()))
+    crash = getattr(report.longrepr, "reprcrash", None)
+    if errors is not None and isinstance(value, (errors.ZteamError, _Told)) and crash is not None:
+        # Without the type the short summary has room for the reason.
+        crash.message = str(value)
+    if report.failed:
+        for fixture in _teams(item):
+            report.sections.append(("processes of the team", fixture.report_log()))
     return report
+
+
+def _hide_library(error: BaseException | None, told: type[BaseException]) -> None:
+    """Hide the frames of the fixtures from pytest; all of zteam's where it is an error that zteam has `told`."""
+    while error is not None:
+        for frame, _ in walk_tb(error.__traceback__):
+            file = frame.f_code.co_filename
+            if file.startswith(_HERE) and file != __file__:
+                frame.f_globals["__tracebackhide__"] = True
+            elif file.startswith(_ZTEAM) and file != __file__:
+                frame.f_globals["__tracebackhide__"] = lambda info: isinstance(info.value, told)
+        error = error.__cause__ or error.__context__
 
 
 def pytest_unconfigure() -> None:

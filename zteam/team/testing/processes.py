@@ -7,22 +7,23 @@ Waits here count host seconds, because a starting or ending process has no simul
 import itertools
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from textwrap import dedent
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.node.faults import ENDED
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
@@ -40,6 +41,7 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
+from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.others import RETURN, Others, TeamAccess
 from zteam.team.testing.view import ObservedTeam, RobotView
 
@@ -55,6 +57,8 @@ _SILENT_AFTER = 1.5
 """Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
+_SHORT_GRACE = 0.5 * HOST_FACTOR
+"""Host seconds for each of these where a node is known to hang."""
 
 _SITE = str(Path(__file__).parent / "site")
 """A folder with the module that Python imports when it starts."""
@@ -67,6 +71,8 @@ WARM_PARENT = WarmParent()
 TEST = "test"
 """The certificate of the test itself, in a secure team."""
 
+R = TypeVar("R")
+
 numbers = itertools.count(1)
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
@@ -75,9 +81,14 @@ _KEPT_LINES = 50_000
 class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
     """A process of the team has ended or hangs, and the test did not ask for that."""
 
+    # Where users import it from; a summary has little room.
+    __module__ = "zteam.testing"
+
 
 class TeamTimeout(TeamFailure):
     """A condition did not come true in time."""
+
+    __module__ = "zteam.testing"
 
 
 class TeamProcesses:
@@ -86,16 +97,15 @@ class TeamProcesses:
     The router is started when it is needed.
     """
 
-    def __init__(self, rootdir: Path | None = None) -> None:
-        """`rootdir` is that of pytest: the team's processes look for modules there, too."""
+    def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
+        """`rootdir` is that of pytest: the team's processes look for modules there, too. With `live` the lines of the
+        processes are printed as they come."""
         self._rootdir = rootdir
         self._others: Others | None = None
         """None until the router runs, and without processes."""
-        self._at_end = False
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
-        self.log: list[tuple[str, str]] = []
-        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._live = live
         self._supervisor = Supervisor(self._take_line, lambda *_: None, WARM_PARENT.start)
         self._signals = Signals(lambda: self._supervisor.processes)
         self._bus: Bus | None = None
@@ -108,21 +118,29 @@ class TeamProcesses:
         self._seen: ObservedTeam
         self._links: Links | None = None
         """Of a team that was started with `chaos=True`."""
-        self._chaos: TeamChaos | None = None
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
         self._in_process_ends = ExitStack()
+        self._stacks = Stacks()
+        self._interval = 0
+        """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
+        self._silence_limit = LOCKSTEP_TIMEOUT
+        """Host seconds that a living process may be silent."""
+        self._has_team = False
+        self._begin_test()
+
+    def _begin_test(self) -> None:
+        """Forget what happened in the test before."""
+        self.log: list[tuple[str, str]] = []
+        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._chaos: TeamChaos | None = None
+        self._at_end = False
         self._may_end: set[str] = set()
         """Processes that may end or hang."""
         self._hangs: dict[str, str] = {}
         """How processes hang, in words."""
         self._present: set[str] = set()
         """Processes of the team that were there once."""
-        self._interval = 0
-        """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
-        self._silence_limit = LOCKSTEP_TIMEOUT
-        """Host seconds that a living process may be silent."""
-        self._has_team = False
         self._restarts: set[str] = set()
         """Processes that are started again when they have failed."""
         self._participants: set[str] = set()
@@ -136,12 +154,20 @@ class TeamProcesses:
         self._check()
         if self._bus is not None:
             return
-        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
-        lease = lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+        lease = self._session_lease
         router = start_router(self._supervisor, lease=lease, certificates=self._certificates)
         self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
         if not self._endpoint:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
+        self._connect(lease)
+
+    @property
+    def _session_lease(self) -> float:
+        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
+        return lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+
+    def _connect(self, lease: float) -> None:
+        """Open the test's own session."""
         tls = None if self._certificates is None else files_of(self._certificates, TEST)
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
@@ -178,6 +204,10 @@ class TeamProcesses:
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
+        if self._live:
+            # Most lines name their process.
+            sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
+            sys.stdout.flush()
         if len(self.log) > 2 * _KEPT_LINES:
             del self.log[:_KEPT_LINES]
 
@@ -233,11 +263,12 @@ class TeamProcesses:
 
     def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
         """Whether `condition()` comes true within `limit` host seconds."""
-        deadline = monotonic() + limit
+        wait, deadline = Wait(), monotonic() + limit
         while True:
             seen = self._view.version
             if condition():
                 return True
+            self._look_for_hangs(wait)
             if monotonic() >= deadline:
                 return False
             # The end of a process is no news on the bus, so check from time to time.
@@ -247,7 +278,8 @@ class TeamProcesses:
         """Stop everything, in order."""
         try:
             if self._in_process is not None:
-                _close_in_time(self._in_process_ends.close)
+                # What hangs was told to end when it was noticed.
+                _close_in_time(self._in_process_ends.close, _SHORT_GRACE if self._hangs else GRACE)
             for group in stop_order(self._supervisor.processes):
                 self._supervisor.stop(group)
         finally:
@@ -256,6 +288,7 @@ class TeamProcesses:
             self._supervisor.close()
             if self._links is not None:
                 self._links.close()
+            self._stacks.close()
 
     @property
     def environment(self) -> dict[str, str]:
@@ -280,7 +313,7 @@ class TeamProcesses:
     def _environment_of(self, name: str) -> dict[str, str]:
         """That of one process."""
         self._need_processes("environment")
-        given = {"ZTEAM_PATH": os.pathsep.join(self._folders)}
+        given = {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment}
         if self._lease is not None:
             given["ZTEAM_LEASE"] = str(self._lease)
         if self._certificates is not None:
@@ -347,7 +380,8 @@ class TeamProcesses:
             raise TeamTimeout(f"{first} ended ({exit_text(self.exit_code(first))}): {self._words(first)}")
         missing = [n for n in processes if not self.alive(n)]
         if missing:
-            raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
+            where = "".join(f"; {name}: {text}" for name in missing if (text := self._stacks.where(name)))
+            raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s{where}")
         self._present.update(self._supervisor.members.keys() & {*processes})
         self._watch_others(processes)
         if names.SIMULATOR in processes:
@@ -378,10 +412,7 @@ class TeamProcesses:
 
         They are gone in the world's time; the end of their processes takes the host's.
         """
-        for name in status.hung:
-            self._note_hang(
-                name, f"lock-step left it behind, without an answer for {self._silence_limit:g} s or cut off"
-            )
+        self._note_left_behind(status)
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
         self._watch_others(status.participants, expected=False)
@@ -403,16 +434,50 @@ class TeamProcesses:
             process.join(START_LIMIT)
         return process.exit_code is not None or name in status.participants or name in status.joining
 
-    def _note_hang(self, name: str, how: str) -> None:
-        self._hangs.setdefault(name, f"{name} hangs: {how}; its last lines:\n{self._words(name)}")
+    def _note_left_behind(self, status: SimStatus) -> None:
+        for name in status.hung:
+            self._note_hang(
+                name, f"lock-step left it behind, without an answer for {self._silence_limit:g} s or cut off"
+            )
 
-    def _silent(self) -> list[str]:
-        """The robots that live and whose last status is long ago."""
+    def _note_hang(self, name: str, how: str) -> None:
+        """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
+        if name in self._hangs or name in self._may_end:
+            return
+        where = self._stacks.where(name)
+        text = f"after {self._silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self._words(name)}"
+        self._hangs[name] = f"{name} hangs: {text}"
+
+    def _look_for_hangs(self, wait: Wait) -> None:
+        """Notice, during a wait, the processes that were left behind, or that are silent; of nodes in this process the
+        watch on the calls does so."""
+        if self._in_process is not None or not wait.is_due() or not self._is_in_view:
+            return
+        if self._interval:
+            with suppress(BusError):
+                self._note_left_behind(SimulatorClient(self.bus, LOOK).status())
+        else:
+            limit = max(self._silence_limit, _SILENT_AFTER)
+            for name, spoke in self._silent():
+                if max(spoke, wait.since) < monotonic() - limit:
+                    self._note_hang(name, f"it gives no sign of life for {self._silence_limit:g} s")
+        self._check()
+
+    @property
+    def _is_in_view(self) -> bool:
+        """Whether what the test sees of its team is the team's doing: its simulator and its router run."""
+        router, simulator = (self._supervisor.members.get(name) for name in (ROUTER, names.SIMULATOR))
+        paused = self._may_end & {ROUTER, names.SIMULATOR}
+        return router is not None and router.running and (simulator is None or simulator.running) and not paused
+
+    def _silent(self) -> list[tuple[str, float]]:
+        """The robots that live and whose last status is long ago, and the host time of that."""
         now, robots = monotonic(), {i: name for name in self._present if (i := names.robot_id_of(name)) is not None}
+        spoke = {name: self._view.robot(i).spoke for i, name in robots.items()}
         return [
-            name
-            for i, name in robots.items()
-            if name not in self._may_end and self.alive(name) and 0.0 < self._view.robot(i).spoke < now - _SILENT_AFTER
+            (name, at)
+            for name, at in spoke.items()
+            if name not in self._may_end and self.alive(name) and 0.0 < at < now - _SILENT_AFTER
         ]
 
     def _wait_for_silent(self) -> None:
@@ -423,9 +488,8 @@ class TeamProcesses:
             # The watch on the calls says which one hangs.
             open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
             self._wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
-        elif not self._wait(lambda: not self._silent(), self._silence_limit):
-            for name in self._silent():
-                self._note_hang(name, f"it gives no sign of life for {self._silence_limit:g} s")
+        else:
+            self._wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self._silence_limit))
         self._check()
 
     def _take_hang(self, call: UserCall) -> bool:
@@ -478,21 +542,26 @@ def _last_words(name: str, said: list[str]) -> str:
     return "\n".join(said[-_LAST_LINES:])
 
 
-def _close_in_time(close: Callable[[], None]) -> None:
-    """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
-    done = Future[None]()
+def in_thread(call: Callable[[], R]) -> "Future[R]":
+    """What `call()` returns or raises, from a thread of its own: a node that hangs may hold what the call waits for."""
+    done = Future[R]()
 
     def work() -> None:
         try:
-            close()
-            done.set_result(None)
+            done.set_result(call())
         except BaseException as error:
             done.set_exception(error)
 
+    Thread(target=work, name="team", daemon=True).start()
+    return done
+
+
+def _close_in_time(close: Callable[[], None], grace: float) -> None:
+    """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
     # The locks of a node that hangs would hold this thread for ever.
-    Thread(target=work, name="end of the team", daemon=True).start()
+    done = in_thread(close)
     for _ in range(_TRIES):
-        wait([done], GRACE)
+        wait([done], grace)
         if done.done():
             break
         for call in user_calls():

@@ -8,14 +8,18 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 import logging
 import math
 import signal
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import wait
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
 
 from msgspec import structs
 
 from zteam import names
+from zteam.bus import Bus
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_team, find_world
@@ -27,7 +31,8 @@ from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.node.shutdown import Stop
-from zteam.robot.behaviors.registry import look_in
+from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.registry import BEHAVIORS, look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
 from zteam.team.chaos.links import Links, no_link
@@ -43,8 +48,9 @@ from zteam.team.own_code import other_file, other_file_unless_in
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos
+from zteam.team.testing.hangs import LOOK, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
+from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
 from zteam.team.testing.view import ObservedTeam
 
 log = logging.getLogger("zteam")
@@ -98,7 +104,7 @@ class TeamFixture(TeamProcesses):
         world: str | Path = "arena",
         robots: int | str | Sequence[int] = 1,
         *,
-        behavior: str = "wander",
+        behavior: str | type[Behavior] = "wander",
         follow: Mapping[int, int] | None = None,
         params: Mapping[int, Mapping[str, Any]] | None = None,
         seed: int = 1,
@@ -111,11 +117,12 @@ class TeamFixture(TeamProcesses):
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
-        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the robot named
-        there, the others run `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands
-        still until `run`, `until` or `at` let it go on, as fast as the processes can; own nodes in `expect` take part
-        from the first tick on; a living process that does not answer is left behind after `lockstep_timeout` host
-        seconds. Without `lockstep` the team runs in real time.
+        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the
+        robot named there, the others run `behavior`, a name or a class of a module; `params` gives behaviour
+        parameters by robot. With `lockstep` the world stands still until `run`, `until` or `at` let it go on,
+        as fast as the processes can; own nodes in `expect` take part from the first tick on; a living process
+        that does not answer is left behind after `lockstep_timeout` host seconds. Without `lockstep` the team
+        runs in real time.
 
         With `chaos` each process has a link of its own to the router, which `team.chaos` can cut or make slow.
         `nodes` are own nodes by name, which take part from the first tick on: each is a function of the node as for
@@ -123,7 +130,8 @@ class TeamFixture(TeamProcesses):
         starts it in a fifth of a second and steps it many times faster, with the same result; a node may then be the
         function itself. Calls that need processes are refused.
         """
-        file = read_team_tables("team.start", {"robots": _tables(robots, behavior, follow or {}, params or {})})
+        tables = _tables(robots, _spec_of(behavior), follow or {}, params or {})
+        file = read_team_tables("team.start", {"robots": tables})
         # In the order of this process; the current folder follows.
         file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
@@ -138,34 +146,50 @@ class TeamFixture(TeamProcesses):
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
+        self._has_team, self._silence_limit = True, launch.pace.timeout
         plan = plan_team(launch)
         own.check_names(plan.jobs)
         plan.own |= own.jobs
+        self._launched = launch, plan
+        self._expect(launch, plan)
+        if in_process:
+            self._open_in_process(launch, own.bodies)
+        else:
+            self._need_processes("start")
+            self._lease = lease_for(launch.pace, LEASE)
+            if self._certificates is not None:
+                rights = {**rights_of(launch.team), TEST: Rights(links=True)}
+                prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
+            self._open()
+        self._start_members(plan)
+
+    def _expect(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+        self._participants = {*launch.participants}
         self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
-        started = self._start_in_process(launch, own.bodies) if in_process else self._start_processes(launch, plan)
-        self.wait_for_processes(*started)
-        if names.SIMULATOR in started:
+
+    def _start_members(self, plan: LaunchPlan, kept: Collection[str] = ()) -> None:
+        """Start the processes of the team, or its nodes, but for those that are `kept`; wait until all are there."""
+        run = self._in_process
+        if run is not None:
+            members = [*run.parts]
+            for name in [name for name in members if name not in kept]:
+                run.start_node(name)
+        else:
+            members = [name for name in plan.jobs if name not in plan.optional]
+            for name in [name for name in plan.jobs if name not in kept]:
+                link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
+                job = structs.replace(plan.jobs[name], environment={**self._environment_of(name), **link})
+                self._supervisor.start_job(name, job)
+            self._watch_others(self._launched[0].pace.expect)
+        self.wait_for_processes(*members)
+        if names.SIMULATOR in members:
             known = self.sim_status.robots
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
-    def _start_processes(self, launch: TeamLaunch, plan: LaunchPlan) -> list[str]:
-        self._need_processes("start")
-        self._lease = lease_for(launch.pace, LEASE)
-        if self._certificates is not None:
-            rights = {**rights_of(launch.team), TEST: Rights(links=True)}
-            prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
-        self._open()
-        for name, job in plan.jobs.items():
-            link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
-            self._supervisor.start_job(name, structs.replace(job, environment={**self._environment_of(name), **link}))
-        self._watch_others(launch.pace.expect)
-        return [name for name in plan.jobs if name not in plan.optional]
-
-    def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
+    def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
         if self._bus is not None or self._in_process is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         with ExitStack() as ends:
@@ -180,13 +204,10 @@ class TeamFixture(TeamProcesses):
         self._supervisor = run.supervisor
         self._bus = run.sessions.bus("test")
         self._seen = ObservedTeam(self._bus, self._repeat)
-        for name in run.parts:
-            run.start_node(name)
-        return [*run.parts]
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self.log.append((line.process, f"{level}{line.text}"))
+        self._take_line(line.process, f"{level}{line.text}")
 
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
@@ -343,6 +364,8 @@ class TeamFixture(TeamProcesses):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
         if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
             raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
+        if self._interval:
+            self._take_status(self.sim_status)
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
@@ -384,7 +407,7 @@ class TeamFixture(TeamProcesses):
 
     def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
         """Wait in real time until `condition()`."""
-        last, quiet_since = self.now, monotonic()
+        last, quiet_since, watch = self.now, monotonic(), Wait()
         while True:
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self._view.version
@@ -393,6 +416,7 @@ class TeamFixture(TeamProcesses):
                 return
             if self.now > end:
                 raise _not_true(within, self.now, self._view)
+            self._look_for_hangs(watch)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:
@@ -404,14 +428,22 @@ class TeamFixture(TeamProcesses):
         while ticks > 0:
             count = min(ticks, _SLICE)
             ticks -= count
+            # A node that hangs in this process may hold whatever the answer needs.
+            answer = in_thread(partial(self._ask_for_steps, self.bus, count))
+            while not answer.done():
+                self._check()
+                wait([answer], LOOK)
             try:
-                key = names.service_key(names.SIMULATOR, "step")
-                status = self.bus.ask(key, SimStatus, StepRequest(count), timeout=STALL_LIMIT)
+                status = answer.result()
             except BusError as error:
                 self._check()
-                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
             self._take_status(status)
             self._wait_for_messages_of(status)
+
+    def _ask_for_steps(self, bus: Bus, count: int) -> SimStatus:
+        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self._silence_limit)
+        return bus.ask(key, SimStatus, StepRequest(count), timeout=limit)
 
     def _wait_for_messages_of(self, status: SimStatus) -> None:
         def arrived() -> bool:
@@ -434,6 +466,20 @@ def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")
+
+
+def _spec_of(behavior: str | type[Behavior]) -> str:
+    """The name by which a robot's process finds a behaviour. Raises UsageError."""
+    if isinstance(behavior, str):
+        return behavior
+    if not isinstance(behavior, type):
+        raise UsageError(f"team.start: behavior is {behavior!r:.60}: give a name or a class")
+    shipped = [name for name, kind in BEHAVIORS.items() if kind is behavior]
+    module, name = behavior.__module__, behavior.__qualname__
+    if getattr(sys.modules.get(module), name, None) is not behavior:
+        text = f"{name} of {module}, which no process can import: define the class at the top level of a module"
+        raise UsageError(f"team.start: behavior is {text}")
+    return shipped[0] if shipped else f"{module}:{name}"
 
 
 def _tables(

@@ -34,7 +34,8 @@ class RobotView:
         self.heard: dict[str, int] = {}
         """How many messages arrived, by topic."""
         self.distance_travelled = 0.0
-        """Metres driven since the test subscribed."""
+        """Metres that its base has driven since the fixture first saw it, or since the last reset. A robot that is put
+        elsewhere has not driven there."""
 
     def _look(self, topic: str, kind: type[M]) -> M | None:
         self._team.want(self, topic, kind)
@@ -95,13 +96,16 @@ class RobotView:
         reason = getattr(self.status, "reason", "")
         return f"robot_{self.id} at x {self.pose.x:.2f}, y {self.pose.y:.2f}{f' ({reason})' if reason else ''}"
 
-    def take_truth(self, message: Odometry) -> None:
-        """Store a new true pose."""
-        before = self.pose
-        self.truth = message
-        step = math.hypot(self.pose.x - before.x, self.pose.y - before.y)
-        if math.isfinite(step):
-            self.distance_travelled += step
+    def take_truth(self, message: Odometry, last_tick: int) -> None:
+        """Store a new true pose; the tick before began at `last_tick` (simulated ns).
+
+        The way is that of its velocity: a pose also changes where a robot is moved, or comes back to the world.
+        """
+        before, self.truth = self.truth, message
+        if before is not None:
+            since = max(last_tick, ns_from_time(before.header.stamp))
+            velocity, seconds = message.twist.twist.linear, (ns_from_time(message.header.stamp) - since) / 1e9
+            self.distance_travelled += math.hypot(velocity.x, velocity.y) * max(0.0, seconds)
 
 
 class ObservedTeam:
@@ -118,6 +122,8 @@ class ObservedTeam:
         self.changed = threading.Condition(threading.RLock())
         self.now = 0
         """Simulated ns."""
+        self._last_tick = 0
+        """Simulated ns of the tick before."""
         self.team_status: TeamStatus | None = None
         self.robots: dict[int, RobotView] = {}
         """All of which anything has been heard or asked, by id."""
@@ -177,7 +183,13 @@ class ObservedTeam:
 
     def _on_clock(self, _key: str, message: Clock) -> None:
         with self.changed:
-            self.now = ns_from_time(message.clock)
+            before, self.now = self.now, ns_from_time(message.clock)
+            if before != self.now:
+                self._last_tick = before if before < self.now else 0
+            if before > self.now:
+                # The simulator sends the clock of a new time first of all.
+                for robot in self.robots.values():
+                    robot.distance_travelled = 0.0
             self._tell()
 
     def _on_team_status(self, _key: str, message: TeamStatus) -> None:
@@ -193,7 +205,10 @@ class ObservedTeam:
         with self.changed:
             robot = self.robot(robot_id)
             if topic == names.GROUND_TRUTH and isinstance(message, Odometry):
-                robot.take_truth(message)
+                stamp = ns_from_time(message.header.stamp)
+                # The clock of its tick may come before it or after it.
+                last_tick = self.now if self.now < stamp else self._last_tick if self.now == stamp else 0
+                robot.take_truth(message, last_tick)
             elif isinstance(message, RobotStatus):
                 robot.status, robot.spoke = message, monotonic()
             elif isinstance(message, Message):

@@ -49,6 +49,18 @@ def test_distance_is_the_length_of_the_path() -> None:
     assert [robot.distance_m for robot in statistics.robots()] == [6.0, 0.0]
 
 
+def test_to_be_set_down_is_no_path() -> None:
+    """A robot that was moved, or removed and put back elsewhere, has driven only what it drove from there."""
+    statistics = started()
+    statistics.set_down(0, Pose2(5.0, 5.0, 0.0))
+    statistics.set_down(7, Pose2(1.0, 1.0, 0.0))
+    add(statistics, {0: Pose2(5.5, 5.0, 0.0), 1: START[1]})
+    add(statistics, {1: START[1]})
+    statistics.set_down(0, Pose2(9.0, 9.0, 0.0))
+    add(statistics, {0: Pose2(9.0, 9.5, 0.0), 1: START[1]})
+    assert [(robot.distance_m, robot.pose.x) for robot in statistics.robots()] == [(1.0, 9.0), (0.0, 0.0)]
+
+
 def test_a_stall_counts_once_however_long_it_lasts() -> None:
     """It counts again after the robot was free."""
     statistics = started()

@@ -1,0 +1,109 @@
+"""Where a process hangs, and which silence is its own."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.limits import LIMIT
+from zteam.team.testing import hangs
+from zteam.team.testing.hangs import Stacks, Wait
+
+CHILD = """
+import sys, threading
+from zteam.node.faults import offer_stacks
+from zteam.node.step_watch import StepWatch
+
+def step():
+    print("here", flush=True)
+    # The line of the user's code, below Python's own.
+    threading.Event().wait()
+
+offer_stacks(sys.argv[1])
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+if sys.argv[2] == "step":
+    StepWatch("step", "", "").run(step, 0.0, paced=False)
+step()
+"""
+
+
+@pytest.fixture
+def stacks() -> Iterator[Stacks]:
+    """Those of a team."""
+    stacks = Stacks()
+    yield stacks
+    stacks.close()
+
+
+def start(
+    folder: Path, stacks: Stacks, name: str, way: str = "step", *, offers: bool = True
+) -> "subprocess.Popen[str]":
+    """A process that has come to the user's line."""
+    script = folder / "wårk er.py"
+    script.write_text(CHILD)
+    child = subprocess.Popen(
+        [sys.executable, script, name, way], env=stacks.environment if offers else {}, stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "here\n"
+    return child
+
+
+def end(child: "subprocess.Popen[str]") -> None:
+    """Nothing is left of it."""
+    child.kill()
+    child.communicate(timeout=LIMIT)
+
+
+def test_the_users_line_is_found(tmp_path: Path, stacks: Stacks) -> None:
+    """Neither zteam's frames nor Python's are the place, and each question gets the answer of now; a path may have any
+    letters."""
+    child = start(tmp_path, stacks, "robot_0")
+    for _ in range(2):
+        first, *rest = stacks.where("robot_0").splitlines()
+        assert first == f"step has not returned ({tmp_path}/wårk er.py:9)"
+        assert rest[0] == "Traceback (most recent call last):"
+        assert "    threading.Event().wait()" in rest
+    end(child)
+
+
+def test_only_a_living_process_that_offered_it_is_signalled(tmp_path: Path, stacks: Stacks) -> None:
+    """Others would end by the signal: one of the same name without the folder, and one that got a dead one's number."""
+    others = start(tmp_path, stacks, "robot_0", offers=False)
+    assert stacks.where("robot_0") == ""
+    dead = start(tmp_path, stacks, "robot_1")
+    end(dead)
+    (found,) = Path(stacks.environment["ZTEAM_STACKS"]).glob("robot_1.*")
+    found.rename(found.with_suffix(f".{others.pid}"))
+    assert stacks.where("robot_1") == ""
+    assert others.poll() is None
+    end(others)
+
+
+def test_a_wait_of_zteam_is_no_call_of_the_user(tmp_path: Path, stacks: Stacks) -> None:
+    """A script that waits below no function of zteam is in none of its calls."""
+    child = start(tmp_path, stacks, "node", "script")
+    assert stacks.where("node") == ""
+    end(child)
+
+
+def test_the_files_go_with_the_team(stacks: Stacks) -> None:
+    """Nothing is left behind."""
+    folder = Path(stacks.environment["ZTEAM_STACKS"])
+    assert folder.exists()
+    stacks.close()
+    assert not folder.exists()
+
+
+def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a long time without a look the silence of others begins anew."""
+    now = [100.0]
+    monkeypatch.setattr(hangs, "monotonic", lambda: now[0])
+    wait = Wait()
+    seen = []
+    for seconds in (0.5, 0.6, 1.0, 20.0, 1.0):
+        now[0] += seconds
+        seen.append((wait.is_due(), wait.since))
+    assert seen == [(False, 100.0), (True, 100.0), (True, 100.0), (False, 122.1), (True, 122.1)]

@@ -1,0 +1,122 @@
+"""Whether processes hang, and where: in which line of the user's code one is that gives no sign of life."""
+
+import contextlib
+import fcntl
+import os
+import re
+import shutil
+import signal
+import tempfile
+from collections.abc import Iterator
+from itertools import takewhile
+from pathlib import Path
+from traceback import FrameSummary, StackSummary
+
+from zteam.clock import HOST_FACTOR, monotonic, pause
+from zteam.node.faults import STACK_SIGNAL, STACKS, is_library, is_own, unreturned_text
+
+LOOK = 1.0
+"""Host seconds between two looks at what is waited for."""
+_LONGEST_LOOK = 5.0
+"""More between two looks is a pause of this process, or of the machine: the silence of others is its own."""
+_ANSWER = 2.0 * HOST_FACTOR
+"""Host seconds for a process to write its stacks; a frozen one writes none."""
+_FRAME = re.compile(r'  File "(.*)", line (\d+) in (.*)')
+"""As `faulthandler` writes one."""
+
+
+class Wait:
+    """A wait that looks from time to time whether something hangs."""
+
+    def __init__(self) -> None:
+        self.since = self._looked = monotonic()
+        """Host time from which on the silence of a process is its own."""
+
+    def is_due(self) -> bool:
+        """Whether to look now."""
+        now = monotonic()
+        if now - self._looked > _LONGEST_LOOK:
+            self.since = self._looked = now
+        due = now - self._looked >= LOOK
+        if due:
+            self._looked = now
+        return due
+
+
+class Stacks:
+    """The stacks of the processes of a team, each of which writes its own (`zteam.node.faults.offer_stacks`)."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        """None until a process gets it."""
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Lets a process that gets it show where it is."""
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="zteam_stacks_"))
+        return {STACKS: str(self._folder)}
+
+    def close(self) -> None:
+        """Remove the files."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder = None
+
+    def where(self, name: str) -> str:
+        """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none."""
+        return "\n".join(dict.fromkeys(map(_text, _user_calls(self._read(name)))))
+
+    def _read(self, name: str) -> str:
+        """What the living process `name` writes now; empty if it has not offered that."""
+        there = [] if self._folder is None else self._folder.glob(f"{name}.*")
+        found = [path for path in there if path.stem == name and _is_held(path)]
+        if not found:
+            return ""
+        # Of two that claim the name the newer one waits.
+        path = min(found, key=lambda path: path.stat().st_ctime)
+        before = seen = path.stat().st_size
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(int(path.suffix[1:]), getattr(signal, STACK_SIGNAL))
+        end = monotonic() + _ANSWER
+        while monotonic() < end:
+            pause(0.05)
+            size = path.stat().st_size
+            if before < size == seen:
+                break
+            seen = size
+        with path.open("rb") as file:
+            file.seek(before)
+            return file.read().decode(errors="replace")
+
+
+def _is_held(path: Path) -> bool:
+    """Whether the process that made the file lives: it holds a lock on it."""
+    with contextlib.suppress(ValueError, BlockingIOError), path.open("rb") as file:
+        int(path.suffix[1:])
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    return path.suffix[1:].isdigit()
+
+
+def _user_calls(text: str) -> Iterator[list[FrameSummary]]:
+    """The calls of user's code by zteam in what `faulthandler` wrote of all threads, the outermost frame first."""
+    for thread in re.split(r"^\S.*$", text, flags=re.MULTILINE):
+        found = [_FRAME.fullmatch(line) for line in thread.splitlines()]
+        frames = [FrameSummary(_path(m[1]), int(m[2]), m[3]) for m in found if m is not None]
+        # From the call that waits in zteam or in a library to the user's line, then up to what zteam has called.
+        while frames and (is_own(frames[0].filename) or is_library(frames[0].filename)):
+            frames.pop(0)
+        call = [*takewhile(lambda frame: not is_own(frame.filename), frames)]
+        is_cut = "  ..." in thread.splitlines()
+        if call and (len(call) < len(frames) or is_cut) and not is_library(call[-1].filename):
+            yield call[::-1]
+
+
+def _path(written: str) -> str:
+    """A path whose characters beyond ASCII are written as in Python."""
+    return re.sub(r"\\x..|\\u.{4}|\\U.{8}", lambda found: chr(int(found[0][2:], 16)), written)
+
+
+def _text(call: list[FrameSummary]) -> str:
+    return unreturned_text(call[0].name, StackSummary.from_list(call))
