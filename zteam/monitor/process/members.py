@@ -306,7 +306,11 @@ class WatchedTeam:
             member.heard = now
 
     def _falling_silent(self, now: float) -> dict[int, KnownRobot]:
-        return {i: member for i, member in self.members.items() if member.heard and self._is_quiet(member, now)}
+        return {
+            robot_id: member
+            for robot_id, member in self.members.items()
+            if (member.status is not None or member.heard) and self._is_quiet(member, now)
+        }
 
     def has_silent(self, now: float) -> bool:
         """Whether `check_silence` has something to tell."""
@@ -315,7 +319,8 @@ class WatchedTeam:
     def check_silence(self, now: float) -> None:
         """Tell of robots that live and send no status, or no further one."""
         for member in self.members.values():
-            member.heard = member.heard or now
+            if member.status is None:
+                member.heard = member.heard or now
         for robot_id, member in self._falling_silent(now).items():
             member.silent = True
             member.was_ready = False
