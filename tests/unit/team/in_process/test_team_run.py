@@ -26,6 +26,7 @@ class Faulty(Behavior):
 """
 
 
+@pytest.mark.gate
 def test_the_report_is_that_of_the_run() -> None:
     """The run ends at its time; another seed gives another run; the same seed repeats it."""
     first, again, other = (zteam.run_team("arena", seconds=5.0, seed=seed) for seed in (5, 5, 6))
@@ -177,6 +178,7 @@ team.close()
 """
 
 
+@pytest.mark.gate
 def test_no_node_imports_zteam_in_its_own_thread(tmp_path: Path) -> None:
     """pytest parses a package with a plugin when it imports it, which two threads cannot do at once on Python 3.11."""
     (tmp_path / "team.toml").write_text(f"{TEAM}[[robots]]\nid = 1\nnavigation = true\n")
