@@ -55,7 +55,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what only `.ci/full` runs, and note what each proof proves."""
+    """Mark what README's command leaves out, and note what each proof proves."""
     sweeps: dict[tuple[Path, str], list[pytest.Item]] = {}
     for item in items:
         if item.nodeid.startswith(CI_FOLDERS) or item.get_closest_marker("gate"):
