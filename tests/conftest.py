@@ -55,10 +55,10 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what only `.ci/full` runs, and note what each proof proves."""
+    """Mark what README's command leaves out, and note what each proof proves."""
     sweeps: dict[tuple[Path, str], list[pytest.Item]] = {}
     for item in items:
-        if item.nodeid.startswith(CI_FOLDERS):
+        if item.nodeid.startswith(CI_FOLDERS) or item.get_closest_marker("gate"):
             item.add_marker("ci")
         if item.get_closest_marker("few") and isinstance(item, pytest.Function) and not item.get_closest_marker("ci"):
             sweeps.setdefault((item.path, item.originalname), []).append(item)

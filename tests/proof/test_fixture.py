@@ -40,6 +40,7 @@ class Raises(Behavior):
 """
 
 
+@pytest.mark.gate
 def test_a_failure_shows_the_output_of_the_processes(pytester: pytest.Pytester) -> None:
     """Five lines in a user's project test a team, and only a test that fails shows what each of its processes said."""
     pytester.makepyfile(PROJECT)

@@ -20,7 +20,6 @@ ENDS = {
 """What ends the README's commands that go on until Ctrl+C."""
 
 
-@pytest.mark.ci
 @pytest.mark.gate
 def test_the_tools_of_the_readme_work_on_a_running_team(
     team: TeamFixture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

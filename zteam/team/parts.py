@@ -45,6 +45,9 @@ def _simulator(options: SimOptions) -> Part:
     from zteam.simulator.world import add_robot, load_world
 
     world = load_world(options.world)
+    if (options.engine.physics or world.physics) == "dynamic":
+        # Not in the thread of a simulator in one process (`in_process/run.py`).
+        import zteam.simulator.core.dynamic  # noqa: F401
     robots = dict(enumerate(world.robots)) if options.world_robots else {}
     for robot_id, model, pose in options.added:
         if robot_id in robots:

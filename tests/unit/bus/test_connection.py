@@ -74,6 +74,7 @@ def refusal(endpoint: str, config: Path | None = None) -> str:
     return str(refused.value)
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize("config", ["stranger", None])
 def test_tls_without_a_certificate_has_its_own_line(start: Start, certificates: Path, config: str | None) -> None:
     """A router that takes known certificates only says so to a tool that has none; with one a tool joins."""
@@ -88,6 +89,7 @@ def test_tls_without_a_certificate_has_its_own_line(start: Start, certificates: 
     assert f"zteam-router at {router.endpoint}" in found.text
 
 
+@pytest.mark.gate
 def test_plain_tcp_to_a_tls_port_has_its_own_line(start: Start, certificates: Path) -> None:
     """It names the endpoint that is right."""
     router = start("tls/127.0.0.1:0", "--config", str(certificates / "router.json5"))
@@ -224,6 +226,7 @@ def _asks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "_LINK_PERIOD", 0.1)
 
 
+@pytest.mark.gate
 def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session answers queries again, over another link, after one on which nothing reached it."""
     monkeypatch.setattr(connection, "_LINK_TIMEOUT", 0.5)
@@ -271,6 +274,7 @@ def test_a_process_may_end_while_its_link_is_looked_at(router: RouterProcess) ->
     assert [subprocess.run(command, timeout=LIMIT, check=False).returncode for _ in range(4)] == [0] * 4
 
 
+@pytest.mark.gate
 def test_a_whole_link_is_kept(
     router: RouterProcess, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -74,6 +74,7 @@ def test_a_rival_between_the_look_and_the_own_token_is_met(hub: MemoryHub) -> No
     claim.release()
 
 
+@pytest.mark.gate
 def test_the_older_one_of_two_holders_stays(hub: MemoryHub) -> None:
     """A rival that started later is met and asked, and the claim does not give way."""
     answered = threading.Event()
@@ -114,6 +115,7 @@ def test_a_silent_rival_is_forgotten_with_its_token(hub: MemoryHub) -> None:
             assert not thread.is_alive()
 
 
+@pytest.mark.gate
 def test_tokens_make_no_threads_and_hide_no_holder(hub: MemoryHub) -> None:
     """Three thousand tokens of the name that nobody answers for, which end again: one thread asks, with one question
     for all of them. A second process is refused by the name of the true holder, and an older one is met."""

@@ -76,6 +76,7 @@ def mounted(tmp_path: Path) -> Callable[[str], Path]:
     return write
 
 
+@pytest.mark.gate
 def test_a_router_takes_a_changed_file_of_settings(
     mounted: Callable[[str], Path], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -214,6 +215,7 @@ def test_a_team_gets_the_port_from_a_router_without_a_team(name: str, is_team: b
             assert client.instance in sessions_at(router.endpoint)
 
 
+@pytest.mark.gate
 def test_another_programs_port_is_not_taken() -> None:
     """The team's router takes another one."""
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -242,6 +244,7 @@ def test_a_secure_team_gets_the_port_only_where_no_client_is(is_idle: bool, tmp_
             assert (team.endpoint == endpoint) is is_idle
 
 
+@pytest.mark.gate
 def test_of_two_teams_at_once_one_gets_the_port() -> None:
     """The other one's router takes another port, and both run."""
     opened: list[Router] = []

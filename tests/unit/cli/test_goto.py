@@ -252,6 +252,7 @@ def test_a_robot_that_runs_go_to_gets_the_goal(hub: MemoryHub, capsys: pytest.Ca
         robot.end()
 
 
+@pytest.mark.gate
 def test_a_robot_that_takes_no_goals_is_named(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """The user learns what the robot runs instead."""
     bus = hub.bus()

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import zteam.cli
 from support.limits import LIMIT
 
@@ -41,6 +43,7 @@ def test_a_closed_output_is_no_failure() -> None:
         assert run(BOMB + f"from zteam.cli.interrupts import leave\n{close}\nleave(3)").returncode == 3
 
 
+@pytest.mark.gate
 def test_commands_leave() -> None:
     """A command that ran, by its module or by `zteam`, ends without taking the interpreter apart."""
     for module, words in (("zteam_sim", "['zteam-sim', 'wander']"), ("main", "['zteam', 'behaviors', 'wandr']")):

@@ -161,6 +161,7 @@ def test_near_keys_end_alike_or_are_spelt_alike() -> None:
     assert near_keys("camera", known) == ""
 
 
+@pytest.mark.gate
 def test_a_session_of_several_names_is_shown_by_the_robots_own(
     hub: MemoryHub, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -88,6 +88,7 @@ def test_no_browser_needs_a_view(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--no-browser needs --view" in capsys.readouterr().err
 
 
+@pytest.mark.gate
 def test_a_robots_process_imports_no_web_server() -> None:
     """Neither does a simulator."""
     code = (

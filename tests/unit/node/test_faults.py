@@ -138,6 +138,7 @@ for _ in range(1000):
 """
 
 
+@pytest.mark.gate
 def test_frames_of_running_threads_can_be_read() -> None:
     """No finalizer lets the other threads end a frame that is being read; without the pause, Python 3.11 crashes."""
     ended = subprocess.run([sys.executable, "-c", LOOKS], check=False, capture_output=True, text=True, timeout=LIMIT)

@@ -115,6 +115,7 @@ def forge(hub: MemoryHub, tick: int, *participants: str) -> None:
     publisher.put(Tick(time_from_ns(tick * INTERVAL), 1, tick, participants=list(participants)))
 
 
+@pytest.mark.gate
 def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: LogCapture) -> None:
     """It is neither answered nor taken for the time, and the log and the counters say that it came."""
     script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
@@ -131,6 +132,7 @@ def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub
     desk.node.close()
 
 
+@pytest.mark.gate
 def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
     hub: MemoryHub, desk: Desk, script: ScriptedSimulator, log: LogCapture
 ) -> None:

@@ -87,6 +87,7 @@ def team(hub: MemoryHub) -> StoppingTeam:
     return StoppingTeam(hub)
 
 
+@pytest.mark.gate
 def test_robot_and_simulator_both_confirm(team: StoppingTeam) -> None:
     """Of all robots that are there, with a process or without; then of those that are named alone."""
     team.add_simulator(0, 1, 2)
@@ -131,6 +132,7 @@ def test_a_simulator_that_hangs_confirms_nothing(team: StoppingTeam) -> None:
     assert str(result) == f"robot_0: confirmed by robot_0; not confirmed by sim {WITHIN}"
 
 
+@pytest.mark.gate
 def test_a_refusal_has_its_reason(team: StoppingTeam) -> None:
     """Such as that of access control."""
 

@@ -253,6 +253,7 @@ def test_a_message_above_64_kib_closes_the_socket(view: View) -> None:
         assert page.end()[0] in (1008, 1009)
 
 
+@pytest.mark.gate
 def test_fuzzed_messages_do_no_harm(view: View) -> None:
     """Each page that sends nonsense is refused, and a page beside them is served as before."""
     draw = random.Random(5)
@@ -333,6 +334,7 @@ def test_a_page_that_may_only_watch_sees_the_doctor_and_cannot_call_it(view: Vie
         assert "may only watch" in watcher.command(op="doctor")
 
 
+@pytest.mark.gate
 def test_nothing_is_subscribed_to_while_nobody_watches(view: View, bus: Bus) -> None:
     """Subscriptions come with the first page and go with the last one."""
     assert subscribed(bus) == set()
@@ -366,6 +368,7 @@ def test_without_transforms_poses_are_the_ground_truth(view: View, bus: Bus) -> 
         page.wait(lambda: [r["model"] for r in page.docs["team"]["robots"]] == ["small"])
 
 
+@pytest.mark.gate
 def test_a_path_on_any_key_is_drawn(view: View, bus: Bus) -> None:
     """The key's type is learnt from its first message; a key of another type is not subscribed to for long."""
     path = bus.publisher("my/way", Path)
@@ -417,6 +420,7 @@ def test_the_newest_message_is_echoed(view: View, bus: Bus) -> None:
         assert page.docs["echo"]["json"]["range_max"] == 8.0
 
 
+@pytest.mark.gate
 def test_a_page_that_takes_no_frame_is_sent_no_third_one(view: View) -> None:
     """Its credit is two frames; another page goes on meanwhile."""
     with open_page(view.port, acknowledges=False) as still, open_page(view.port) as page:

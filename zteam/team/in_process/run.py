@@ -53,6 +53,9 @@ def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[s
     if isinstance(options, MonitorOptions):
         return printing_monitor(options, say)
     if isinstance(options, RobotOptions):
+        # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
+        import zteam.robot.process.node  # noqa: F401
+
         robot = options
         # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
         return Part(lambda node: robot_part(robot, transforms).body(node))

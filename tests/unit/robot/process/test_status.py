@@ -192,6 +192,7 @@ def test_a_new_speed_is_no_reason_to_publish(wants: Callable[..., None], monkeyp
         robot.close()
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize("gate", [True, False])
 def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, gate: bool) -> None:
     """Which robots the world has, and how to add this one; once it has come, what else is missing."""
@@ -244,6 +245,7 @@ def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.Monke
         robot.close()
 
 
+@pytest.mark.gate
 def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the monitor waits for is in its log once, when it has been ready for a while, and again when it changes."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)

@@ -225,6 +225,7 @@ def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: Ha
     assert harness.end()
 
 
+@pytest.mark.gate
 def test_a_flood_of_tokens_sends_no_flood_of_ticks(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     """Any program may hold tokens: two thousand let the open tick be sent again a few hundred times a second, and once
     more a second later, for a process that may have come among them."""

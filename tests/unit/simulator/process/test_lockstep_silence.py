@@ -85,6 +85,7 @@ def test_the_time_between_repeats_grows(
     assert harness.lockstep.resends == 10
 
 
+@pytest.mark.gate
 @pytest.mark.usefixtures("hasty")
 def test_a_silent_participant_is_named_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     """It holds the world for the time-out; then the others go on without it."""

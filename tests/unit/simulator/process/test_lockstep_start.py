@@ -226,6 +226,7 @@ def test_no_participant_is_dropped_while_it_is_held(hub: MemoryHub, new_harness:
     assert (harness.lockstep.tick.hung, harness.lockstep.tick.members) == ([], ["robot_0"])
 
 
+@pytest.mark.gate
 @pytest.mark.usefixtures("hasty")
 def test_with_go_the_first_tick_has_a_time_out(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     """The start is over: a robot whose first step does not return is left behind, as in any later tick."""

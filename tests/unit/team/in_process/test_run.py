@@ -48,6 +48,7 @@ def test_the_router_ends_with_it() -> None:
     assert not port_accepts(outside.endpoint)
 
 
+@pytest.mark.gate
 def test_a_program_opens_its_team() -> None:
     """`run_team` with bus options: another session finds the robots, a second team is refused, the run is the same."""
     router = RouterProcess()

@@ -3,11 +3,14 @@
 import logging
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import zteam
+from support.limits import LIMIT
 from zteam.messages import Bool, LaserScan, RobotStatus
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'
@@ -23,6 +26,7 @@ class Faulty(Behavior):
 """
 
 
+@pytest.mark.gate
 def test_the_report_is_that_of_the_run() -> None:
     """The run ends at its time; another seed gives another run; the same seed repeats it."""
     first, again, other = (zteam.run_team("arena", seconds=5.0, seed=seed) for seed in (5, 5, 6))
@@ -154,3 +158,30 @@ def test_a_mistake_is_told(options: dict[str, object], told: str) -> None:
     """A run without an end, and a node with a robot's name, are refused before anything starts."""
     with pytest.raises(zteam.ZteamError, match=told):
         zteam.run_team("arena", **options)  # type: ignore[arg-type]
+
+
+IMPORTS = """
+import sys, threading
+from zteam.testing import Team
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name.startswith("zteam") and threading.current_thread() is not threading.main_thread():
+            print(threading.current_thread().name, name)
+
+sys.meta_path.insert(0, Finder())
+team = Team()
+team.launch("team.toml", in_process=True)
+team.wait_for_go()
+team.run(1)
+team.close()
+"""
+
+
+@pytest.mark.gate
+def test_no_node_imports_zteam_in_its_own_thread(tmp_path: Path) -> None:
+    """pytest parses a package with a plugin when it imports it, which two threads cannot do at once on Python 3.11."""
+    (tmp_path / "team.toml").write_text(f"{TEAM}[[robots]]\nid = 1\nnavigation = true\n")
+    command = [sys.executable, "-c", IMPORTS]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT, check=True)
+    assert done.stdout == ""

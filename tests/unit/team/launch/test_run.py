@@ -224,6 +224,7 @@ def test_a_node_that_ends_while_the_first_tick_waits_for_it_ends_the_run(pretend
             run.watch()
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize("gone", [False, True])
 def test_a_run_that_does_not_begin_is_given_up(pretend: Pretend, gone: bool) -> None:
     """Without GO in time the wait ends with an error; with GO it lasts until the processes have ended."""

@@ -1,5 +1,7 @@
 """A localiser in lock-step: from which tick on its pose counts, for all robots at once."""
 
+import pytest
+
 from support.in_process_team import NAMES, InProcessTeam, TeamOptions
 from support.transforms import stamped
 from zteam import names
@@ -57,6 +59,7 @@ def run_with_localiser(first: str) -> tuple[str, set[tuple[str, int]], set[str]]
         return team.finish().trajectory_sha256, ends[0], texts
 
 
+@pytest.mark.gate
 def test_it_takes_over_between_two_ticks() -> None:
     """The start pose ends after all have answered the tick in which the first pose comes, so no robot loses its pose,
     and the run does not depend on whether the localiser hears the tick before the others or after them."""
