@@ -136,13 +136,13 @@ def test_a_long_step_keeps_no_message_waiting(monkeypatch: pytest.MonkeyPatch) -
     robot = RealTimeRobot(Held)
     try:
         robot.say_statics()
-        robot.say_time(50)
-        robot.say_scan(50)
+        robot.say_time(1)
+        robot.say_scan(1)
         assert Held.entered.wait(LIMIT)
         statuses = robot.statuses
-        robot.say_time(51)
-        robot.say_scan(51)
-        robot.say_transforms(51)
+        robot.say_time(2)
+        robot.say_scan(2)
+        robot.say_transforms(2)
         robot.say_monitor()
         assert robot.statuses == statuses + 1
         assert not robot.commands
