@@ -54,7 +54,8 @@ def own_session_info(name: str, *, publishes: bool) -> SessionInfo:
     path = Path(sys.argv[0])
     # As `python -m zteam.cli.main` has it.
     is_tool = path.name == "zteam" or path.parts[-3:] == ("zteam", "cli", "main.py")
-    tool = " ".join(["zteam", *sys.argv[1:2]]) if is_tool else path.name.strip("-c") or "python"
+    program = "python" if path.name in ("", "-c") else path.name
+    tool = " ".join(["zteam", *sys.argv[1:2]]) if is_tool else program
     return SessionInfo((name or tool)[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
 
