@@ -1,5 +1,6 @@
 """Worlds and team files that come with zteam."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -126,14 +127,15 @@ def test_an_unknown_world_names_the_known_ones(name: str) -> None:
         resources.find_world(name)
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
-def test_a_folder_of_another_user_is_named_as_one(tmp_path: Path) -> None:
+def test_a_folder_that_one_may_not_read_is_named_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says who may not read it, and not that there is no file."""
-    (tmp_path / "team.toml").write_text("")
-    tmp_path.chmod(0o700)
-    os.seteuid(12345)
-    try:
-        with pytest.raises(UsageError, match=r"team.toml': Permission denied for user id 12345; .*chmod"):
-            resources.find_team(tmp_path / "team.toml")
-    finally:
-        os.seteuid(0)
+    closed, usual = tmp_path / "team.toml", Path.stat
+
+    def stat(path: Path, **options: bool) -> os.stat_result:
+        if path == closed:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return usual(path, **options)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    with pytest.raises(UsageError, match=rf"team.toml': Permission denied for user id {os.geteuid()}; .*chmod"):
+        resources.find_team(closed)
