@@ -63,12 +63,13 @@ def accuses(line: str, frozen: str) -> bool:
     """Whether a log line such as `[tf] 12:00:00 text` blames a process that was not frozen."""
     speaker, _, text = line.partition("] ")
     speaker = speaker.rpartition("[")[2]
-    if _OVER.search(text):
+    if _OVER.search(text) or "this process was frozen" in text:
         return False
     is_bad = "warning: " in text or "error: " in text or (speaker == names.MONITOR)
     named = {name for name in ROBOTS if re.search(rf"\b{name}\b", text)}
     named |= {name for name, called in _CALLED.items() if called in text}
-    return is_bad and bool(named - {frozen})
+    # What a process says of its own keys accuses nobody else.
+    return is_bad and bool(named - {frozen, speaker})
 
 
 def measure_freezes(

@@ -193,14 +193,14 @@ class OpenTick:
     def complaint(self, waited: float, lacking: Mapping[str, str] | None) -> str:
         """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above.
 
-        None: no process answers anything, so the router may be at fault, and not each of several participants.
+        None: no process answers anything, so of several participants the router may be at fault, and none is named.
         """
         holders = self.waiting_for(lacking)
         if self.held:
             return f"the first tick is held: waiting for {holders}"
         if lacking is not None:
             return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
-        holders = holders if len(self.missing()) == 1 else "all answers"
+        holders = holders if len(self.message.participants) == 1 else "all answers"
         return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s: no process answers over the router"
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:

@@ -422,15 +422,20 @@ def test_a_process_that_ends_in_the_held_tick_before_go_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("silent", "lacking", "named"),
+    ("silent", "answered", "lacking", "named"),
     [
-        (("robot_0", "robot_1", "tf"), {}, "waits for tf for 2 s"),
-        (("robot_0", "robot_1"), {}, "waits for robot_0, robot_1 for 2 s"),
-        (("robot_1",), None, "waits for robot_1 for 2 s: no process answers over the router"),
-        (("robot_0", "robot_1"), None, "waits for all answers for 2 s: no process answers over the router"),
+        (("robot_0", "robot_1", "tf"), (), {}, "waits for tf for 2 s"),
+        (("robot_0", "robot_1"), (), {}, "waits for robot_0, robot_1 for 2 s"),
+        (("robot_1",), (), None, "waits for robot_1 for 2 s: no process answers over the router"),
+        (("robot_1",), ("robot_0",), None, "waits for all answers for 2 s: no process answers over the router"),
+        (("robot_0", "robot_1"), (), None, "waits for all answers for 2 s: no process answers over the router"),
     ],
 )
-def test_a_complaint_names_those_to_blame(silent: tuple[str, ...], lacking: dict[str, str] | None, named: str) -> None:
-    """Not the robots that wait for the aggregator, nor a whole team behind a router that is silent."""
-    tick = begun(*silent)
+def test_a_complaint_names_those_to_blame(
+    silent: tuple[str, ...], answered: tuple[str, ...], lacking: dict[str, str] | None, named: str
+) -> None:
+    """Not the robots that wait for the aggregator, nor any of a team behind a router that is silent."""
+    tick = begun(*silent, *answered)
+    for name in answered:
+        answer(tick, name)
     assert tick.complaint(2.0, lacking) == f"tick {tick.message.tick} {named}"
