@@ -2,7 +2,8 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -11,15 +12,15 @@ from support.limits import LIMIT
 from zteam.team.testing import hangs
 from zteam.team.testing.hangs import Stacks, Wait
 
+Start = Callable[..., "subprocess.Popen[str]"]
 CHILD = """
 import sys, threading
 from zteam.node.faults import offer_stacks
 from zteam.node.step_watch import StepWatch
 
 def step():
-    print("here", flush=True)
     # The line of the user's code, below Python's own.
-    threading.Event().wait()
+    print("here", flush=True), threading.Event().wait()
 
 offer_stacks(sys.argv[1])
 threading.Thread(target=threading.Event().wait, daemon=True).start()
@@ -37,56 +38,57 @@ def stacks() -> Iterator[Stacks]:
     stacks.close()
 
 
-def start(
-    folder: Path, stacks: Stacks, name: str, way: str = "step", *, offers: bool = True
-) -> "subprocess.Popen[str]":
-    """A process that has come to the user's line."""
-    script = folder / "wårk er.py"
-    script.write_text(CHILD)
-    child = subprocess.Popen(
-        [sys.executable, script, name, way], env=stacks.environment if offers else {}, stdout=subprocess.PIPE, text=True
-    )
-    assert child.stdout is not None
-    assert child.stdout.readline() == "here\n"
-    return child
-
-
 def end(child: "subprocess.Popen[str]") -> None:
     """Nothing is left of it."""
     child.kill()
     child.communicate(timeout=LIMIT)
 
 
-def test_the_users_line_is_found(tmp_path: Path, stacks: Stacks) -> None:
+@pytest.fixture
+def start(tmp_path: Path, stacks: Stacks) -> Iterator[Start]:
+    """`start(name, way)`: a process that has come to the user's line."""
+    with ExitStack() as ends:
+
+        def start(name: str, way: str = "step", *, offers: bool = True) -> "subprocess.Popen[str]":
+            script, environment = tmp_path / "wårk er.py", stacks.environment if offers else {}
+            script.write_text(CHILD)
+            command = [sys.executable, script, name, way]
+            child = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+            ends.callback(end, child)
+            assert child.stdout is not None
+            assert child.stdout.readline() == "here\n"
+            return child
+
+        yield start
+
+
+def test_the_users_line_is_found(tmp_path: Path, stacks: Stacks, start: Start) -> None:
     """Neither zteam's frames nor Python's are the place, and each question gets the answer of now; a path may have any
     letters."""
-    child = start(tmp_path, stacks, "robot_0")
+    start("robot_0")
     for _ in range(2):
         first, *rest = stacks.where("robot_0").splitlines()
-        assert first == f"step has not returned ({tmp_path}/wårk er.py:9)"
+        assert first == f"step has not returned ({tmp_path}/wårk er.py:8)"
         assert rest[0] == "Traceback (most recent call last):"
-        assert "    threading.Event().wait()" in rest
-    end(child)
+        assert '    print("here", flush=True), threading.Event().wait()' in rest
 
 
-def test_only_a_living_process_that_offered_it_is_signalled(tmp_path: Path, stacks: Stacks) -> None:
+def test_only_a_living_process_that_offered_it_is_signalled(stacks: Stacks, start: Start) -> None:
     """Others would end by the signal: one of the same name without the folder, and one that got a dead one's number."""
-    others = start(tmp_path, stacks, "robot_0", offers=False)
+    others = start("robot_0", offers=False)
     assert stacks.where("robot_0") == ""
-    dead = start(tmp_path, stacks, "robot_1")
+    dead = start("robot_1")
     end(dead)
     (found,) = Path(stacks.environment["ZTEAM_STACKS"]).glob("robot_1.*")
     found.rename(found.with_suffix(f".{others.pid}"))
     assert stacks.where("robot_1") == ""
     assert others.poll() is None
-    end(others)
 
 
-def test_a_wait_of_zteam_is_no_call_of_the_user(tmp_path: Path, stacks: Stacks) -> None:
+def test_a_wait_of_zteam_is_no_call_of_the_user(stacks: Stacks, start: Start) -> None:
     """A script that waits below no function of zteam is in none of its calls."""
-    child = start(tmp_path, stacks, "node", "script")
+    start("node", "script")
     assert stacks.where("node") == ""
-    end(child)
 
 
 def test_the_files_go_with_the_team(stacks: Stacks) -> None:
