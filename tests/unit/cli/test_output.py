@@ -13,6 +13,7 @@ import pytest
 from zteam.cli.output import Output, OutputError, guarded
 from zteam.team.launch.process import zteam_command
 
+pytestmark = pytest.mark.gate
 LIMIT = 60.0
 COMMAND = zteam_command("zteam", "world", "check", "arena")
 

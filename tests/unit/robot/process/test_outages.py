@@ -17,6 +17,8 @@ from zteam.robot.behaviors.line import STATUSES
 from zteam.robot.process import node as robot_module
 from zteam.robot.process.inputs import DeclaredInputs
 
+pytestmark = pytest.mark.gate
+
 
 class Counting(Behavior):
     """Drives, and keeps what it was told of time."""

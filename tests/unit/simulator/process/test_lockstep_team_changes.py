@@ -14,6 +14,8 @@ from zteam.messages import LaserScan
 from zteam.simulator.client import MoveRequest, RemoveRequest, SimReport, SimStatus, SpawnReply, SpawnRequest
 from zteam.simulator.process import lockstep
 
+pytestmark = pytest.mark.gate
+
 
 def steps(*changes: Callable[[InProcessTeam], object]) -> SimReport:
     """A run in steps of 20 ticks with these changes in between; its report."""

@@ -15,7 +15,10 @@ from zteam.team.launch import fork_server
 from zteam.team.launch.process import spawn, zteam_command
 from zteam.team.launch.warm_parent import WarmParent, can_fork
 
-pytestmark = pytest.mark.skipif(not can_fork(), reason="no fork here, or ZTEAM_NO_FORK is set")
+pytestmark = [
+    pytest.mark.gate,
+    pytest.mark.skipif(not can_fork(), reason="no fork here, or ZTEAM_NO_FORK is set"),
+]
 
 
 FACTS = """
