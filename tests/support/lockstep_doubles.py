@@ -11,6 +11,7 @@ from support.limits import LIMIT
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
+from zteam.bus.presence import own_info
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
@@ -83,6 +84,7 @@ class ScriptedParticipant:
         """Ticks that its handler is still working on."""
         self._done = self.bus.publisher(names.done_key(name), Done)
         self.bus.subscribe(names.TICK, Tick, self._on_tick)
+        self.bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, self.bus.instance, 1))
 
     def appear(self) -> "ScriptedParticipant":
         """Declare the presence token."""
