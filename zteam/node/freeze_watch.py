@@ -44,7 +44,7 @@ def _run(watch: object) -> None:
                 return
         if seconds := FREEZES.take():
             log.warning(
-                "was frozen for %.1f s (SIGSTOP, docker pause, a suspended machine): "
+                "was frozen for %.1f s (SIGSTOP, docker pause, a suspended or overloaded machine): "
                 "what it missed says nothing about the other processes",
                 seconds,
             )

@@ -50,7 +50,7 @@ class LineMember(Behavior):
         may_turn = self.turns != NO_TURNS
         place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
         self.turns = self._line.turns if may_turn else NO_TURNS
-        self._silent = find_silent(view, place)
+        self._silent = None
         return place
 
     def _locate(self, view: View, place: Place) -> Pose2 | None:
@@ -59,6 +59,7 @@ class LineMember(Behavior):
         self.reason = place.reason or (NO_POSE if own is None else "")
         if own is None or place.reason:
             return None
+        self._silent = find_silent(view, place)
         if self._silent is not None:
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()

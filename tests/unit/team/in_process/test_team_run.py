@@ -11,6 +11,7 @@ import pytest
 
 import zteam
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from zteam.messages import Bool, LaserScan, RobotStatus
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'
@@ -39,6 +40,13 @@ def test_the_report_is_that_of_the_run() -> None:
 def test_it_ends_before_a_tick() -> None:
     """With `until` the tick before it is the last one that is counted."""
     assert zteam.run_team("arena", until=20).ticks == 19
+
+
+def test_the_head_of_a_line_declares_what_it_looks_up() -> None:
+    """The log of the default team warns of no behaviour that would drive on by old transforms."""
+    with captured_log() as log:
+        zteam.run_team("line", until=10)
+    assert not log.count("looks transforms up")
 
 
 def test_an_own_node_keeps_time() -> None:
