@@ -202,6 +202,14 @@ def test_a_chain_forms_again_behind_a_leader_that_comes_back(
     assert found[0] == found[1]
 
 
+@pytest.fixture(scope="module")
+def heads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with HEADS: this process imports the module once."""
+    folder = tmp_path_factory.mktemp("heads")
+    (folder / "own_heads.py").write_text(HEADS)
+    return folder
+
+
 @pytest.mark.parametrize(
     ("head", "law", "least"),
     [
@@ -213,12 +221,11 @@ def test_a_chain_forms_again_behind_a_leader_that_comes_back(
     ],
 )
 def test_a_leader_that_drives_into_its_chain_touches_nobody(
-    team: TeamFixture, tmp_path: Path, head: str, law: str, least: float
+    team: TeamFixture, heads: Path, head: str, law: str, least: float
 ) -> None:
     """It reverses, turns round and drives back, or drives a circle into their side: all stop apart, none is pushed."""
-    (tmp_path / "own_heads.py").write_text(HEADS)
     chain = {"head": f'behavior = "own_heads:{head}"', "follow": f'law = "{law}"'}
-    launch(team, tmp_path, 4, in_process=True, **chain)
+    launch(team, heads, 4, in_process=True, **chain)
     assert watch(team, 4, 20.0) > least
     assert team.robot(0).distance_travelled > 3.0
     assert not any(team.robot(i).stall for i in range(4))

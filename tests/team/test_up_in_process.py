@@ -68,7 +68,7 @@ def test_the_run_and_its_report_are_those_of_processes(tmp_path: Path) -> None:
     assert reports[0]["dropped"] == reports[1]["dropped"] == {}
     assert sorted(reports[0]["rounds"]) == sorted(reports[1]["rounds"])
     assert [row["name"] for row in reports[1]["processes"]] == ["up"]
-    assert lines[1] == lines[0] - {"[router]"} == {"[sim]", "[robot_0]", "[robot_1]", "[monitor]"}
+    assert lines[1] == lines[0] - {"[router]"} == {"[sim]", "[tf]", "[robot_0]", "[robot_1]", "[monitor]"}
 
 
 @pytest.mark.real_time

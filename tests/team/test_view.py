@@ -59,7 +59,8 @@ def test_a_page_sees_the_team(team: TeamFixture) -> None:
         assert (row["behavior"], row["leader"], row["model"]) == ("follow", 0, "erratic")
         assert page.docs["team"]["outlines"][row["outline"]]
         page.wait(lambda: {"tf", "topics", "log"} <= page.docs.keys())
-        assert {"robot_0/base_footprint", "robot_1/base_laser_link"} <= {f["name"] for f in page.docs["tf"]["frames"]}
+        wanted_frames = {"robot_0/base_footprint", "robot_1/base_laser_link"}
+        page.wait(lambda: wanted_frames <= {frame["name"] for frame in page.docs["tf"]["frames"]})
         page.wait(lambda: any(row["hz"] for row in page.docs["topics"]))
         assert page.docs["team"]["gate"]["state"] == "go"
 
