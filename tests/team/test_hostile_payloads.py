@@ -110,6 +110,7 @@ class Sender:
             self.team.sim.set_speed(None)
             self.team.sim.pause()
             self.team.sim.reset()
+            self.team.release()
         except BusError as error:
             log.info("%s", error)
             return False

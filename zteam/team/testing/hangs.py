@@ -21,6 +21,8 @@ _LONGEST_LOOK = 5.0
 """More between two looks is a pause of this process, or of the machine: the silence of others is its own."""
 _ANSWER = 2.0 * HOST_FACTOR
 """Host seconds for a process to write its stacks; a frozen one writes none."""
+_WHOLE = 0.3 * HOST_FACTOR
+"""Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
 _FRAME = re.compile(r'  File "(.*)", line (\d+) in (.*)')
 """As `faulthandler` writes one."""
 
@@ -78,13 +80,15 @@ class Stacks:
         before = seen = path.stat().st_size
         with contextlib.suppress(ProcessLookupError):
             os.kill(int(path.suffix[1:]), getattr(signal, STACK_SIGNAL))
-        end = monotonic() + _ANSWER
+        grown = monotonic()
+        end = grown + _ANSWER
         while monotonic() < end:
             pause(0.05)
             size = path.stat().st_size
-            if before < size == seen:
+            if size != seen:
+                seen, grown = size, monotonic()
+            elif size > before and monotonic() - grown > _WHOLE:
                 break
-            seen = size
         with path.open("rb") as file:
             file.seek(before)
             return file.read().decode(errors="replace")
