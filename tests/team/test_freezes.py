@@ -143,5 +143,5 @@ def test_a_line_goes_on_after_a_freeze_in_real_time(team: TeamFixture, frozen: s
     if frozen != "router":
         team.wait_for_line(frozen, "was frozen")
     innocent = [name for name in PROCESSES if name.startswith("robot") and name != frozen]
-    # What a process says of its own keys accuses nobody else.
+    # A line about the process's own keys blames no other process.
     assert [each for each in told if any(name in each[1] for name in innocent if name != each[0])] == []

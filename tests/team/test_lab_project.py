@@ -213,7 +213,7 @@ def test_a_module_of_another_file_is_refused(pytester: pytest.Pytester, monkeypa
 
 @pytest.mark.real_time
 def test_what_takes_part_fails_the_test_when_it_ends(pytester: pytest.Pytester) -> None:
-    """Whoever started it, in both paces: an error with its text and line, an end without one, and a hang."""
+    """An error (with its text and line), an end without one and a hang fail the test, in both paces."""
     make_lab(pytester.path, FAILING)
     result = pytester.runpytest_subprocess("hw1", "-n", "2", "-p", "no:cacheprovider")
     result.assert_outcomes(failed=8)

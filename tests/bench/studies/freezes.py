@@ -68,7 +68,7 @@ def accuses(line: str, frozen: str) -> bool:
     is_bad = "warning: " in text or "error: " in text or (speaker == names.MONITOR)
     named = {name for name in ROBOTS if re.search(rf"\b{name}\b", text)}
     named |= {name for name, called in _CALLED.items() if called in text}
-    # What a process says of its own keys accuses nobody else.
+    # A line about the process's own keys blames no other process.
     return is_bad and bool(named - {frozen, speaker})
 
 

@@ -1,4 +1,4 @@
-"""A process that was frozen: how it finds out, what it logs, and that what it missed accuses nobody."""
+"""A process that was frozen detects it, logs it, and blames no other process for what it missed."""
 
 import threading
 
@@ -32,7 +32,7 @@ class Clocks:
 
 @pytest.mark.parametrize("suspended", [False, True])
 def test_a_look_that_is_late_without_work_is_a_freeze(suspended: bool) -> None:
-    """Also where the machine was suspended, and the host's clock with it; it is told once."""
+    """A freeze is logged once, also if the machine was suspended and the host's clock stood still."""
     clocks = Clocks()
     clocks.pass_by(FREEZE_WATCH)
     assert clocks.freezes.look() == float("-inf")

@@ -33,7 +33,7 @@ def test_a_process_that_was_started_anew_is_no_second_one() -> None:
 
 
 def test_all_terminals_say_which_processes_publish(hub: MemoryHub) -> None:
-    """The process that takes the scans says it once, and so does each of those that publish them; nobody else does."""
+    """The receiver of the scans logs it once, and so does each of their publishers; no other process does."""
     first, second, robot, other = (open_named(hub, name) for name in ("sim", "base_0", "robot_0", "view"))
     publishers = [bus.publisher(SCAN, LaserScan) for bus in (first, second)]
     other.publisher("robot_1/base_scan", LaserScan)

@@ -150,7 +150,7 @@ def test_an_aggregator_that_never_came_is_named(hub: MemoryHub, open_desk: Open)
 def test_a_monitor_that_was_frozen_accuses_no_robot(
     hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it missed is its own silence; a robot that stays silent from then on is told."""
+    """Silence during its freeze is its own; a robot that stays silent afterwards is reported."""
     desk = open_desk(0)
     robot = Robot(hub, 0)
     robot.say()

@@ -79,7 +79,7 @@ def test_a_silent_robot_is_named_and_unnamed() -> None:
 
 
 def test_a_process_that_never_sent_a_status_is_silent() -> None:
-    """A robot that came back and hangs in its first step is told like one that hangs later, and so is what it is."""
+    """A robot that came back and hangs in its first step is reported as silent, as one that hangs later is."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
