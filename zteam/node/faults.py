@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from zteam.node.shutdown import Stop
+
 log = logging.getLogger("zteam")
 
 _OWN = str(Path(__file__).parents[1])
@@ -32,8 +34,9 @@ ENDED = "ended by an error:"
 """What the log says before the text of an error."""
 STACKS = "ZTEAM_STACKS"
 """Environment: a folder of the `team` fixture. A process that finds it there lets the fixture read where it hangs."""
-STACK_SIGNAL = "SIGUSR2"
-"""Has a process write the stacks of its threads to its file in that folder."""
+STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
+"""Each has a process write the stacks of its threads to its file in that folder. The second one is for a process that
+does not answer the first one."""
 
 
 def is_own(file: str) -> bool:
@@ -57,11 +60,15 @@ def reading_frames() -> Iterator[None]:
             gc.enable()
 
 
-def offer_stacks(name: str) -> None:
-    """On STACK_SIGNAL the process `name` writes its stacks to a file of its own in the folder that STACKS names.
+def offer_stacks(name: str, stop: Stop) -> None:
+    """On each of STACK_SIGNALS the process `name` writes its stacks to a file of its own in the folder STACKS.
 
-    The file's name ends with the process id. The process holds a lock on the file as long as it lives, so that its
-    reader signals no other process. `faulthandler` writes also where all threads of Python wait for one that hangs.
+    `stop` is not installed yet. The file's name ends with the process id. The process holds a lock on the file as long
+    as it lives, so that its reader signals no other process.
+
+    The first signal is answered by a thread of Python, so the frames stay as they are while it writes. The second one
+    is answered also where all threads wait for one that hangs. Where they run, it may read a frame that has just ended,
+    and CPython crashes.
     """
     folder = os.environ.get(STACKS)
     if not folder:
@@ -72,7 +79,9 @@ def offer_stacks(name: str) -> None:
     path = f"{folder}/{name.replace(os.sep, chr(95))}.{os.getpid()}"
     try:
         descriptor = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
-        faulthandler.register(getattr(signal, STACK_SIGNAL), file=descriptor, chain=False)
+        first, second = (getattr(signal, name) for name in STACK_SIGNALS)
+        stop.on_signal(first, lambda: faulthandler.dump_traceback(descriptor))
+        faulthandler.register(second, file=descriptor, chain=False)
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     except OSError as error:
         log.debug("%s: %s", path, error)

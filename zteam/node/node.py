@@ -385,8 +385,8 @@ def run(
         log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
         raise SystemExit(2)
     chosen = BusOptions.from_environment() if options is None else options
-    offer_stacks(name)
     stop = Stop()
+    offer_stacks(name, stop)
     with stopping_in_order(stop):
         code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)
     if code:

@@ -429,8 +429,8 @@ def run_node(
         body(node)
 
     sys.setswitchinterval(SWITCH_INTERVAL)
-    offer_stacks(name)
     stop = Stop()
+    offer_stacks(name, stop)
     stop.install()
     exit_hard_later(stop)
     return run_body(name, partial(connect, options, stopping=stop), tuned, stop, clock, make)

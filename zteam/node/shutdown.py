@@ -37,6 +37,7 @@ class Stop:
         self.reason = ""
         self._callbacks: list[Callable[[], None]] = []
         self._lock = threading.Lock()
+        self._on_signal: dict[int, Callable[[], None]] = {}
 
     def __call__(self) -> bool:
         return self.requested
@@ -48,6 +49,10 @@ class Stop:
                 self._callbacks.append(callback)
                 return
         callback()
+
+    def on_signal(self, number: int, callback: Callable[[], None]) -> None:
+        """From `install` on, call `callback()` from a foreign thread on the signal `number`, which requests no stop."""
+        self._on_signal[number] = callback
 
     def request(self, reason: str) -> None:
         """Ask the process to stop; the first reason stays."""
@@ -69,7 +74,7 @@ class Stop:
         writer.setblocking(False)
         # Before the handlers: a signal between the two would be lost.
         descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-        before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+        before = {number: signal.signal(number, lambda *_: None) for number in (*SIGNALS, *self._on_signal)}
 
         def give_back() -> None:
             for number, handler in before.items():
@@ -90,7 +95,9 @@ class Stop:
         # `writer` is held here so that its descriptor stays open as long as the interpreter writes to it.
         with reader, writer:
             while data := reader.recv(1):
-                if data[0] in SIGNALS:
+                if data[0] in self._on_signal:
+                    self._on_signal[data[0]]()
+                elif data[0] in SIGNALS:
                     if self.requested:
                         on_repeat()
                     self.request(signal.Signals(data[0]).name)

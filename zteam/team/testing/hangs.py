@@ -13,14 +13,14 @@ from pathlib import Path
 from traceback import FrameSummary, StackSummary
 
 from zteam.clock import HOST_FACTOR, monotonic, pause
-from zteam.node.faults import STACK_SIGNAL, STACKS, is_library, is_own, unreturned_text
+from zteam.node.faults import STACK_SIGNALS, STACKS, is_library, is_own, unreturned_text
 
 LOOK = 1.0
 """Host seconds between two looks at what is waited for."""
 _LONGEST_LOOK = 5.0
 """More between two looks is a pause of this process, or of the machine: the silence of others is its own."""
-_ANSWER = 2.0 * HOST_FACTOR
-"""Host seconds for a process to write its stacks; a frozen one writes none."""
+_ANSWER = 1.0 * HOST_FACTOR
+"""Host seconds for a process to write its stacks on a signal; a frozen one writes none."""
 _WHOLE = 0.3 * HOST_FACTOR
 """Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
 _FRAME = re.compile(r'  File "(.*)", line (\d+) in (.*)')
@@ -77,21 +77,26 @@ class Stacks:
             return ""
         # Of two that claim the name the newer one waits.
         path = min(found, key=lambda path: path.stat().st_ctime)
-        before = seen = path.stat().st_size
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(int(path.suffix[1:]), getattr(signal, STACK_SIGNAL))
-        grown = monotonic()
-        end = grown + _ANSWER
-        while monotonic() < end:
-            pause(0.05)
-            size = path.stat().st_size
-            if size != seen:
-                seen, grown = size, monotonic()
-            elif size > before and monotonic() - grown > _WHOLE:
-                break
-        with path.open("rb") as file:
-            file.seek(before)
-            return file.read().decode(errors="replace")
+        return next(filter(None, (_ask(path, name) for name in STACK_SIGNALS)), "")
+
+
+def _ask(path: Path, name: str) -> str:
+    """What the process that holds `path` writes on the signal; empty if it does not answer."""
+    before = seen = path.stat().st_size
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(int(path.suffix[1:]), getattr(signal, name))
+    grown = monotonic()
+    end = grown + _ANSWER
+    while monotonic() < end:
+        pause(0.05)
+        size = path.stat().st_size
+        if size != seen:
+            seen, grown = size, monotonic()
+        elif size > before and monotonic() - grown > _WHOLE:
+            break
+    with path.open("rb") as file:
+        file.seek(before)
+        return file.read().decode(errors="replace")
 
 
 def _is_held(path: Path) -> bool:

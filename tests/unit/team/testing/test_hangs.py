@@ -16,16 +16,29 @@ Start = Callable[..., "subprocess.Popen[str]"]
 CHILD = """
 import sys, threading
 from zteam.node.faults import offer_stacks
+from zteam.node.shutdown import Stop
 from zteam.node.step_watch import StepWatch
 
 def step():
     # The line of the user's code, below Python's own.
     print("here", flush=True), threading.Event().wait()
 
-offer_stacks(sys.argv[1])
+def outside():
+    # Python's lock is held, so no other thread runs.
+    print("here", flush=True), sum(iter(int, 1))
+
+def run(step):
+    StepWatch("step", "", "").run(step, 0.0, paced=False)
+
+stop = Stop()
+offer_stacks(sys.argv[1], stop)
+stop.install()
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 if sys.argv[2] == "step":
-    StepWatch("step", "", "").run(step, 0.0, paced=False)
+    run(step)
+if sys.argv[2] == "outside":
+    threading.Thread(target=run, args=(outside,), daemon=True).start()
+    threading.Event().wait()
 step()
 """
 
@@ -68,9 +81,15 @@ def test_the_users_line_is_found(tmp_path: Path, stacks: Stacks, start: Start) -
     start("robot_0")
     for _ in range(2):
         first, *rest = stacks.where("robot_0").splitlines()
-        assert first == f"step has not returned ({tmp_path}/wårk er.py:8)"
+        assert first == f"step has not returned ({tmp_path}/wårk er.py:9)"
         assert rest[0] == "Traceback (most recent call last):"
         assert '    print("here", flush=True), threading.Event().wait()' in rest
+
+
+def test_a_call_that_lets_no_other_thread_run_is_found(stacks: Stacks, start: Start) -> None:
+    """The process cannot answer by itself, and Python's fault handler does."""
+    start("robot_0", "outside")
+    assert stacks.where("robot_0").startswith("outside has not returned (")
 
 
 def test_only_a_living_process_that_offered_it_is_signalled(stacks: Stacks, start: Start) -> None:
