@@ -26,9 +26,10 @@ from zteam.bus.options import (
     try_open,
 )
 from zteam.bus.owner import Owner
+from zteam.bus.queries import decode_json
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, DecodeError, UsageError
 from zteam.names import all_tokens_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
@@ -109,8 +110,8 @@ def read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
     for reply in session.get(f"@/{router}/router", timeout=1.0):
         if reply.ok is not None:
             try:
-                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=RouterRecord)
-            except msgspec.DecodeError as error:
+                return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
+            except DecodeError as error:
                 log.debug("admin space: %s", error)
     return None
 
@@ -250,8 +251,8 @@ class Router:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
         try:
-            request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
-        except msgspec.DecodeError as error:
+            request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
+        except DecodeError as error:
             log.debug("question for the port: %s", error)
             request = None
         with query:
@@ -400,7 +401,7 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
         if record is None or record.metadata is None or not record.metadata.on_demand:
             return None
         for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
-            with suppress(msgspec.DecodeError):
+            with suppress(msgspec.DecodeError, UnicodeDecodeError):
                 if reply.ok is not None:
                     return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
         pause(_ASK_AGAIN)

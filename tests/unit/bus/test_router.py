@@ -310,7 +310,6 @@ def test_a_router_on_demand_that_has_just_begun_is_asked_until_it_answers() -> N
         assert team.endpoint == endpoint
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("nonsense", [b"", b"7", b'{"uid": 0}', b'{"uid": "0", "session": "\xff", "secure": 1}'])
 def test_nonsense_ends_no_router(nonsense: bytes) -> None:
     """Neither the one that is asked for its port nor the one that asks."""

@@ -151,7 +151,7 @@ def _read_index(folder: Path) -> Index:
         return Index()
     except OSError as error:
         raise unreadable(path, error) from None
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         text = f"{path}: {error}: restore it, or make a new folder with 'zteam certs init --folder NEW'"
         raise ZteamError(text) from None
 

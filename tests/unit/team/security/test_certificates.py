@@ -311,6 +311,7 @@ def test_a_name_that_no_certificate_can_have_is_told(folder: Path, name: str, te
         (CA_KEY, b"nonsense", "ca.key: this is not the key of ca.pem: restore it, or remove the folder"),
         (CA, b"nonsense", "ca.pem: this is no certificate"),
         (INDEX, b"{", "index.json: .*: restore it"),
+        (INDEX, b'{"team": "\xff"}', "index.json: .*: restore it"),
         (INDEX, None, "index.json: .*: make it readable"),
     ],
 )
