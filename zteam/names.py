@@ -350,6 +350,11 @@ def split_token_key(key: str) -> tuple[str, str] | None:
     return parts[0], parts[2]
 
 
+def lockstep_key(instance: str = "*") -> str:
+    """The token of a simulator in lock-step by its session, by default a wildcard over them."""
+    return f"{SIMULATOR}/lockstep/{instance}"
+
+
 def done_key(name: str = "*") -> str:
     """Lock-step: key of the answers of the participant `name`, by default of all."""
     return f"{name}/{DONE}"

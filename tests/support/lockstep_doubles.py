@@ -12,7 +12,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
-from zteam.bus.transport import Closeable, RawSample, SampleHandler
+from zteam.bus.transport import Closeable, Handle, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
 from zteam.node.process_node import ProcessNode
@@ -145,10 +145,12 @@ class ScriptedParticipant:
 
 
 def show_simulator(bus: Bus, lockstep: bool = True, robots: Sequence[int] = ()) -> Closeable:
-    """Let a session hold the simulator's name and serve `sim/status`; return its presence token."""
+    """Let a session hold the simulator's name and serve `sim/status`; the tokens go when the result is closed."""
     status = SimStatus("scripted", [*robots], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep, instance=bus.instance)
     bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
-    return bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))
+    keys = [names.lockstep_key(bus.instance)] * lockstep + [names.token_key(names.SIMULATOR, bus.instance)]
+    tokens = [bus.declare_token(key) for key in keys]
+    return Handle(*(token.close for token in tokens))
 
 
 class LockStepHarness:
@@ -164,7 +166,7 @@ class LockStepHarness:
         self.on_resend: Callable[[], None] = lambda: None
         """Called once, at the next repeat of the inputs."""
         self.lockstep = LockStep(self.node, options, self.answered.append)
-        show_simulator(bus)
+        show_simulator(bus, lockstep=False)
         self._thread = threading.Thread(target=self._wait)
         self._results: list[bool] = []
         self._returned = False

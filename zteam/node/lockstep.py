@@ -1,10 +1,8 @@
 """A process's part in lock-step: whose ticks count, and the answer to each once its inputs are there."""
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import msgspec
 
@@ -17,14 +15,8 @@ from zteam.node.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
-GRACE = 1.0
-"""Host seconds for a simulator's token and answer to come, which its first tick may overtake."""
-
 _WINDOW = 1000
 """Ticks that timing looks back."""
-_IN_VAIN = 8
-"""Tokens of simulators in a row that no answer belongs to: then a simulator is asked when its first tick comes. Each
-question is waited for, and any program may hold tokens."""
 TICKLESS = 2.0
 """Host seconds of newer and newer data without a tick after which this is real time."""
 
@@ -33,24 +25,19 @@ class Ticks:
     """Calls `take(tick)` under `node.changed` for each tick of a simulator in lock-step, and for no other sender's.
 
     Any process can put a tick on the bus, and one is enough to stop a robot in real time: it would wait for the next.
-    So `sim/status` is asked once for each simulator, when its presence token comes, and only its session's ticks count.
+    So only ticks count whose session holds the token of lock-step, which a simulator shows before that of its name.
     """
 
     def __init__(self, node: ProcessNode, take: Callable[[Tick], None]) -> None:
+        """It hears ticks from `listen` on."""
         self._node = node
         self._take = take
-        self._lockstep: dict[str, bool | None] = {}
-        """Of each living simulator, by session: whether it works in lock-step; None until it has said so."""
+        self._simulators: dict[str, bool] = {}
+        """Whether ticks are expected, by session, of each that holds the token."""
         self._early: tuple[str, Tick] | None = None
-        """The newest tick of a session that is not known to be a simulator in lock-step, and that session."""
-        self._settling = False
-        self._asking = 0
-        """Questions that are under way."""
-        self._in_vain = 0
-        """Questions since one was answered for its session."""
+        """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
-        node.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_token)
-        self.listen()
+        node.watch_certain_tokens(names.lockstep_key(), self._on_token)
 
     def listen(self) -> None:
         """Hear ticks; nothing if they are heard already."""
@@ -65,77 +52,36 @@ class Ticks:
 
     def count_of(self, session: str) -> bool:
         """Whether this session is a simulator in lock-step."""
-        return self._lockstep.get(session) is True
+        return session in self._simulators
 
     def doubt(self) -> None:
-        """Ask every simulator again before its next tick counts."""
-        self._lockstep = dict.fromkeys(self._lockstep)
+        """Expect no ticks of the simulators of now before the next one comes."""
+        self._simulators = dict.fromkeys(self._simulators, False)
 
     @property
     def expected(self) -> bool:
-        """Whether a simulator in lock-step is there, or one that has not said yet whether it is."""
-        return self._asking > 0 or self._early is not None or True in self._lockstep.values()
+        """Whether a simulator in lock-step is there."""
+        return True in self._simulators.values()
 
     def _on_token(self, key: str, alive: bool) -> None:
-        # Tokens have a thread of their own, which may wait for an answer.
-        instance = key.rpartition("/")[2]
-        with self._node.changed:
-            if alive:
-                self._lockstep[instance] = None
-            else:
-                self._lockstep.pop(instance, None)
-        if alive and self._in_vain < _IN_VAIN:
-            self._ask(instance)
-
-    def _ask(self, instance: str) -> None:
-        """Ask the simulator of this session, and take the tick that came before the answer. Not for handlers."""
-        with self._node.changed:
-            self._asking += 1
-        answers = self._node.bus.find(names.service_key(names.SIMULATOR, "status"), dict[str, Any])
-        told = [status for _, status in answers if status.get("instance", "") in ("", instance)]
-        with self._node.changed:
-            self._asking -= 1
-            self._in_vain = 0 if told else self._in_vain + 1
-            self._node.changed.notify_all()
-            if not told or instance not in self._lockstep:
-                return
-            self._lockstep[instance] = any(status.get("lockstep") is True for status in told)
-            early = self._early
-            if early is not None and early[0] == instance and self._lockstep[instance]:
-                self._early = None
-                self._take(early[1])
+        session = key.rpartition("/")[2]
+        if not alive:
+            self._simulators.pop(session, None)
+            return
+        self._simulators[session] = True
+        if self._early is not None and self._early[0] == session:
+            (_, tick), self._early = self._early, None
+            self._take(tick)
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
         with self._node.lock:
-            if self._lockstep.get(source):
+            if source in self._simulators:
+                self._simulators[source] = True
                 self._take(tick)
                 return
-            # Its token, or the answer, may be on its way.
+            if self._early is not None:
+                self._node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
             self._early = source, tick
-            if not self._settling:
-                self._settling = True
-                threading.Thread(target=self._settle, name="ticks", daemon=True).start()
-
-    def _settle(self) -> None:
-        """Find out what to do with a tick of a session that is not known as a simulator in lock-step."""
-        node = self._node
-        with node.changed:
-            node.changed.wait_until(lambda: self._early is None or self._owes_an_answer or node.stopping, GRACE)
-            instance = self._early[0] if self._early is not None and self._owes_an_answer else None
-        if instance is not None:
-            # It did not answer when it came.
-            self._ask(instance)
-        with node.changed:
-            self._settling = False
-            early, self._early = self._early, None
-            if early is not None and not self._lockstep.get(early[0], False) and not node.stopping:
-                node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
-
-    @property
-    def _owes_an_answer(self) -> bool:
-        """Whether the tick that came early is of a simulator that did not answer, and is not being asked."""
-        early = self._early
-        return early is not None and not self._asking and self._lockstep.get(early[0], False) is None
 
 
 class RoundTiming(msgspec.Struct):
@@ -209,9 +155,11 @@ class Participant:
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         self._send = self._done.hand_over if gives_away else self._done.put
+        # In this order: that a simulator is in lock-step is known before it is known that there is one.
+        self._ticks = Ticks(node, self._on_tick)
         node.follow_clock()
         node.on_simulator_lost(self._forget)
-        self._ticks = Ticks(node, self._on_tick)
+        self._ticks.listen()
 
     @property
     def expected(self) -> bool:

@@ -9,10 +9,9 @@ from support.lockstep_doubles import INTERVAL, ScriptedSimulator, show_simulator
 from support.log_capture import LogCapture, captured_log
 from support.participant_desk import NAME, Desk
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import MemoryHub
 from zteam.messages import Done, Tick, ns_from_time, time_from_ns
 from zteam.node import lockstep as module
-from zteam.simulator.client import SimStatus
 
 REFUSED = "dropped a message on sim/tick"
 
@@ -139,6 +138,7 @@ def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
     """Beside a simulator in lock-step, only that one's ticks are answered."""
     script.tick(2, NAME)
     forge(hub, 900, NAME)
+    forge(hub, 901, NAME)
     log.wait_for(REFUSED)
     script.tick(3, NAME)
     assert (script.take(), desk.acted) == ([Done(1, 2), Done(1, 3)], [2, 3])
@@ -146,7 +146,7 @@ def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
 
 
 def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
-    """Nothing orders the two: the tick is kept, and answered when its simulator has said that this is lock-step."""
+    """Nothing orders the two: the tick is kept, and answered when the token has come."""
     script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
     desk.node.become_present()
     script.tick(1)
@@ -155,18 +155,6 @@ def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
     assert script.take() == [Done(1, 1)]
     desk.node.close()
 
-
-def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
-    """Its next tick brings the question anew, and is answered when that is."""
-    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
-    desk.node.become_present()
-    script.bus.declare_token(names.token_key(names.SIMULATOR, script.bus.instance))
-    status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=True)
-    script.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
-    assert script.take() == []
-    script.tick(1)
-    assert desk.node.wait(lambda: script.answers == [Done(1, 1)], LIMIT)
-    desk.node.close()
 
 
 def test_data_that_goes_on_without_ticks_is_of_real_time(
@@ -199,19 +187,3 @@ def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Scripte
         desk.hear(tick)
         script.tick(tick, NAME)
     assert desk.acted == [*range(2, 50)]
-
-
-def test_tokens_of_simulators_are_asked_for_a_few_times_in_vain(
-    hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each question is waited for, and any program may hold tokens: a thousand make eight questions. A simulator that
-    comes then is asked when its first tick comes."""
-    ask, asked, strangers = desk.node.bus.transport.get, list[str](), hub.bus()
-    monkeypatch.setattr(desk.node.bus.transport, "get", lambda key, *rest: asked.append(key) or ask(key, *rest))
-    for number in range(1000):
-        strangers.declare_token(names.token_key(names.SIMULATOR, f"z{number}"))
-    assert len(asked) == 8
-    late = ScriptedSimulator(hub, NAME)
-    late.appear()
-    late.tick(2, NAME)
-    assert desk.node.wait(lambda: late.answers == [Done(1, 2)], LIMIT)

@@ -28,9 +28,10 @@ class Monitor:
         self.gate = Gate(options.ids, options.team_size)
         self._published: TeamStatus | None = None
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
-        node.follow_clock()
         self._ticks = Ticks(node, self._on_tick)
+        node.follow_clock()
         node.on_simulator_lost(self._ticks.listen)
+        self._ticks.listen()
         node.clock.sim.on_jump_back(lambda _old, new: self.gate.renew(new))
         self.watch = TeamWatch(node, self.gate)
 

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Container
 
 from zteam import names
+from zteam.bus.held_declarations import Held
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.node.certain_tokens import CertainTokens
@@ -99,6 +100,9 @@ class LockStep:
         self._for_tokens = 0.0, 0
         """Since when tokens are counted that a tick is sent again for, in host time, and how many they are."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
+        token = Held(lambda: node.bus.declare_token(names.lockstep_key(node.bus.instance)))
+        node.bus.holding.open(token)
+        node.claim.under_name.append(token)
         node.stop.on_request(self._wake)
         CertainTokens(node.bus, names.tokens_key(), self._on_token)
         node.bus.subscribe_from(names.done_key(), Done, self._on_done)

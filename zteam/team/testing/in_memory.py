@@ -8,11 +8,10 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from zteam import names
-from zteam.bus import Bus, MemoryHub, NoRequest, Publisher
+from zteam.bus import Bus, MemoryHub, Publisher
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
@@ -61,13 +60,6 @@ def make_view(
     )
 
 
-class _Status(msgspec.Struct):
-    """What a node asks of a simulator: whether it works in lock-step."""
-
-    lockstep: bool
-    instance: str
-
-
 class RunningNode:
     """A node that runs in a thread, and a simulator by hand that gives it its ticks. A context manager."""
 
@@ -89,8 +81,7 @@ class RunningNode:
         self._publishers: dict[tuple[str, type[Message]], Publisher[Any]] = {}
         self._ticks = self.bus.publisher(names.TICK, Tick)
         self.bus.subscribe(names.done_key(name), Done, lambda _, done: self._answers.append(done))
-        status = _Status(True, self.bus.instance)
-        self.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+        self.bus.declare_token(names.lockstep_key(self.bus.instance))
         self.bus.declare_token(names.token_key(names.SIMULATOR, self.bus.instance))
 
     def __enter__(self) -> "RunningNode":
