@@ -36,7 +36,7 @@ class TickModel:
 def free_tick(expected: Collection[str]) -> OpenTick:
     """Without a gate, and not held."""
     tick = OpenTick(expected, gate=False)
-    tick.held = False
+    tick.end()
     return tick
 
 

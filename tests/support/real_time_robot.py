@@ -78,10 +78,22 @@ class RealTimeRobot:
         self._stop = Stop()
         node = ProcessNode(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
+        self._waits, self._wait = threading.Event(), node.wait
+        node.wait = self._note_wait  # type: ignore[method-assign]
         self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate, safety=safety))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
+
+    def _note_wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        def watched() -> bool:
+            found = ready()
+            if timeout == NEVER and not found:
+                # Under the node's lock: messages from here on find it waiting.
+                self._waits.set()
+            return found
+
+        return self._wait(watched, timeout)
 
     def _run(self) -> None:
         try:
@@ -206,15 +218,8 @@ class RealTimeRobot:
             assert wait_until(self.changed, lambda: len(self.commands) >= count, LIMIT), self.commands
 
     def wait_for_waiting(self) -> None:
-        """Wait until the robot has seen its newest scan, and waits for the transforms of that."""
-        changed = self._robot._node.changed
-        with changed:
-            # The thread that begins to wait notifies no other.
-            for _ in range(2000):
-                if self._robot._acted == self._robot._inputs.scan_stamp:
-                    return
-                changed.wait(0.01)
-        raise AssertionError("the robot does not wait")
+        """Wait until the robot has waited for the transforms of a scan; its time for that is NEVER."""
+        assert self._waits.wait(LIMIT)
 
     def halt(self) -> None:
         """What the process does last."""

@@ -209,7 +209,7 @@ class Dispatcher:
         return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
 
     def _pause(self, errand: Errand, paused: bool) -> None:
-        with self._node.changed:
+        with self._node.between_steps():
             changed, errand.is_paused = paused != errand.is_paused, paused
         if changed:
             text = "no further goal until 'zteam goals --resume'" if paused else "the list goes on"

@@ -3,6 +3,7 @@
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
+from enum import Enum, auto
 
 import msgspec
 
@@ -42,7 +43,7 @@ class Ticks:
     def listen(self) -> None:
         """Hear ticks; nothing if they are heard already."""
         if self._input is None:
-            self._input = self._node.bus.subscribe_from(names.TICK, Tick, self._on_tick)
+            self._input = self._node.subscribe_from(names.TICK, Tick, self._on_tick)
 
     def deafen(self) -> None:
         """Hear no ticks until `listen`."""
@@ -74,14 +75,13 @@ class Ticks:
             self._take(tick)
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
-        with self._node.lock:
-            if source in self._simulators:
-                self._simulators[source] = True
-                self._take(tick)
-                return
-            if self._early is not None:
-                self._node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
-            self._early = source, tick
+        if source in self._simulators:
+            self._simulators[source] = True
+            self._take(tick)
+            return
+        if self._early is not None:
+            self._node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
+        self._early = source, tick
 
 
 class RoundTiming(msgspec.Struct):
@@ -100,11 +100,34 @@ class Lacking(msgspec.Struct):
     keys: list[str]
 
 
-class Participant:
-    """Answers every tick that lists `node`, once its inputs of that tick are there. Without a simulator in lock-step it
-    does nothing. The protocol in words: docs/time.md.
+class TickState(Enum):
+    """What a participant has made of the newest tick.
 
-    Callbacks run under `node.changed`, on the bus's threads: no thread is woken to act.
+    A new tick is UNLISTED or OPEN. OPEN becomes WAITING or ACTING, WAITING becomes ACTING, and ACTING becomes ANSWERED.
+    All become NONE with the end of the simulator.
+    """
+
+    NONE = auto()
+    """There is no simulator in lock-step."""
+    UNLISTED = auto()
+    """It does not list the participant, which has asked to be let in."""
+    OPEN = auto()
+    """It has just come."""
+    WAITING = auto()
+    """Its inputs had not all come with it."""
+    ACTING = auto()
+    """The step is under way."""
+    ANSWERED = auto()
+
+
+_UNANSWERED = TickState.OPEN, TickState.WAITING
+
+
+class Participant:
+    """A process's part in the ticks: `begin` returns the open one once its inputs are there, and `answer` ends it.
+    Without a simulator in lock-step it does nothing. The protocol in words: docs/time.md.
+
+    All is called under `node.changed`.
     """
 
     robots: frozenset[int] = frozenset()
@@ -116,13 +139,9 @@ class Participant:
     """The participants at the time of `team`."""
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
-    active = False
-    """Whether this is lock-step: `tick` is not None. Each message asks."""
-    _open: Tick | None = None
-    """To be answered."""
-    _heard = 0.0
-    _waits = False
-    """Whether the open tick's inputs had not come with it."""
+    _state = TickState.NONE
+    _heard = _begun = 0.0
+    """When it came and when its step began, in host time."""
     stamp = 0
     """Of the newest tick, in ns."""
     _ahead: tuple[float, int] | None = None
@@ -132,20 +151,18 @@ class Participant:
         self,
         node: ProcessNode,
         ready: Callable[[Tick], bool],
-        act: Callable[[Tick], Twist | None],
         repeat: Callable[[], None] = lambda: None,
         lacks: Callable[[Tick], list[str]] = lambda tick: [],
         *,
         gives_away: bool = False,
     ) -> None:
-        """`ready(tick)`: whether the inputs of that tick are there. `act(tick)`: do the tick's work; a robot's command
-        comes back. `repeat()`: send what was sent for the last tick once more, because a subscriber may lack it.
-        `lacks(tick)`: the keys whose message of that tick has not come; asked without the lock, for the log. With
-        `gives_away` the commands of `act` may be handed over: they have plain finite numbers and do not change.
+        """`ready(tick)`: whether the inputs of that tick are there. `repeat()`: send what was sent for the last tick
+        once more, because a subscriber may lack it. `lacks(tick)`: the keys whose message of that tick has not come;
+        asked without the lock, for the log. With `gives_away` the commands may be handed over: they have plain finite
+        numbers and do not change.
         """
         self._node = node
         self._ready = ready
-        self._act = act
         self._repeat = repeat
         self._lacks = lacks
         self._answer = Done()
@@ -167,40 +184,45 @@ class Participant:
         return self.active or self._ticks.expected
 
     @property
+    def active(self) -> bool:
+        """Whether this is lock-step."""
+        return self._state is not TickState.NONE
+
+    @property
     def is_open(self) -> bool:
-        """Whether a tick waits for this process's answer."""
-        return self._open is not None
+        """Whether a tick waits for this process's step."""
+        return self._state in _UNANSWERED
 
     def is_simulator(self, session: str) -> bool:
         """Whether this session's ticks count."""
         return self._ticks.count_of(session)
 
-    def advance(self) -> bool:
-        """Answer the open tick if its last input has come; return whether it did. Call it under `node.changed`."""
-        tick = self._open
-        if tick is None or not self._node.speaks or not self._ready(tick):
-            return False
-        self._open = None
-        begin = monotonic() if self._waits else self._heard
-        try:
-            command = self._act(tick)
-            if self._node.stopping:
-                # The tick ends when the token has gone. With an answer, chance would say which comes first.
-                return True
-            if command is None:
-                self._answer = Done(tick.epoch, tick.tick)
-                self._done.hand_over(self._answer)
-            else:
-                self._answer = Done(tick.epoch, tick.tick, True, command)
-                self._send(self._answer)
-        except BaseException as error:
-            self._node.fail(error)
-        self._inputs.append(begin - self._heard)
-        self._acts.append(monotonic() - begin)
-        return True
+    def begin(self) -> Tick | None:
+        """The open tick, if its last input has come; the caller answers it."""
+        tick = self.tick
+        if tick is None or not self.is_open:
+            return None
+        if not self._ready(tick):
+            self._state = TickState.WAITING
+            return None
+        self._begun = self._heard if self._state is TickState.OPEN else monotonic()
+        self._state = TickState.ACTING
+        return tick
+
+    def answer(self, tick: Tick, command: Twist | None) -> None:
+        """Answer the tick that `begin` has returned, a robot with its command."""
+        if command is None:
+            self._answer = Done(tick.epoch, tick.tick)
+            self._done.hand_over(self._answer)
+        else:
+            self._answer = Done(tick.epoch, tick.tick, True, command)
+            self._send(self._answer)
+        self._state = TickState.ANSWERED
+        self._inputs.append(self._begun - self._heard)
+        self._acts.append(monotonic() - self._begun)
 
     def take_stamp(self, stamp: int) -> None:
-        """Data of the simulator of time `stamp` (ns) has come (call it under `node.changed`).
+        """Data of the simulator of time `stamp` (ns) has come.
 
         Its tick follows within moments. Data that goes on without ticks is of a simulator in real time.
         """
@@ -222,24 +244,25 @@ class Participant:
         return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
 
     def _lacking(self) -> Lacking:
-        tick = self._open
-        return Lacking([] if tick is None else self._lacks(tick))
+        tick = self.tick
+        return Lacking(self._lacks(tick) if tick is not None and self.is_open else [])
 
     def _on_tick(self, tick: Tick) -> None:
         if not self._node.speaks:
             # Another process may hold the name: it is heard again as soon as the name is won.
             return
-        if self.tick is None:
+        before, self.tick = self.tick, tick
+        if before is None:
             self._node.take_time_from_ticks()
-        self.tick, self.active, self.stamp, self._ahead = tick, True, ns_from_time(tick.stamp), None
+        self.stamp, self._ahead = ns_from_time(tick.stamp), None
         self.robots = frozenset(tick.robots.tolist())
         self._node.set_time(self.stamp)
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self._open = None
+            self._state = TickState.UNLISTED
             self._done.put(Done(tick.epoch, tick.tick))
             return
-        seen = self._answer if self._open is None else self._open
+        seen = before if before is not None and self.is_open else self._answer
         is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
         if tick.participants != self._listed:
             # What leaves during a tick may be back in the next one, as another process.
@@ -247,14 +270,14 @@ class Participant:
             if is_new:
                 ids = map(names.robot_id_of, tick.participants)
                 self.team = tuple(sorted(i for i in ids if i is not None))
-        if not is_new and self._open is None:
+        if not is_new and not self.is_open:
+            self._state = TickState.ANSWERED
             self._repeat()
             self._done.put(self._answer)
         else:
-            self._open, self._heard, self._waits = tick, monotonic(), False
-            self._waits = not self.advance()
+            self._state, self._heard = TickState.OPEN, monotonic()
 
     def _forget(self) -> None:
-        self.tick = self._open = self._ahead = None
-        self.active = False
+        self.tick = self._ahead = None
+        self._state = TickState.NONE
         self._answer = Done()

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, Publisher, connect
@@ -63,13 +63,10 @@ class NodeGate:
         self._heartbeat = Every(1.0)
         self._team = TeamStatus()
         """The monitor's newest word."""
-        # Not as an input of the node: those tell whether this is a real base.
-        node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        with self._node.changed:
-            self._team = status
-            self._node.changed.notify_all()
+        self._team = status
 
     def beat(self) -> None:
         """Find out what is missing, and say once a second what the robot is."""
@@ -114,6 +111,15 @@ class NodeGate:
             self._report.stop()
 
 
+class _Due(NamedTuple):
+    """A step that is due."""
+
+    now: int
+    """Its time in ns."""
+    tick: Tick | None = None
+    """That of lock-step; None in real time."""
+
+
 class Node(ProcessNode):
     """One process on the bus under a name of its own.
 
@@ -134,7 +140,8 @@ class Node(ProcessNode):
         self._numbers = count()
         self._first_data = 0.0
         """Host time of the first message that may be of a base; 0 before."""
-        self._part = Participant(self, self._has_inputs, self._act, lacks=self._inputs.lacking)
+        self._part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
+        self.on_input = self._advance
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
         self._switch: StopSwitch | None = None
@@ -187,7 +194,8 @@ class Node(ProcessNode):
         latched: bool = False,
         every_tick: bool = False,
     ) -> Closeable:
-        """Call `callback(key, message)` for each message, never at the same time as `step`.
+        """Call `callback(key, message)` for each message, never at the same time as `step`: what comes during a step is
+        taken after it.
 
         In lock-step messages of the simulator are handled in their tick, before `step`, and those of other processes in
         the tick after the one in which they were sent (`TickMessages`); those of latched keys at once.
@@ -219,7 +227,6 @@ class Node(ProcessNode):
                 self._inputs.take(key, due)
                 if key == names.TF or is_measured(key):
                     part.take_stamp(due)
-            part.advance()
 
         if latched:
             return super().subscribe(key_expr, message_type, take, latched=True)
@@ -283,11 +290,7 @@ class Node(ProcessNode):
                 # The first moment is now.
                 pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
             elif self.wait_for_moment(pace):
-                with self.changed:
-                    if self._part.expected or self.stopping:
-                        continue
-                    self._messages.handle_due(None)
-                    self._drive(self._ask_step(self.clock.now()))
+                self.take_step(self._begin_moment, self._ask_step, self._end_step)
 
     @property
     def _may_step(self) -> bool:
@@ -297,14 +300,12 @@ class Node(ProcessNode):
     def _learn_stop(self) -> None:
         assert self._switch is not None
         self._switch.learn()
-        with self.changed:
-            self._part.advance()
+        self._advance()
 
     def _on_switch(self) -> None:
         """A query has stopped or released its robot: out of lock-step at once, else from the next tick on."""
         if self._part.active:
             return
-        # Without the lock, which a step that works long holds.
         self._drive(None)
         if self._gate is not None:
             self._gate.say_again()
@@ -320,23 +321,58 @@ class Node(ProcessNode):
         tick = self._part.tick
         return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
 
-    def _ask_step(self, now: int) -> Twist | None:
+    # A step: `_begin_moment` or `_begin_tick`, then `_ask_step`, then `_end_step`
+
+    def _advance(self) -> None:
+        """Lock-step: take the step of the open tick, if its inputs are there."""
+        if self._part.is_open:
+            self.take_step(self._begin_tick, self._ask_step, self._end_step)
+
+    def _begin_moment(self) -> _Due | None:
+        """Real time: the step of now."""
+        if self._part.expected or self.stopping:
+            return None
+        self._messages.handle_due(None)
+        return _Due(self.clock.now())
+
+    def _begin_tick(self) -> _Due | None:
+        """Lock-step: the step of the open tick. One that needs none is answered at once."""
+        tick = self._part.begin()
+        if tick is None:
+            return None
+        now = ns_from_time(tick.stamp)
+        if self._gate is not None and not self._gate.passes([], tick.epoch):
+            self._part.answer(tick, None)
+            return None
+        if now == self._held[0]:
+            self._part.answer(tick, self._held[1])
+            return None
+        return _Due(now, tick)
+
+    def _ask_step(self, due: _Due) -> Twist | None:
         # In lock-step the next tick waits for it.
-        period = 0.0 if self._part.active else self._period
-        command = self._watch.run(lambda: self._step(now), period or 0.0, paced=True)
-        if command is None:
-            return None
-        if self._cmd_vel is None:
-            if self._returned.due():
-                kind = type(command).__name__
-                log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", self.name, kind)
-            return None
-        command = checked_command(command, f"{self.name}: step")
-        if self._switch is not None and self._switch.is_stopped:
+        period = self._period if due.tick is None else 0.0
+        command = self._watch.run(lambda: self._step(due.now), period or 0.0, paced=True)
+        return None if command is None else self._checked(command)
+
+    def _checked(self, command: Twist) -> Twist | None:
+        if self._cmd_vel is not None:
+            return checked_command(command, f"{self.name}: step")
+        if self._returned.due():
+            kind = type(command).__name__
+            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", self.name, kind)
+        return None
+
+    def _end_step(self, due: _Due, command: Twist | None) -> None:
+        if command is not None and self._switch is not None and self._switch.is_stopped:
             command = Twist()
-        if self._gate is not None:
+        if command is not None and self._gate is not None:
             self._gate.take(command)
-        return command
+        if due.tick is None:
+            self._drive(command)
+        else:
+            self._held = due.now if due.tick.epoch == 0 else -1, command
+            self._part.answer(due.tick, command)
 
     def _drive(self, command: Twist | None) -> None:
         if self._switch is not None and self._switch.is_stopped:
@@ -346,17 +382,8 @@ class Node(ProcessNode):
 
     def _has_inputs(self, tick: Tick) -> bool:
         self._messages.handle_due(self._part.stamp)
+        # A message that was due may have ended the process.
         return self.speaks and self._may_step and not self._inputs.lacking(tick)
-
-    def _act(self, tick: Tick) -> Twist | None:
-        if self._gate is not None and not self._gate.passes([], tick.epoch):
-            return None
-        now = ns_from_time(tick.stamp)
-        if now == self._held[0]:
-            return self._held[1]
-        command = self._ask_step(now)
-        self._held = now if tick.epoch == 0 else -1, command
-        return command
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:

@@ -4,8 +4,9 @@ import gc
 import logging
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Literal, TypeVar
 
@@ -14,7 +15,7 @@ from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault, offer_stacks
@@ -26,7 +27,15 @@ from zteam.node.shutdown import Stop, exit_hard_later
 log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
+S = TypeVar("S")
+R = TypeVar("R")
 
+STEP_LIMIT = 2.0
+"""Host seconds that a query waits for the step under way."""
+_MOST_LATER = 1000
+"""Inputs that are kept during a step; each further one replaces the oldest."""
+_CLOSE_LIMIT = 10.0
+"""Host seconds that the end of a node waits for the step under way. The hard exit of a process comes before."""
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
 ANSWER_LIMIT = 0.5
@@ -102,7 +111,8 @@ class ProcessNode:
     """One named process on the bus. Its time is the simulator's, of clock or ticks, or the host's where there is none.
 
     Every input changes state under `changed`. It wakes the main loop, which waits with `wait`, if that waits for it.
-    Nothing here polls. `on_stop` hooks run before the session closes, in the order they were added.
+    During a step (`take_step`) inputs are kept, and taken when it is over. Nothing here polls. `on_stop` hooks run
+    before the session closes, in the order they were added.
     """
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
@@ -125,6 +135,12 @@ class ProcessNode:
         """Messages of the time before the last jump back may still come."""
         self.clock.sim.on_jump_back(self.ended_time.jump)
         self._failure: BaseException | None = None
+        self._busy = False
+        """Whether a step is under way."""
+        self._later: deque[tuple[Callable[..., None], tuple[object, ...]]] = deque(maxlen=_MOST_LATER)
+        """The inputs that have come meanwhile."""
+        self.on_input: Callable[[], object] = lambda: None
+        """Called without `changed` after each input, which may make a step due."""
         self._on_present: list[Callable[[], None]] = []
         self._on_stop: list[Callable[[], None]] = []
         self.link_up = True
@@ -184,6 +200,7 @@ class ProcessNode:
     def close(self) -> None:
         """Run the stop hooks, give the name back and end the session."""
         with self.changed:
+            self.changed.wait_until(lambda: not self._busy, _CLOSE_LIMIT)
             # The hooks publish last. Until the token is gone ticks still come, and must not be answered.
             self.present = False
         for hook in self._on_stop:
@@ -247,6 +264,10 @@ class ProcessNode:
         """
         return self.bus.subscribe_from(key_expr, message_type, self._handler(callback), problem)
 
+    def subscribe_latched_raw(self, key_expr: str, callback: Callable[[RawSample], None]) -> Closeable:
+        """As `subscribe` on latched keys, but with each sender's newest sample, undecoded, and not the key's alone."""
+        return self.bus.subscribe_raw(key_expr, self._handler(callback), latched=True)
+
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
         self.bus.watch_tokens([key_expr], self._handler(callback))
@@ -258,10 +279,61 @@ class ProcessNode:
     def _handler(self, callback: Callable[..., None]) -> Callable[..., None]:
         def handle(*content: object) -> None:
             with self.lock:
+                if self._busy:
+                    self._later.append((callback, content))
+                    return
                 callback(*content)
                 self.changed.look()
+            self.on_input()
 
         return handle
+
+    # Steps
+
+    def take_step(
+        self, begin: Callable[[], S | None], act: Callable[[S], R], end: Callable[[S, R], None] = lambda *_: None
+    ) -> bool:
+        """Take a step if one is due; return whether one was.
+
+        `begin()` returns what the step goes by, or None if none is due; `end(given, result)` takes what `act(given)`
+        returned. Both run under `changed`. `act`, which may be a user's code, runs without it: no thread of the bus
+        waits for it, and no handler runs at the same time. Inputs that come during the step are taken after it, in
+        order. An error of the step ends the process.
+        """
+        given = None
+        with self.lock:
+            if self._busy or not self.speaks:
+                return False
+            self._busy = True
+        try:
+            with self.lock:
+                given = begin()
+            if given is not None:
+                result = act(given)
+                with self.lock:
+                    # A process that is to stop answers no tick: chance would say what comes first, that or its end.
+                    if self.speaks and not self.stopping:
+                        end(given, result)
+        except BaseException as error:
+            self.fail(error)
+        with self.lock:
+            self._busy, had_input = False, bool(self._later)
+            while self._later:
+                callback, content = self._later.popleft()
+                callback(*content)
+            self.changed.look()
+        if had_input:
+            self.on_input()
+        return given is not None
+
+    @contextmanager
+    def between_steps(self) -> Iterator[None]:
+        """Within, under `changed`, no step is under way. Raises BusError after STEP_LIMIT."""
+        with self.changed:
+            self.changed.wait_until(lambda: not self._busy, STEP_LIMIT)
+            if self._busy:
+                raise BusError(f"a step of {self.name} has not returned for {STEP_LIMIT:g} s")
+            yield
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""

@@ -156,7 +156,6 @@ def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
     desk.node.close()
 
 
-
 def test_data_that_goes_on_without_ticks_is_of_real_time(
     desk: Desk, script: ScriptedSimulator, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -35,7 +35,7 @@ log = logging.getLogger("zteam")
 
 
 class NavigationNode:
-    """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
+    """All robots of one process. Handlers of messages run under `node.changed`, and between steps."""
 
     def __init__(
         self, node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
@@ -100,7 +100,7 @@ class NavigationNode:
 
     def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[Any], Any]) -> None:
         def handle(asked: Any) -> Any:
-            with self._node.changed:
+            with self._node.between_steps():
                 return answer(asked)
 
         self._node.bus.serve(navigation_query(robot_id, service), request, handle)

@@ -12,7 +12,7 @@ import msgspec
 
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
-from zteam.messages import RobotDriver, Twist
+from zteam.messages import RobotDriver, Tick, Twist
 from zteam.node.pauses import Pauses
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
@@ -88,8 +88,10 @@ class StepInput(msgspec.Struct, frozen=True):
     """What drives instead of the behaviour."""
     epoch: int
     """The GO that holds, 0 = none."""
-    jumps: int
-    """How often time had jumped back when the step began."""
+    tick: Tick | None
+    """That of lock-step; None in real time."""
+    is_first: bool
+    """Whether this is the robot's first tick."""
     parameters: dict[str, Any]
     """The behaviour's, as in `BehaviorParameters`."""
     missing: list[str]
@@ -101,10 +103,7 @@ class StepInput(msgspec.Struct, frozen=True):
 class Driver:
     """Asks the behaviour of a robot, and has its status told.
 
-    One thread at a time steps: the main loop in real time, and then without `node.changed`, so that a behaviour that
-    works long keeps no message waiting; the bus's thread in lock-step, with that lock. `busy` says that a step is under
-    way. A jump back in time is only marked. The next step makes the behaviour anew, and what a step of the old time
-    found out is dropped.
+    `node.take_step` calls `step` and `pass_gate`, without `node.changed`: nothing that they go by changes meanwhile.
     """
 
     def __init__(
@@ -139,12 +138,8 @@ class Driver:
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
         """Whether no simulator answers."""
-        self.busy = False
-        """Whether the main loop steps: no other thread may (read it under `node.changed`)."""
-        self.jumps = 0
-        """How often time has jumped back."""
-        self._made_at = 0
-        """`jumps` when the behaviour was made."""
+        self._begins_anew = False
+        """Whether time has jumped back since the last step."""
         self._stepped = 0
         """Time of the last step in ns; 0 before the first one."""
         self._rested = False
@@ -178,15 +173,15 @@ class Driver:
         """How often the safety layer has begun to stop or to slow the robot (any thread)."""
         return self._safety.stops
 
-    def jump_back(self) -> None:
-        """Time jumped back (under `node.changed`)."""
-        self.jumps += 1
-        self._stepped = 0
+    def begin_anew(self) -> None:
+        """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
+        self._begins_anew, self._stepped = True, 0
 
-    def take_input(self, now: int, epoch: int, *, is_first: bool = False) -> StepInput:
+    def take_input(self, now: int, epoch: int, tick: Tick | None = None, *, is_first: bool = False) -> StepInput:
         """The newest data, for a step at time `now` (ns) while the GO `epoch` holds (under `node.changed`).
 
-        In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
+        `tick` is that of lock-step. In the first one (`is_first`) nothing counts that others sent: chance says what
+        came before it.
         """
         dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
         inputs, team, in_lockstep = self._inputs, self._team(), self._in_lockstep()
@@ -199,9 +194,8 @@ class Driver:
         view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
-        return StepInput(
-            view, choice, epoch, self.jumps, self._parameters.given, lacking, is_stopped=self._stop.is_stopped
-        )
+        is_stopped = self._stop.is_stopped
+        return StepInput(view, choice, epoch, tick, is_first, self._parameters.given, lacking, is_stopped)
 
     def _silent(self) -> Set[int]:
         """Real time: the robots that are silent though they could be heard."""
@@ -210,7 +204,7 @@ class Driver:
         return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
     def step(self, given: StepInput) -> Twist | None:
-        """The command for this input; None while the gate is shut, or if time jumped back meanwhile."""
+        """The command for this input; None while the gate is shut."""
         self.pass_gate(given)
         if not self.readiness.released:
             return None
@@ -222,7 +216,7 @@ class Driver:
         self._rested = rests
         # In lock-step, where the main loop does not step, the next scan waits.
         asking = partial(ask, self.behavior, given.view)
-        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
+        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=given.tick is None)
         driver = RobotDriver.BEHAVIOR
         if given.choice is not None:
             driver, wanted, reason = *given.choice, ""
@@ -235,18 +229,16 @@ class Driver:
         # What the safety layer stops has lines of its own.
         return self._note(given, driver, command, reason and (self.absence or reason), logged=not is_stopped)
 
-    def _stand(self, given: StepInput) -> Twist | None:
+    def _stand(self, given: StepInput) -> Twist:
         """The command of a robot that is stopped: zero, and its behaviour is not asked."""
         self._rested = True
         self._layer.halt(given.view)
         driver = RobotDriver.BEHAVIOR if given.choice is None else given.choice.driver
         return self._note(given, driver, Twist(), STOPPED, logged=False)
 
-    def _note(self, given: StepInput, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist | None:
-        """Tell of a step; its command, or None if time jumped back meanwhile."""
+    def _note(self, given: StepInput, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:
+        """Report a step, with the reason why it does not do what was wanted; its command."""
         with self._node.lock:
-            if given.jumps != self.jumps:
-                return None
             self._stepped = given.view.now
             self.readiness.drive(reason, given.epoch)
             self.status.take(driver, command)
@@ -265,8 +257,6 @@ class Driver:
         was_released = self.readiness.released
         lacking = [] if was_released else self._lacking(given)
         with self._node.lock:
-            if given.jumps != self.jumps:
-                return
             if not self.readiness.take(lacking, given.epoch):
                 self.status.tell()
             elif not was_released:
@@ -274,14 +264,14 @@ class Driver:
 
     def _prepare_behavior(self, given: StepInput) -> None:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
-        if self._made_at != given.jumps:
+        if self._begins_anew:
             self._make_behavior(given.parameters)
         elif self._given is not given.parameters:
             self.behavior.params, self._given = self._parameters.read(given.parameters), given.parameters
             self.behavior.on_params()
         else:
             return
-        self._made_at = given.jumps
+        self._begins_anew = False
         with self._node.changed:
             self.status.publish()
 

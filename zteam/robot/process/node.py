@@ -8,10 +8,9 @@ import logging
 from collections.abc import Callable
 from functools import partial
 from itertools import count
-from typing import Any
 
 from zteam import names
-from zteam.bus import NoRequest
+from zteam.bus import Deferred, NoRequest
 from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic, to_ns
@@ -224,13 +223,16 @@ class RobotNode:
         """Real time: when it acted last (ns), also before GO, where no step is taken."""
         self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
         # First: latched messages come while it subscribes, and look whether this is lock-step.
-        self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
+        self._part = Participant(node, self._has_inputs, gives_away=True)
+        node.on_input = self._advance
         self._start = DataWatch(node, self._inputs, self._driver, self._part, self._status)
         node.on_time_reset(self._on_time_reset)
         safety = names.service_key(node.name, SAFETY)
         node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self._driver.safety_stops))
         if self._driver.behavior.navigation is not None:
-            node.bus.serve(navigation_query(self._id, CANCEL), CancelRequest, self._cancel_goal)
+            # It waits for the end of a step: other queries are answered meanwhile.
+            cancel = navigation_query(self._id, CANCEL)
+            node.bus.serve(cancel, CancelRequest, lambda _: Deferred(self._cancel_goal))
         self._subscribe()
 
     def _subscribe(self) -> None:
@@ -238,12 +240,12 @@ class RobotNode:
         node.subscribe_from(key(names.BASE_SCAN), LaserScan, self._on_scan, self._lateness_of_scan)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        node.subscribe(key(names.ODOM), Odometry, partial(self._on_input, self._inputs.take_odom))
+        node.subscribe(key(names.ODOM), Odometry, lambda _, odom: self._inputs.take_odom(odom))
         node.subscribe(names.TF, TFMessage, self._on_tf)
-        take_static = partial(self._on_input, self._inputs.transforms.take_static)
-        node.subscribe(names.TF_STATIC, TFMessage, take_static, latched=True)
-        # Every sample: the newest one of each broadcaster counts, and not of the key alone.
-        node.bus.subscribe_raw(key(names.TF_STATIC), self._on_fixed, latched=True)
+        take_static = self._inputs.transforms.take_static
+        node.subscribe(names.TF_STATIC, TFMessage, lambda _, message: take_static(message), latched=True)
+        # The newest one of each broadcaster counts.
+        node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
         for source in SOURCES:
             velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
             node.subscribe_from(key(source.topic), source.type, velocity, self._lateness_of)
@@ -276,12 +278,10 @@ class RobotNode:
 
     def _learn_stop(self) -> None:
         self._stop.learn()
-        with self._node.changed:
-            self._part.advance()
-            self._node.changed.look()
+        self._advance()
 
-    def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
-        with self._node.changed:
+    def _cancel_goal(self) -> CancelReply:
+        with self._node.between_steps():
             return CancelReply(self._driver.behavior.cancel_goal())
 
     # Inputs
@@ -291,18 +291,11 @@ class RobotNode:
         self._inputs.take_scan(scan)
         self._part.take_stamp(self._inputs.scan_stamp)
         self._first_data = self._first_data or monotonic()
-        self._go_on()
-
-    def _on_input(self, take: Callable[[Any], None], _key: str, message: Message) -> None:
-        take(message)
-        self._go_on()
 
     def _on_fixed(self, sample: RawSample) -> None:
         message = self._node.bus.decode(sample, TFMessage)
         if message is not None:
-            with self._node.changed:
-                self._on_input(self._inputs.take_fixed, sample.key, message)
-                self._node.changed.look()
+            self._inputs.take_fixed(message)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._inputs.team = status
@@ -311,13 +304,11 @@ class RobotNode:
         now = self._node.clock.now()
         if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), now):
             self._inputs.transforms.take_bundle(bundle, now)
-            self._go_on()
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])
         if robot_id is not None:
             self._inputs.take_base(robot_id, message)
-            self._go_on()
 
     def _on_sent(self, number: int, take: Callable[..., None], key: str, message: Message, source: str = "") -> None:
         """A message of another process than the simulator: in lock-step it counts in the tick after its own."""
@@ -335,16 +326,6 @@ class RobotNode:
         ahead = self._inputs.scan_stamp
         if problem := messages.hold(arrival, ahead if part.stamp < ahead <= part.stamp + MAX_AHEAD else part.stamp):
             self._node.bus.counters.drop(key, problem)
-
-    def _go_on(self) -> None:
-        """An input has come: lock-step goes on in this very thread, real time in the main loop."""
-        driver, part = self._driver, self._part
-        if part.active and not (part.advance() or driver.readiness.released or driver.busy) and self._node.speaks:
-            # The first tick is held until all are ready, and what that takes may come after this robot's answer.
-            try:
-                driver.pass_gate(driver.take_input(self._acted, 0))
-            except BaseException as error:
-                self._node.fail(error)
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
@@ -366,10 +347,22 @@ class RobotNode:
     def _on_time_reset(self) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
         self._inputs.forget()
-        self._driver.jump_back()
+        self._driver.begin_anew()
         self._acted = self._looked = 0
 
-    # Real time: once for each scan, and again while no scan comes
+    # Steps: in lock-step once a tick, by the thread of the last input. In real time once for each scan, and again while
+    # no scan comes, by the main loop.
+
+    def _advance(self) -> None:
+        """Lock-step: take the step of the open tick, if its inputs are there."""
+        part, readiness = self._part, self._driver.readiness
+        if part.active and not (part.is_open and self._step()) and not readiness.released:
+            # The first tick is held until all are ready, and what that takes may come after this robot's answer.
+            self._node.take_step(lambda: self._driver.take_input(self._acted, 0), self._driver.pass_gate)
+
+    def _step(self) -> bool:
+        """Take the step that is due, if one is."""
+        return self._node.take_step(self._begin_step, self._driver.step, self._end_step)
 
     def run(self) -> None:
         """Drive until the process is asked to stop."""
@@ -378,20 +371,26 @@ class RobotNode:
             if self._node.stopping:
                 return
             self._node.decide_clock(self._first_data)
-            self._step(self._begin_step, self._driver.step)
+            self._step()
             if not self._heartbeat.due():
                 continue
             self._start.find_absence()
-            self._step(self._start.begin_look, self._driver.pass_gate)
+            self._node.take_step(self._start.begin_look, self._driver.pass_gate)
             with self._node.changed:
                 self._start.tell()
                 self._rivals.look()
                 self._status.beat()
 
     def _wait_for_work(self) -> None:
-        """Wait until a step is due in real time. In lock-step, which goes on in handlers, only heartbeats are due."""
-        part, active, due = self._part, self._part.active, self._heartbeat.left()
-        self._node.wait(lambda: part.active != active or self._is_due(), due if active else min(due, _LOOK))
+        """Real time: wait until a step is due, and then for the transforms of its scan.
+
+        In lock-step, which goes on in handlers, only heartbeats are due.
+        """
+        node, part, active, due = self._node, self._part, self._part.active, self._heartbeat.left()
+        if node.wait(lambda: part.active != active or self._is_due(), due if active else min(due, _LOOK)):
+            inputs, scan, now = self._inputs, self._inputs.scan, self._now()
+            if self._driver.behavior.uses_tf:
+                node.wait(lambda: part.active or inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
 
     def _is_due(self) -> bool:
         """Whether there is a reason to act in real time: a new scan, or none while time goes on.
@@ -407,48 +406,34 @@ class RobotNode:
         return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
 
     def _begin_step(self) -> StepInput | None:
-        """The input of the step that is due, once its transforms have come; None if there is none.
-
-        Called under `node.changed`; may wait without the lock.
-        """
+        """What the step that is due goes by; None if none is."""
+        if self._part.active:
+            return self._begin_tick()
         if not self._is_due():
             return None
-        inputs, now = self._inputs, self._node.clock.now()
+        inputs, now = self._inputs, self._now()
         if self._has_new_scan():
             self._acted = inputs.scan_stamp
-            # A scan that was held up on its way is as old as the clock says.
-            now = max(self._acted, now)
             inputs.wait_no_longer()
-        if self._driver.behavior.uses_tf:
-            scan, jumps = inputs.scan, self._driver.jumps
-            self._node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
-            if self._driver.jumps != jumps or self._part.active or self._node.stopping:
-                return None
         self._looked = now
         return self._driver.take_input(now, go_epoch(inputs.team, now))
 
-    def _step(self, begin: Callable[[], StepInput | None], step: Callable[[StepInput], Twist | None]) -> None:
-        """Real time: take the step that is due. The behaviour is asked without `node.changed`."""
-        with self._node.changed:
-            given = begin()
-            if given is None:
-                return
-            self._driver.busy = True
-        command = step(given)
-        with self._node.changed:
-            self._driver.busy = False
-            if self._part.active:
-                # Lock-step began during the step; the tick has waited for its end.
-                self._part.advance()
-            elif command is not None and given.jumps == self._driver.jumps:
-                # It may have been stopped during the step.
-                self._cmd_vel.put(Twist() if self._stop.is_stopped else command)
+    def _now(self) -> int:
+        """Time of a step in real time. A scan that was held up on its way is as old as the clock says."""
+        return max(self._inputs.scan_stamp, self._node.clock.now())
 
-    # Lock-step: once a tick
+    def _begin_tick(self) -> StepInput | None:
+        """The input of the open tick; None if one is missing."""
+        tick = self._part.begin()
+        if tick is None:
+            return None
+        self._acted = self._part.stamp
+        is_first = tick.tick == 1 or not self._known_to
+        return self._driver.take_input(self._acted, tick.epoch, tick, is_first=is_first)
 
     def _has_inputs(self, tick: Tick) -> bool:
-        """Lock-step: whether the tick can be answered: all that it brings to this robot has come."""
-        if self._driver.busy or not self._stop.is_known:
+        """Lock-step: whether all that the tick brings to this robot has come."""
+        if not self._stop.is_known:
             return False
         if self._id not in self._part.robots:
             return True
@@ -459,18 +444,18 @@ class RobotNode:
             self._part.stamp, tf=tf, connected=not self._driver.readiness.released
         )
 
-    def _act(self, tick: Tick) -> Twist | None:
-        """Lock-step: this tick's command."""
-        self._acted = self._part.stamp
-        is_first = tick.tick == 1 or not self._known_to
-        given = self._driver.take_input(self._acted, tick.epoch, is_first=is_first)
-        command = self._driver.step(given)
-        if is_first or self._part.team is not self._known_to:
+    def _end_step(self, given: StepInput, command: Twist | None) -> None:
+        if given.tick is None:
+            if command is not None:
+                # It may have been stopped during the step.
+                self._cmd_vel.put(Twist() if self._stop.is_stopped else command)
+            return
+        if given.is_first or self._part.team is not self._known_to:
             # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.
             self._known_to = self._part.team
             self._status.publish()
         self._status.keep_up(self._acted)
-        return command
+        self._part.answer(given.tick, command)
 
     def log_start(self, *, gated: bool) -> None:
         """Log what this process is and what it waits for; `gated`: for GO too."""

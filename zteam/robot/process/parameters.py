@@ -4,7 +4,7 @@ import logging
 from typing import Any
 
 from zteam import names
-from zteam.bus import Deferred, NoRequest
+from zteam.bus import NoRequest
 from zteam.errors import UsageError
 from zteam.node.process_node import ProcessNode
 from zteam.robot.behaviors import Behavior
@@ -24,8 +24,7 @@ class BehaviorParameters:
         """The parameters that were given at the start or set since, by name: never changed, only replaced (under
         `node.changed`). They outlast a jump back in time."""
         node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
-        # A behaviour at work holds the lock: other queries are answered meanwhile.
-        node.bus.serve(names.service_key(node.name, SET), SetRequest, lambda asked: Deferred(lambda: self._set(asked)))
+        node.bus.serve(names.service_key(node.name, SET), SetRequest, self._set)
 
     def read(self, given: dict[str, Any]) -> Any:
         """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""

@@ -229,7 +229,7 @@ class LockStep:
                         self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
                     )
                 if tick.is_over:
-                    tick.held = False
+                    tick.end()
                     return True
                 must_reopen = tick.must_reopen
             if must_reopen:

@@ -6,6 +6,7 @@ expected processes take part in it and, with the gate, until the monitor has giv
 """
 
 from collections.abc import Container, Iterable, Mapping
+from enum import Enum, auto
 
 import msgspec
 import numpy as np
@@ -13,6 +14,17 @@ import numpy as np
 from zteam import names
 from zteam.messages import Done, Tick, Twist, time_from_ns
 from zteam.node.tokens import TokenSet
+
+
+class Start(Enum):
+    """How far the first tick is. Each state is followed by the next one, and no other tick begins before the last."""
+
+    HELD = auto()
+    """It waits for the expected processes, and with a gate for GO."""
+    COMPLETE = auto()
+    """It was sent with all of them: one that ends after that is not waited for."""
+    OVER = auto()
+    """It has ended, or its silent participants were dropped."""
 
 
 class OpenTick:
@@ -37,13 +49,7 @@ class OpenTick:
         self.holders = TokenSet()
         self._gone: set[tuple[str, str]] = set()
         """Names and sessions of participants that have left with their last token."""
-        self.held = True
-        """Whether this is the first tick and may not end yet."""
-        self._complete = False
-        """Whether the held tick was sent with all expected processes, and with GO if there is a gate.
-
-        A process that ends after that is not waited for.
-        """
+        self._start = Start.HELD
         self.out: frozenset[str] = frozenset()
         """Processes that a fault on purpose keeps out of the tick. They join when it is over."""
         self._go_epoch = 0
@@ -107,7 +113,7 @@ class OpenTick:
     def _begin(self, tick: Tick) -> Tick:
         # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
         # present would depend on the order in which the processes came, and all are to hear GO in the same tick.
-        if self._complete or not (self.held and self.absent):
+        if self._start is not Start.HELD or not self.absent:
             tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
             if self.joining or self.out:
                 present = {*self.members, *self.joining}
@@ -115,8 +121,9 @@ class OpenTick:
         if (tick.epoch, tick.tick) != (self.message.epoch, self.message.tick):
             self.start_anew()
         self.message = tick
-        if (tick.epoch > 0 or not self._gate) and not self._expected.difference(self.members):
-            self._complete = True
+        has_all = (tick.epoch > 0 or not self._gate) and not self._expected.difference(self.members)
+        if self._start is Start.HELD and has_all:
+            self._start = Start.COMPLETE
         self._changed = False
         return self.refreshed()
 
@@ -150,6 +157,11 @@ class OpenTick:
         return sorted(self._expected.difference(self.members, self.joining))
 
     @property
+    def held(self) -> bool:
+        """Whether this is the first tick."""
+        return self._start is not Start.OVER
+
+    @property
     def must_reopen(self) -> bool:
         """Whether the tick is held and has to be opened again."""
         return self.held and self._changed
@@ -167,7 +179,11 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return self.complete and not (self.held and (self._changed or not self._complete))
+        return self.complete and not self.must_reopen and self._start is not Start.HELD
+
+    def end(self) -> None:
+        """The tick is over: the next one is to come."""
+        self._start = Start.OVER
 
     def drop_silent(self, missing: list[str]) -> list[str]:
         """Drop those that are to blame for the silence of `missing`; their names. They may join again later."""
@@ -175,7 +191,7 @@ class OpenTick:
         for name in culprits:
             self._drop(name)
         self.hung += culprits
-        self.held = False
+        self._start = Start.OVER
         return culprits
 
     def _drop(self, name: str) -> None:
@@ -184,7 +200,7 @@ class OpenTick:
 
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
-        absent = self.absent if self.held and not self._complete else ()
+        absent = self.absent if self._start is Start.HELD else ()
         silent = [_with_need(name, lacking) for name in sorted({*_culprits(self.missing()), *absent})]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")

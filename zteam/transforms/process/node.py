@@ -58,11 +58,12 @@ class Aggregator:
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._part.stamp), self._repeat)
+        self._part = Participant(node, self._has_inputs, self._repeat)
+        node.on_input = self._advance
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
-        # Every sample: the newest one of each broadcaster counts, and not of each key alone.
-        node.bus.subscribe_raw(names.all_robots_key(names.TF_STATIC), self._on_statics, latched=True)
+        # The newest one of each broadcaster counts.
+        node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
         node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key(), self._on_token)
         serve, service, buffer = node.bus.serve, names.service_key, self._merger.buffer
@@ -133,8 +134,16 @@ class Aggregator:
         if stamp <= part.stamp + MAX_APART:
             bundle.take_in_lockstep(robot_id, stamp, part.stamp)
         self._merge(robot_id, message, bundle.begun(part.stamp))
-        if not part.advance() and (leaves := bundle.leaves(part.robots)) is not None:
+        if not self._advance() and (leaves := bundle.leaves(part.robots)) is not None:
             self._flush(leaves)
+
+    def _advance(self) -> bool:
+        """Lock-step: send the bundle of the open tick, if it is whole; return whether it was."""
+        return self._part.is_open and self._node.take_step(self._part.begin, lambda _: None, self._end_tick)
+
+    def _end_tick(self, tick: Tick, _: None) -> None:
+        self._flush(self._part.stamp)
+        self._part.answer(tick, None)
 
     def _has_inputs(self, tick: Tick) -> bool:
         return self._bundle.has_all(self._part.robots, self._part.stamp)
@@ -146,12 +155,9 @@ class Aggregator:
     def _on_statics(self, sample: RawSample) -> None:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
         if target is not None and message is not None:
-            with self._node.changed:
-                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
-                self._publish_statics()
-                self._bundle.placed.add(target[0])
-                self._part.advance()
-                self._node.changed.look()
+            self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
+            self._publish_statics()
+            self._bundle.placed.add(target[0])
 
     def _name_of(self, authority: str) -> str | None:
         """What users read for an authority; None for a session that holds no name: its process may have ended."""

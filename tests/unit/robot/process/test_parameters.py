@@ -1,8 +1,8 @@
 """Parameters of a robot that drives, on a bus in memory: a set counts from the next step on, whole or not at all."""
 
 import threading
-from collections.abc import Callable, Iterator
-from typing import Annotated, Any, ClassVar
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
 
 import msgspec
 import pytest
@@ -11,12 +11,12 @@ from support.limits import LIMIT
 from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.bus import Deferred, MemoryHub
+from zteam.bus import MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.robot.client import SET, ParametersClient, SetRequest
+from zteam.robot.client import SET, ParametersClient
 from zteam.robot.process.parameters import BehaviorParameters
 
 NAME = "robot_1"
@@ -209,13 +209,3 @@ def test_a_set_on_a_wildcard_is_refused(robot: RealTimeRobot) -> None:
     replies = client._bus.transport.get(names.service_key("*", SET), request, LIMIT)
     assert [reply.error for reply in replies] == [True]
     assert client.describe(NAME).values["speed"] == 0.1
-
-
-def test_a_set_that_waits_for_a_behaviour_holds_up_no_other_query(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A set waits for user code that holds the node's lock, so it is not answered on the thread of all queries."""
-    bus = MemoryHub().bus()
-    served: dict[str, Callable[[Any], Any]] = {}
-    monkeypatch.setattr(bus, "serve", lambda key, _type, answer, **_: served.update({key: answer}))
-    BehaviorParameters(ProcessNode(NAME, bus, Stop(), "wall"), Cruise, "cruise", {})
-    assert isinstance(served[names.service_key(NAME, SET)](SetRequest(parameters={"speed": 0.2})), Deferred)
-    bus.close()

@@ -27,7 +27,7 @@ def join_all(tick: OpenTick, *names: str) -> None:
 def free_tick(*expected: str) -> OpenTick:
     """No tick is held, and GO was given."""
     tick = OpenTick(expected, gate=False)
-    tick.held = False
+    tick.end()
     tick.take_go(1)
     return tick
 
@@ -259,7 +259,7 @@ def begun(*names: str) -> OpenTick:
     tick = OpenTick(gate=False)
     join(tick, *names)
     tick.open(0, 1, [])
-    tick.held = False
+    tick.end()
     tick.open(0, 2, [])
     return tick
 
