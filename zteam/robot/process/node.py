@@ -355,8 +355,8 @@ class RobotNode:
 
     def _advance(self) -> None:
         """Lock-step: take the step of the open tick, if its inputs are there."""
-        part, readiness = self._part, self._driver.readiness
-        if part.active and not (part.is_open and self._step()) and not readiness.released:
+        part, released = self._part, self._driver.readiness.released
+        if part.active and not (part.is_open and self._step()) and not (released or self._inputs.scan is None):
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
             self._node.take_step(lambda: self._driver.take_input(self._acted, 0), self._driver.pass_gate)
 
