@@ -88,6 +88,8 @@ class CallWatch:
         self._named: set[str] = set()
         self._before = {*hanging()}
         """Left behind by another team of this process."""
+        self._left_behind = [call.frames[0] for call in user_calls()]
+        """As well, and with nodes of perhaps the same names."""
 
     @property
     def hung(self) -> set[str]:
@@ -107,7 +109,7 @@ class CallWatch:
     def _watch(self, ended: Event) -> None:
         looks: dict[FrameType, int] = {}
         while not ended.wait(_PERIOD):
-            calls = user_calls()
+            calls = [call for call in user_calls() if call.frames[0] not in self._left_behind]
             # Looks are counted and not seconds: a process that is frozen does not look.
             looks = {call.frames[0]: looks.get(call.frames[0], 0) + 1 for call in calls}
             for call in calls:

@@ -11,7 +11,7 @@ from zteam.node import step_watch
 from zteam.node.step_watch import StepWatch
 from zteam.team.in_process import user_calls
 from zteam.team.in_process.delivery import Delivery, call_as
-from zteam.team.in_process.user_calls import CallWatch
+from zteam.team.in_process.user_calls import CallWatch, UserCall
 from zteam.team.launch.team_launch import Pace
 
 PACE = Pace(lockstep=True, timeout=0.05)
@@ -81,3 +81,29 @@ def test_what_another_team_left_behind_does_not_count(delivery: Delivery, monkey
     assert watch.hung == set()
     hang(new)
     assert watch.hung == {new.node}
+
+
+def test_a_call_that_another_team_left_behind_fails_no_later_one(delivery: Delivery) -> None:
+    """It cannot be ended, and its node has the name of one of the later team."""
+    begun, done, taken, seen = threading.Event(), threading.Event(), list[str](), threading.Event()
+
+    def sleep() -> None:
+        begun.set()
+        done.wait(LIMIT)
+
+    def take(call: UserCall) -> bool:
+        taken.append(call.owner)
+        seen.set()
+        return False
+
+    left_behind = start(lambda: call_as("robot_0", sleep))
+    assert begun.wait(LIMIT)
+    watch = CallWatch(PACE, delivery, take)
+    begun.clear()
+    new = start(lambda: call_as("robot_1", sleep))
+    with watch.watching():
+        assert seen.wait(LIMIT)
+    done.set()
+    for each in (left_behind, new):
+        each.join(LIMIT)
+    assert {*taken} == {"robot_1"}
