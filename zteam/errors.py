@@ -35,6 +35,19 @@ class BusError(ZteamError):
     """The bus failed: no router, another program on its port, a query without an answer."""
 
 
+class QueryError(BusError):
+    """The only answers to a query are errors."""
+
+    def __init__(self, text: str, why: str) -> None:
+        """`why` is what they say, without the keys that `text` names."""
+        super().__init__(text)
+        self.why = why
+
+
+class QueryTimeoutError(QueryError):
+    """No answer to a query came in time."""
+
+
 class DuplicateNameError(BusError):
     """Another live process already has this process's name on the bus."""
 

@@ -13,8 +13,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from zteam.bus.bus import Bus
-from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
+from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.transport import (
+    TIMED_OUT,
     Closeable,
     Handle,
     QueryHandler,
@@ -186,7 +187,7 @@ class MemoryTransport:
                 queryable.deferred.start(queryable.key, answer, take)
         with changed:
             if not wait_until(changed, lambda: len(replies) == len(asked), max(0.0, end - monotonic())):
-                return [*replies, error_reply("Timeout")]
+                return [*replies, TIMED_OUT]
             return replies
 
     def declare_token(self, key: str) -> Closeable:

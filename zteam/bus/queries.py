@@ -11,8 +11,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import msgspec
 
 from zteam.bus.receiving import Counters
-from zteam.bus.transport import QueryHandler, Reply, size_problem
-from zteam.errors import BusError, DecodeError, ZteamError
+from zteam.bus.transport import TIMED_OUT, QueryHandler, Reply, size_problem
+from zteam.errors import BusError, DecodeError, QueryError, QueryTimeoutError, ZteamError
 
 log = logging.getLogger("zteam.bus")
 
@@ -58,19 +58,22 @@ def decode_json(payload: bytes, kind: type[T]) -> T:
 
 
 def read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -> list[tuple[str, T]]:
-    """(key, answer) pairs sorted by key. Raises BusError if there are errors and no answer."""
+    """(key, answer) pairs sorted by key. Raises QueryError if there are errors and no answer."""
     good: list[tuple[str, T]] = []
-    bad: list[str] = []
-    for key, body, error in replies:
-        if error:
-            bad.append(f"{key or key_expr}: {body.decode(errors='replace')}")
+    bad: list[tuple[str, str]] = []
+    error: type[QueryError] = QueryTimeoutError
+    for reply in replies:
+        if reply is not TIMED_OUT:
+            error = QueryError
+        if reply.error:
+            bad.append((reply.key or key_expr, reply.payload.decode(errors="replace")))
             continue
         try:
-            good.append((key, decode_json(body, reply_type)))
+            good.append((reply.key, decode_json(reply.payload, reply_type)))
         except DecodeError as fault:
-            bad.append(f"{key}: unreadable answer: {fault}")
+            bad.append((reply.key, f"unreadable answer: {fault}"))
     if bad and not good:
-        raise BusError("; ".join(bad))
+        raise error("; ".join(map(": ".join, bad)), "; ".join(why for _, why in bad))
     return sorted(good, key=lambda pair: pair[0])
 
 

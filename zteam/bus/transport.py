@@ -93,6 +93,10 @@ class Reply(NamedTuple):
     error: bool
 
 
+TIMED_OUT = Reply("", b"no answer in time", True)
+"""This very reply, and no other one of its text, stands for answers that did not come in time."""
+
+
 class Declaration(NamedTuple):
     """A publisher or a subscriber of some session."""
 
@@ -188,7 +192,7 @@ class Transport(Protocol):
         """
 
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
-        """Ask and wait for all answers, `timeout` seconds at most; then an error reply says `Timeout`.
+        """Ask and wait for all answers, `timeout` seconds at most; then one of them is TIMED_OUT.
 
         With `to_others` the own session is not asked.
         """

@@ -17,10 +17,11 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
-from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
+from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
 from zteam.bus.transport import (
+    TIMED_OUT,
     Closeable,
     Handle,
     QueryHandler,
@@ -42,6 +43,8 @@ log = logging.getLogger("zteam.bus")
 
 T = TypeVar("T")
 
+_TIMEOUT = b"Timeout"
+"""What Zenoh's own timer says of a query."""
 _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _CACHE = zenoh.ext.CacheConfig(1)
@@ -447,10 +450,11 @@ class ZenohTransport:
             if reply.ok is not None:
                 replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
             elif reply.err is not None:
-                replies.append(Reply("", reply.err.payload.to_bytes(), True))
+                text = reply.err.payload.to_bytes()
+                replies.append(TIMED_OUT if text == _TIMEOUT else Reply("", text, True))
         if not replies and monotonic() - begin >= _MOST * timeout:
             # The session's own timer adds this error, unless the router's ends the query first.
-            replies.append(error_reply("Timeout"))
+            replies.append(TIMED_OUT)
         return replies
 
     def declare_token(self, key: str) -> Closeable:

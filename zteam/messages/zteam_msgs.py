@@ -69,10 +69,12 @@ class RobotStatus(Message):
     none), and `turns` how often its line was led from the other end (-1 = it cannot be); `gap` is what it keeps to
     the robot that it follows, metres. `driver` is one of RobotDriver. `reason` says why the robot stands; it is empty
     while it does not. `speed` is that of its newest command in m/s, negative backwards. While it `is_stopped`
-    (`zteam stop`), it commands zero velocity, whatever drives it.
+    (`zteam stop`), it commands zero velocity, whatever drives it. `waits_for` is the robot for which it stands: one
+    before it in its line, or one that is silent or lost; `blocked_by` the robot before which its safety layer stops it
+    (-1 = none). `goal_state` is one of NavigationState.
     """
 
-    appended: ClassVar[tuple[str, ...]] = ("is_stopped",)
+    appended: ClassVar[tuple[str, ...]] = ("is_stopped", "waits_for", "blocked_by", "goal_state")
 
     header: Header = msgspec.field(default_factory=Header)
     robot_id: int32 = 0
@@ -89,6 +91,9 @@ class RobotStatus(Message):
     turns: int32 = -1
     gap: float64 = 0.0
     is_stopped: bool_ = False
+    waits_for: int32 = -1
+    blocked_by: int32 = -1
+    goal_state: uint8 = 0
 
     @property
     def followed(self) -> int:

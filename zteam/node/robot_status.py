@@ -29,6 +29,7 @@ from zteam.messages import (
 from zteam.node.process_node import ProcessNode
 from zteam.node.reasons import ReasonLog
 from zteam.node.stopping import STOPPED, StopSwitch
+from zteam.reasons import Reason
 
 log = logging.getLogger("zteam")
 
@@ -177,7 +178,9 @@ class StatusReport:
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
         behavior, told = self.tells_of, self.tells_of.navigation
         goal = told and (told.state, told.text, told.goal)
-        stands = self.driver, self._stop.is_stopped, behavior.follows, behavior.turns, goal
+        reason = Reason.of(self.readiness.reason)
+        others = reason.waits_for, reason.blocked_by
+        stands = self.driver, self._stop.is_stopped, behavior.follows, behavior.turns, goal, others
         return self.readiness.state, self.readiness.reason, stands
 
     @property
@@ -240,6 +243,7 @@ class StatusReport:
         """Publish the state."""
         self._spoke, is_stopped = True, self._stop.is_stopped
         readiness, command, behavior = self.readiness, self.command, self.tells_of
+        reason = Reason.of(self._why_it_stands())
         self._last = RobotStatus(
             header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
             robot_id=self._id,
@@ -249,13 +253,16 @@ class StatusReport:
             text="; ".join(filter(None, (self._warning, self.note, readiness.reason))),
             behavior=self.behavior,
             driver=self.driver,
-            reason=self._why_it_stands(),
+            reason=str(reason),
             leader=-1 if behavior.leader is None else behavior.leader,
             speed=0.0 if command is None or is_stopped else command.linear.x,
             follows=-1 if behavior.follows is None else behavior.follows,
             turns=behavior.turns,
             gap=behavior.gap,
             is_stopped=is_stopped,
+            waits_for=reason.waits_for,
+            blocked_by=reason.blocked_by,
+            goal_state=NavigationState.IDLE if behavior.navigation is None else behavior.navigation.state,
         )
         self._publisher.put(self._last)
         if behavior.navigation is not None:

@@ -16,7 +16,7 @@ from zteam import names
 from zteam.bus import Bus, Change
 from zteam.bus.transport import Handle
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
 from zteam.robot.behaviors.registry import Parameter
@@ -72,8 +72,6 @@ T = TypeVar("T")
 
 ANSWER_LIMIT = 10.0
 """Host seconds for an answer, which waits for the step at hand in lock-step."""
-_TIMED_OUT = "Timeout"
-"""Zenoh's own word."""
 _ALL = "*"
 
 
@@ -114,12 +112,11 @@ class ParametersClient:
         key = names.service_key(robot, service)
         try:
             return self._bus.query(key, reply_type, request, timeout=ANSWER_LIMIT)
-        except BusError as error:
-            why = str(error).removeprefix(f"{key}: ")
-            if why == _TIMED_OUT:
-                silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
-                raise BusError(f"{silent} within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
-            raise BusError(why if robot == _ALL else f"{robot}: {why}") from None
+        except QueryTimeoutError:
+            silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
+            raise BusError(f"{silent} within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
+        except QueryError as error:
+            raise BusError(error.why if robot == _ALL else f"{robot}: {error.why}") from None
 
     def _missing(self, robot: str) -> BusError:
         try:
@@ -246,9 +243,12 @@ class StopClient:
         """The answers, and why there are none."""
         try:
             return self._bus.query(key, StopReply, request, timeout=CONFIRM_LIMIT), ""
+        except QueryTimeoutError:
+            return [], ""
+        except QueryError as error:
+            return [], error.why
         except BusError as error:
-            why = str(error).removeprefix(f"{key}: ")
-            return [], "" if why == _TIMED_OUT else why
+            return [], str(error)
 
 
 def _take(alive: set[str], key: str, is_there: bool) -> None:

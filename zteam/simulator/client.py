@@ -12,7 +12,7 @@ from zteam import names
 from zteam.bus import Bus, Change
 from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import MapMetaData
 from zteam.messages.planar import pose2_of
 from zteam.names import MAX_ROBOT_ID
@@ -43,8 +43,6 @@ _NO_SIMULATOR = (
     "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
     "(or name its router and namespace with --connect and --namespace)"
 )
-_TIMED_OUT = "Timeout"
-"""Zenoh's own word."""
 
 
 class StepRequest(Change):
@@ -342,11 +340,10 @@ class SimulatorClient:
         key = names.service_key(names.SIMULATOR, service)
         try:
             answers = self._bus.query(key, reply_type, request, timeout=timeout)
-        except BusError as error:
-            why = str(error).removeprefix(f"{key}: ")
-            if why == _TIMED_OUT:
-                why = f"the simulator does not answer within {timeout:g} s: see 'zteam doctor'"
-            raise BusError(why) from None
+        except QueryTimeoutError:
+            raise BusError(f"the simulator does not answer within {timeout:g} s: see 'zteam doctor'") from None
+        except QueryError as error:
+            raise BusError(error.why) from None
         if not answers:
             raise BusError(_NO_SIMULATOR)
         return answers[0][1]

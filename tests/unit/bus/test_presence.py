@@ -11,7 +11,7 @@ from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus import presence as module
 from zteam.bus.presence import Claim, ProcessInfo, own_info
 from zteam.bus.transport import Closeable, QueryHandler
-from zteam.errors import BusError, DuplicateNameError
+from zteam.errors import DuplicateNameError, QueryTimeoutError
 
 NAME = "robot_1"
 
@@ -28,7 +28,7 @@ class Rival:
     def _answer(self, _: NoRequest) -> ProcessInfo:
         if self._failures:
             self._failures -= 1
-            raise BusError("Timeout")
+            raise QueryTimeoutError("a key: no answer in time", "no answer in time")
         return self._info
 
     def show(self) -> None:

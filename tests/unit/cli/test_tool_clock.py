@@ -14,7 +14,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.cli import tool_clock, topic
 from zteam.clock import to_ns, wait_until
-from zteam.errors import BusError
+from zteam.errors import QueryTimeoutError
 from zteam.messages import Bool, Clock, time_from_ns
 from zteam.node.process_node import ClockMode
 from zteam.simulator.client import SimStatus
@@ -77,7 +77,7 @@ def test_a_simulator_that_does_not_answer_counts() -> None:
     hub = MemoryHub()
 
     def refuse(_request: NoRequest) -> None:
-        raise BusError("Timeout")
+        raise QueryTimeoutError("a key: no answer in time", "no answer in time")
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, refuse)
     assert tool_clock.open_clock(hub.bus(), "auto").simulated

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -97,15 +98,17 @@ def test_a_bool_is_zero_or_one() -> None:
 @pytest.mark.parametrize("padding", [0, 1, 2, 3])
 @pytest.mark.parametrize("text", ["", "a", "ab", "abc"])
 def test_an_older_robots_status_is_read(text: str, padding: int) -> None:
-    """A robot of before `is_stopped` has a place in the team: it is not stopped."""
-    status = RobotStatus(robot_id=3, text=text, gap=0.8, is_stopped=True)
-    assert decode(RobotStatus, encode(status)) == status
-    shorter = encode(status)[:-1] + bytes(padding)
-    assert decode(RobotStatus, shorter) == RobotStatus(robot_id=3, text=text, gap=0.8)
+    """A robot of before `is_stopped`, or of before `waits_for`, has a place in the team."""
+    status = RobotStatus(robot_id=3, text=text, gap=0.8, is_stopped=True, waits_for=2, blocked_by=1, goal_state=5)
+    whole = encode(status)
+    assert decode(RobotStatus, whole) == status
+    oldest = RobotStatus(robot_id=3, text=text, gap=0.8)
+    assert decode(RobotStatus, whole[:-13] + bytes(padding)) == oldest
+    assert decode(RobotStatus, whole[:-12] + bytes(padding)) == msgspec.structs.replace(oldest, is_stopped=True)
     with pytest.raises(DecodeError):
-        decode(RobotStatus, encode(status)[:-2])
+        decode(RobotStatus, whole[:-14])
     with pytest.raises(DecodeError, match="is_stopped is neither true nor false"):
-        decode(RobotStatus, encode(status)[:-1] + b"\2")
+        decode(RobotStatus, whole[:-13] + b"\2")
 
 
 def test_values_that_do_not_fit_are_named() -> None:

@@ -7,12 +7,13 @@ import pytest
 from support.named_sessions import open_named
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.transport import TIMED_OUT
 from zteam.errors import BusError
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import EngageRequest, StopReply, StopService
 from zteam.robot.behaviors.straight import Forward
-from zteam.robot.client import CONFIRM_LIMIT, DESCRIBE, ParametersClient, StopClient, StopResult
+from zteam.robot.client import CONFIRM_LIMIT, ParametersClient, StopClient, StopResult
 from zteam.robot.process.parameters import BehaviorParameters
 from zteam.simulator.client import SimStatus
 
@@ -35,14 +36,11 @@ def test_a_robot_that_is_not_there_is_named(hub: MemoryHub) -> None:
         client.set("robot_7", {"speed": 0.1})
 
 
-def test_a_robot_that_does_not_answer_is_named(hub: MemoryHub) -> None:
-    """Zenoh's time-out becomes a sentence with the next step."""
-
-    def refuse(_request: NoRequest) -> None:
-        raise BusError("Timeout")
-
-    hub.bus().serve(names.service_key(NAME, DESCRIBE), NoRequest, refuse)
-    client = ParametersClient(hub.bus())
+def test_a_robot_that_does_not_answer_is_named(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A time-out becomes a sentence with the next step."""
+    bus = hub.bus()
+    monkeypatch.setattr(bus.transport, "get", lambda key, *_: [] if key.startswith("robot_7/") else [TIMED_OUT])
+    client = ParametersClient(bus)
     with pytest.raises(BusError, match=r"^robot_1: does not answer within 10 s: see 'zteam doctor'$"):
         client.describe(NAME)
     with pytest.raises(BusError, match=r"^no robot answers within 10 s: see 'zteam doctor'$"):

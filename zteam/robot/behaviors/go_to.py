@@ -178,8 +178,6 @@ NO_GOAL = "no goal yet"
 GOAL_REACHED = "goal reached"
 BOXED_IN = "boxed in: it finds no way that is wide enough"
 NO_WAY = "no way to the goal found: it went all round what stands between"
-_STATES = {GOAL_REACHED: NavigationState.SUCCEEDED, NO_WAY: NavigationState.ABORTED}
-"""What a reason means for the goal; with any other one the robot is on its way."""
 
 
 class GoToParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -217,6 +215,8 @@ class GoTo(Behavior):
         """In map."""
         self._refusal = NO_GOAL
         """Why there is no goal."""
+        self._goal_state = NavigationState.DRIVING
+        """What became of the goal in this step."""
         self._is_there = False
         """Whether it has been within the tolerance; then it only turns."""
         self._boundary: Boundary | None = None
@@ -237,7 +237,7 @@ class GoTo(Behavior):
             self._take(message, view)
         command = self._head_for_goal(view)
         if self._goal is not None:
-            status.state = _STATES.get(self.reason, NavigationState.DRIVING)
+            status.state = self._goal_state
         status.text = "" if status.state == NavigationState.SUCCEEDED else self.reason
         return command
 
@@ -252,6 +252,7 @@ class GoTo(Behavior):
         return self._is_canceled
 
     def _head_for_goal(self, view: View) -> Twist:
+        self._goal_state = NavigationState.DRIVING
         if self._goal is None:
             self.reason = self._refusal
             return Twist()
@@ -267,6 +268,7 @@ class GoTo(Behavior):
         if self._is_there:
             is_done = abs(goal.yaw) <= self.params.yaw_goal_tolerance
             self.reason = GOAL_REACHED if is_done else ""
+            self._goal_state = NavigationState.SUCCEEDED if is_done else NavigationState.DRIVING
             return self._escape.free(view, Twist(angular=Vector3(z=0.0 if is_done else self._turn_rate(goal.yaw))))
         heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
         if heading is None:
@@ -303,7 +305,7 @@ class GoTo(Behavior):
         if boundary is None:
             return bearing
         if boundary.is_closed:
-            self.reason = NO_WAY
+            self.reason, self._goal_state = NO_WAY, NavigationState.ABORTED
             return None
         # What the laser does not see, behind it, looks clear again and again.
         self.reason = BOXED_IN if self._spun > math.tau else ""

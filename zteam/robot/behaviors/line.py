@@ -16,6 +16,7 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
+from zteam.reasons import Reason
 from zteam.robot.behaviors.behavior import View
 
 STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
@@ -53,10 +54,6 @@ def behavior_of(view: View, robot: int) -> str:
 
 
 OnLeaderLost = Literal["relink", "stop", "takeover"]
-GONE = " is gone"
-"""The end of what a robot says that stands because another one is lost."""
-WAITS = "waits: "
-"""The beginning of what a robot says that stands because one before it does, or comes past."""
 GAP, MOST_GAP = 0.8, 100.0
 """Metres between neighbours that have told nothing else, and that a robot may tell."""
 STRETCHED, TORN = 0.8, 1.5
@@ -150,7 +147,8 @@ class Line:
         head = order[0]
         lost = [robot for robot in before if robot in gone]
         if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
-            return Place(reason=f"leader {names.robot_name(lost[0] if on_lost == 'stop' else head)}{GONE}")
+            missed = lost[0] if on_lost == "stop" else head
+            return Place(reason=Reason(f"leader {names.robot_name(missed)} is gone", waits_for=missed))
         told = {robot: statuses[robot] for robot in order if robot in statuses}
         turns = {robot: status.turns for robot, status in told.items()}
         turns[view.robot_id] = 0 if may_turn else NO_TURNS
@@ -165,8 +163,8 @@ class Line:
         at = living.index(view.robot_id)
         after = () if is_tree else tuple(living[at + 1 :])
         # A robot that stands until a lost one comes back, or that waits itself, is not waited for.
-        why = statuses[after[0]].reason if after and after[0] in statuses else ""
-        waits = bool(after) and not (why.endswith(GONE) or why.startswith(WAITS))
+        status = statuses.get(after[0]) if after else None
+        waits = bool(after) and (status is None or status.waits_for < 0)
         return Place(
             before=tuple(reversed(living[:at])),
             after=after,
@@ -246,6 +244,11 @@ def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool
     while line[-1] in behind and line[-1] not in branches:
         line.append(behind[line[-1]])
     return line, not branches.isdisjoint(line)
+
+
+def waits_for(robot: int, why: str) -> Reason:
+    """What a robot says that stands because one before it does, or comes past: then nothing waits for itself."""
+    return Reason(f"waits: {names.robot_name(robot)} {why}", waits_for=robot)
 
 
 def keep_together(view: View, place: Place) -> tuple[float, str]:

@@ -4,12 +4,11 @@ import logging
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import NO_POSE, SILENT_AFTER, Behavior, View, own_pose
 from zteam.robot.behaviors.head import Head
-from zteam.robot.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place
+from zteam.robot.behaviors.line import NO_TURNS, STATUSES, Line, OnLeaderLost, Place, waits_for
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
 
@@ -78,7 +77,7 @@ class LineMember(Behavior):
     def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
-            self.reason = f"{WAITS}{names.robot_name(self._silent)} is silent"
+            self.reason = waits_for(self._silent, "is silent")
             return Twist()
         command, self.reason = self._head.step(view, own, place, speed, turn_rate)
         if command is not None:
@@ -97,7 +96,7 @@ class LineMember(Behavior):
     def why_it_rests(self) -> str:
         """It is near enough to the robot ahead, or a robot of its line is silent."""
         if self._silent is not None:
-            return f"{WAITS}{names.robot_name(self._silent)} is silent"
+            return waits_for(self._silent, "is silent")
         if self.follows is None:
             return "it looks for a way to lead the line"
-        return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"
+        return waits_for(self.follows, f"is {self._trail.ahead.apart:.1f} m away")

@@ -187,8 +187,8 @@ class MakingRoom:
 
 def find_stopped(view: View) -> Set[int]:
     """The robots that say that this one is in their way."""
-    statuses, name = view.inputs.get("statuses") or {}, names.robot_name(view.robot_id) + " "
-    return {robot for robot, status in statuses.items() if status.reason.startswith(name)}
+    statuses = view.inputs.get("statuses") or {}
+    return {robot for robot, status in statuses.items() if status.blocked_by == view.robot_id}
 
 
 def is_too_near(ahead: Pose2) -> bool:

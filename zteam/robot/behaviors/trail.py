@@ -11,7 +11,7 @@ from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.leader_trail import LeaderTrail
-from zteam.robot.behaviors.line import STRETCHED, WAITS, Place, Seen, keep_together, see_robot
+from zteam.robot.behaviors.line import STRETCHED, Place, Seen, keep_together, see_robot, waits_for
 from zteam.robot.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
 from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue
 from zteam.robot.behaviors.scans import is_clear, is_seen
@@ -237,7 +237,7 @@ class Trail:
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
-            return Twist(), f"{WAITS}{names.robot_name(before[0])} comes past"
+            return Twist(), waits_for(before[0], "comes past")
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
         return self._escape.free(view, command), ""
 

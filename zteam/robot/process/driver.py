@@ -19,17 +19,16 @@ from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.step_watch import StepWatch
 from zteam.node.stopping import STOPPED, StopSwitch
+from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
 from zteam.robot.process.inputs import Choice, RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
 from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing, old_data
-from zteam.robot.safety.layer import UNSEEN_CAUSE
 from zteam.robot.safety.motion import DRIVE_MARGIN
 
 log = logging.getLogger("zteam")
 
-_AHEAD = "obstacle ahead"
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
 ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
@@ -58,7 +57,7 @@ class SafetyLog:
         """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
             self._free = None
-            stands = not trouble.startswith(UNSEEN_CAUSE)
+            stands = Reason.of(trouble).cause is not Cause.UNSEEN
             if self._began is None or (stands and not self._stands):
                 self.stops += self._began is None
                 self._began, self._stands = self._began or view.now, stands
@@ -74,7 +73,7 @@ class SafetyLog:
 
 
 def _cause(trouble: str, view: View) -> str:
-    if trouble != _AHEAD or view.scan is None:
+    if Reason.of(trouble).cause is not Cause.OBSTACLE_AHEAD or view.scan is None:
         return trouble
     away = look_along(view.scan, view.base.half_width + DRIVE_MARGIN)
     return f"obstacle {away:.2f} m ahead of the laser" if math.isfinite(away) else trouble
@@ -222,7 +221,7 @@ class Driver:
             driver, wanted, reason = *given.choice, ""
         command, trouble = self._layer.limit(wanted, given.view, reason)
         # A behaviour that old data keeps from wanting anything is not stopped.
-        is_stopped = trouble not in ("", reason)
+        is_stopped = bool(trouble) and not (rests and given.choice is None)
         if is_stopped or not trouble:
             self._safety.take(driver, wanted, trouble, given.view)
         reason = trouble or reason

@@ -9,6 +9,7 @@ from zteam import names
 from zteam.messages import Twist, ns_from_time
 from zteam.messages.base import Base
 from zteam.messages.velocity import checked_command
+from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View
 from zteam.robot.safety.motion import (
     NO_NUMBER,
@@ -34,8 +35,6 @@ HYSTERESIS = 0.05
 """Metres more than the gap that have to be free before a robot that was stopped drives the same way again."""
 UNSEEN = 0.2
 """m/s of the fastest corner, at most, where no laser looks: what was never seen is met so."""
-UNSEEN_CAUSE = "no laser looks"
-"""How the text of a robot begins that is slowed down for that."""
 
 
 class SafetyLayer:
@@ -122,11 +121,12 @@ class SafetyLayer:
             share = min(1.0, UNSEEN / self._outline.fastest(real))
         if share >= 1.0:
             return asked, ""
-        return asked.scale(share), f"{UNSEEN_CAUSE} {'behind' if is_seen and not forwards else side}"
+        where = "behind" if is_seen and not forwards else side
+        return asked.scale(share), Reason(f"no laser looks {where}", cause=Cause.UNSEEN)
 
     def _avoid(self, motion: Motion) -> tuple[Motion, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
-        share, what = self._share(motion) if motion != STANDING else (1.0, "")
+        share, mate = self._share(motion) if motion != STANDING else (1.0, None)
         if share >= 1.0:
             return motion, ""
         slow = motion.scale(share)
@@ -140,20 +140,28 @@ class SafetyLayer:
                 straight = motion._replace(turn=0.0)
                 slow = straight.scale(self._share(straight)[0])
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
-        return slow, f"{what} {_side_of(motion)}" if is_stopped else ""
+        return slow, _before(mate, _side_of(motion)) if is_stopped else ""
 
-    def _share(self, motion: Motion) -> tuple[float, str]:
-        """The share of its speed at which `motion` can stop before all, and what it would meet first."""
+    def _share(self, motion: Motion) -> tuple[float, int | None]:
+        """The share of its speed at which `motion` can stop before all, and the robot that it would meet first; None
+        for an obstacle."""
         outline, reaction, extra = self._outline, self._reaction, self._extra
         real = at_least(motion, self._measured)
-        braking, what = self._limits.stop_time(real), "obstacle"
+        braking, met = self._limits.stop_time(real), None
         least = admissible(self._around.points, outline, real, braking, reaction, GAP, extra=extra)
         seconds = reaction + 0.5 * braking + (TEAMMATE_GAP + extra) / (real.speed + abs(real.turn) * outline.radius)
         for mate in self._mates.near(*swept_disc(outline, real, seconds), reaction):
             share = admissible(mate.points, outline, real, braking, reaction, mate.gap, mate.clearance, extra)
-            if share < least or (share == least < 1.0 and what == "obstacle"):
-                least, what = share, names.robot_name(mate.robot_id)
-        return least, what
+            if share < least or (share == least < 1.0 and met is None):
+                least, met = share, mate.robot_id
+        return least, met
+
+
+def _before(robot: int | None, side: str) -> Reason:
+    """Why it is stopped: by this robot, or by an obstacle, on this side."""
+    if robot is not None:
+        return Reason(f"{names.robot_name(robot)} {side}", blocked_by=robot)
+    return Reason(f"obstacle {side}", cause=Cause.OBSTACLE_AHEAD if side == "ahead" else Cause.OTHER)
 
 
 def _side_of(motion: Motion) -> str:

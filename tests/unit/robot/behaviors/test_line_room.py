@@ -58,15 +58,15 @@ def step(
     x: float = 1.0,
     *,
     head: Pose2 = AHEAD,
-    said: str = "",
+    blocked_by: int = -1,
     wants: bool = True,
     turns: int = 0,
     driven_on: float = 0.0,
 ) -> tuple[Twist, str] | None:
-    """What robot 1 does at x on the x axis, in a large hall, with its head (in its own base frame) that said this."""
+    """What robot 1 does at x on the x axis, in a large hall. Its head (in the own base frame) may be blocked by it."""
     view = make_view(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
-        inputs={"statuses": {0: RobotStatus(reason=said)}},
+        inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
     way = Following(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
     own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
@@ -112,7 +112,7 @@ def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> Non
     """It begins when its head says that this robot stops it, and goes on while the head is within 1 m."""
     room, near, far = MakingRoom(), Pose2(0.7, 0.0, 0.0), Pose2(1.1, 0.0, 0.0)
     assert step(room, 1.0, head=near, wants=False) is None
-    told = step(room, 1.1, head=near, said="robot_1 behind", wants=False)
+    told = step(room, 1.1, head=near, blocked_by=1, wants=False)
     assert told == (Twist(Vector3(-0.2)), "makes room for robot_0")
     assert step(room, 1.2, head=near, wants=False) == told
     assert step(room, 1.3, head=far, wants=False) is None
@@ -121,7 +121,7 @@ def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> Non
 
 def test_what_is_said_of_another_robot_is_nothing_to_it() -> None:
     """Robot 1 does not take robot_10 for itself."""
-    assert step(MakingRoom(), 1.0, head=Pose2(0.7, 0.0, 0.0), said="robot_10 behind", wants=False) is None
+    assert step(MakingRoom(), 1.0, head=Pose2(0.7, 0.0, 0.0), blocked_by=10, wants=False) is None
 
 
 def test_a_head_that_turns_on_the_spot_and_does_not_get_on_is_boxed_in() -> None:

@@ -12,6 +12,7 @@ from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.messages.base import Base
+from zteam.reasons import Reason
 from zteam.robot.behaviors.line import NO_TURNS
 from zteam.robot.behaviors.polyline import Polyline
 
@@ -41,14 +42,19 @@ class Chain(Floor):
         """One tick; then each robot tells what it follows, and how often its line was turned."""
         super().step(behaviors)
         for i, behavior in enumerate(behaviors):
-            follows = -1 if behavior.follows is None else behavior.follows
+            follows, reason = -1 if behavior.follows is None else behavior.follows, Reason.of(self.commands[i][1])
             self._statuses[i] = msgspec.structs.replace(
-                self._statuses[i], follows=follows, turns=behavior.turns, reason=self.commands[i][1]
+                self._statuses[i],
+                follows=follows,
+                turns=behavior.turns,
+                reason=str(reason),
+                waits_for=reason.waits_for,
+                blocked_by=reason.blocked_by,
             )
 
-    def says(self, robot_id: int, reason: str) -> None:
-        """The reason of a robot, heard in the next tick."""
-        self._statuses[robot_id] = msgspec.structs.replace(self._statuses[robot_id], reason=reason)
+    def waits(self, robot_id: int, other: int) -> None:
+        """A robot says that it waits for another one, heard in the next tick."""
+        self._statuses[robot_id] = msgspec.structs.replace(self._statuses[robot_id], waits_for=other)
 
     def view(self, robot_id: int) -> View:
         """With the statuses of all robots; the bases of those that are gone stay known."""
@@ -236,7 +242,7 @@ def test_a_line_that_is_led_from_its_other_end_goes_back_over_its_own_way(turn: 
     assert math.dist(floor.poses[0][:2], floor.poses[3][:2]) == pytest.approx(3.0 * GAP, abs=0.3)
 
 
-@pytest.mark.parametrize(("reason", "waits"), [("obstacle ahead", True), ("leader robot_9 is gone", False)])
+@pytest.mark.parametrize(("reason", "waits"), [("x", True), (Reason("x", waits_for=9), False)])
 def test_it_waits_for_the_robot_behind_unless_that_one_stands_for_a_lost_one(reason: str, waits: bool) -> None:
     """2.4 m before the one behind it says how far that is and stands, though its leader drives away."""
     floor = Chain([Pose2(0.0, 0.0, 0.0), Pose2(-1.0, 0.0, 0.0), Pose2(-3.4, 0.0, 0.0)])
@@ -370,7 +376,7 @@ def test_a_robot_does_not_wait_for_one_that_waits_itself() -> None:
         floor.step(team)
     assert floor.poses[1].x == pytest.approx(-GAP, abs=0.1)
     for _ in range(70):
-        floor.says(2, "waits: robot_1 is 3.2 m away")
+        floor.waits(2, 1)
         floor.step(team)
     assert floor.poses[0].x - floor.poses[1].x < 1.5
 

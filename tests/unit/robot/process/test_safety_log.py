@@ -5,9 +5,11 @@ import numpy as np
 from support.log_capture import captured_log
 from zteam.behaviors import View
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
+from zteam.reasons import Cause, Reason
 from zteam.robot.process.driver import FREE_AFTER, SafetyLog
 
 TICK = 100_000_000
+OBSTACLE = Reason("obstacle ahead", cause=Cause.OBSTACLE_AHEAD)
 
 
 def view(now: int, distance: float) -> View:
@@ -23,7 +25,7 @@ def test_one_line_when_it_stops_and_one_when_the_way_is_free() -> None:
     safety = SafetyLog("forward")
     with captured_log() as log:
         for tick in range(1, 30):
-            safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead", view(tick * TICK, 0.31))
+            safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), OBSTACLE, view(tick * TICK, 0.31))
         assert log.lines == ["safety: stopped forward (0.40 m/s): obstacle 0.31 m ahead of the laser"]
         # It turns away: nothing is known of the way ahead of it.
         for tick in range(30, 60):
@@ -32,7 +34,7 @@ def test_one_line_when_it_stops_and_one_when_the_way_is_free() -> None:
         for tick in range(60, 90):
             safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "", view(tick * TICK, 9.0))
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
-        safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead", view(90 * TICK, 0.31))
+        safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), OBSTACLE, view(90 * TICK, 0.31))
     assert safety.stops == 2
 
 
@@ -42,7 +44,7 @@ def test_a_stop_that_comes_and_goes_is_one_stop() -> None:
     with captured_log() as log:
         for tick in range(1, 200):
             safety.take(
-                RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead" if tick % 3 else "", view(tick * TICK, 0.34)
+                RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), OBSTACLE if tick % 3 else "", view(tick * TICK, 0.34)
             )
         assert len(log.lines) == 1
         assert safety.stops == 1
@@ -54,7 +56,7 @@ def test_a_robot_that_is_slowed_and_then_stopped() -> None:
     safety = SafetyLog("path")
     with captured_log() as log:
         for tick in range(1, 9):
-            cause = "no laser looks behind" if tick < 5 else "robot_2 behind"
+            cause = Reason("no laser looks behind", cause=Cause.UNSEEN) if tick < 5 else "robot_2 behind"
             safety.take(RobotDriver.TELEOP, Twist(Vector3(-0.4)), cause, view(tick * TICK, 9.0))
     assert log.lines == [
         "safety: slowed teleop (-0.40 m/s): no laser looks behind",
