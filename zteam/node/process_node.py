@@ -11,16 +11,17 @@ from functools import partial
 from typing import Literal, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, NoRequest, connect
+from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
+from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.certain_tokens import CertainTokens
+from zteam.node.ended_time import EndedTime
 from zteam.node.faults import log_fault, offer_stacks
 from zteam.node.freeze_watch import watch_freezes
-from zteam.node.log_client import LogLine
+from zteam.node.log_publisher import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
 
@@ -70,41 +71,6 @@ class WatchedCondition(threading.Condition):
         """Something has changed: wake the threads in `wait_until` if one of them is ready. Call it under the lock."""
         if any(ready() for ready in self._awaited):
             self.notify_all()
-
-
-class EndedTime:
-    """The time before the last jump back: the world was reset, or its simulator started anew.
-
-    A process that has not heard of that yet goes on for a moment. The aggregator sends its last bundle again, and a
-    robot its last status. Such a message may come after the new time began, and its stamp is far ahead of that. It must
-    not be taken for a message of the new time. Stamps are in ns, and a stream is what one process sends on one key.
-    """
-
-    def __init__(self) -> None:
-        self._may_be_heard = False
-        """Whether messages have to be looked at at all."""
-        self._limit = 0
-        """The middle between the old time and the new one: stamps beyond are of the old time."""
-        self._begun: set[str] = set()
-        """The streams on which something of the new time has come. What a process sent before came before."""
-
-    def jump(self, old: int, new: int) -> None:
-        """Time jumped back from `old` to `new`."""
-        self._may_be_heard, self._limit = True, (old + new) // 2
-        self._begun.clear()
-
-    def has(self, stream: str, find_stamp: Callable[[], int], now: int) -> bool:
-        """Whether a message that comes at time `now` was sent before the jump; a stamp of 0 does not tell."""
-        if not self._may_be_heard or stream in self._begun:
-            return False
-        if now > self._limit:
-            # What comes so late is of the new time.
-            self._may_be_heard = False
-            return False
-        stamp = find_stamp()
-        if 0 < stamp <= self._limit:
-            self._begun.add(stream)
-        return stamp > self._limit
 
 
 class ProcessNode:
@@ -436,48 +402,6 @@ class ProcessNode:
             self.take_time_from_clock()
             for callback in self._on_simulator_lost:
                 callback()
-
-
-class LogPublisher:
-    """The log of this process on the bus: `<name>/log` carries new lines, and the query of that key the newest ones."""
-
-    def __init__(self, bus: Bus, name: str) -> None:
-        self._name = name
-        self._publisher = bus.publisher(names.log_key(name), Log)
-        self._first_sent: int | None = None
-        """Stamp of the first line that was sent, ns."""
-        self._caught_up = False
-        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
-        self._forget = KEEPER.pass_to(self._send)
-
-    def close(self) -> None:
-        """Publish and answer nothing more; also after the end of the session."""
-        self._forget()
-        self._server.close()
-        self._publisher.close()
-
-    def catch_up(self) -> None:
-        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
-
-        A process that ends soon after its start may be gone before a reader asks it.
-        """
-        if self._caught_up:
-            return
-        self._caught_up = True
-        first = self._first_sent
-        for line in KEEPER.kept(self._name):
-            if first is None or line.time_ns < first:
-                self._send(line)
-
-    def _send(self, line: LogLine) -> None:
-        if line.process in ("", self._name) and self._publisher.has_subscribers:
-            self._first_sent = self._first_sent or line.time_ns
-            self._publisher.put(message_of(self._name, line))
-
-
-def message_of(process: str, line: LogLine) -> Log:
-    """The message of a line; its stamp is the host's time."""
-    return Log(time_from_ns(line.time_ns), line.level, process, line.text, line.file, line.function, line.line)
 
 
 N = TypeVar("N", bound=ProcessNode)

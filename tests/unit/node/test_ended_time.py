@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.node.process_node import EndedTime
+from zteam.node.ended_time import EndedTime
 
 TICK = 100_000_000
 ticks = st.integers(2, 500)

@@ -9,10 +9,10 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import EncodeError
 from zteam.messages import Log, LogLevel
-from zteam.node import process_node
+from zteam.node import log_publisher
 from zteam.node.log_client import LogLine, line_of
+from zteam.node.log_publisher import LogPublisher, message_of
 from zteam.node.logs import LogKeeper
-from zteam.node.process_node import LogPublisher, message_of
 
 LOGGER = logging.getLogger("somewhere")
 
@@ -21,7 +21,7 @@ LOGGER = logging.getLogger("somewhere")
 def keeper(monkeypatch: pytest.MonkeyPatch) -> Iterator[LogKeeper]:
     """The keeper that is published keeps the lines of this test alone."""
     made = LogKeeper()
-    monkeypatch.setattr(process_node, "KEEPER", made)
+    monkeypatch.setattr(log_publisher, "KEEPER", made)
     end = made.begin()
     yield made
     end()
@@ -66,7 +66,7 @@ def test_without_subscribers_nothing_is_encoded(hub: MemoryHub, monkeypatch: pyt
     """No message is made while no subscriber wants it."""
     LogPublisher(hub.bus(), "robot_1")
     made: list[LogLine] = []
-    monkeypatch.setattr(process_node, "message_of", lambda name, line: made.append(line) or message_of(name, line))
+    monkeypatch.setattr(log_publisher, "message_of", lambda name, line: made.append(line) or message_of(name, line))
     LOGGER.warning("unheard")
     assert made == []
     heard = hear(hub)
@@ -100,7 +100,7 @@ def test_a_line_that_cannot_be_sent_is_kept(hub: MemoryHub, monkeypatch: pytest.
 
     LogPublisher(hub.bus(), "robot_1")
     hear(hub)
-    monkeypatch.setattr(process_node, "message_of", fail)
+    monkeypatch.setattr(log_publisher, "message_of", fail)
     LOGGER.warning("one")
     assert ask(hub.bus(), "robot_1") == ["one"]
 

@@ -21,7 +21,7 @@ from zteam.bus.presence import Claim, ProcessInfo, find_processes
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
 from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
-from zteam.node.process_node import LogPublisher
+from zteam.node.log_publisher import LogPublisher
 from zteam.node.process_options import FROM_STDIN
 from zteam.node.shutdown import HUNG, Stop
 from zteam.team.chaos.forwarder import Wire
