@@ -26,7 +26,7 @@ class RouterProcess:
     """A router in a process of its own, on loopback."""
 
     def __init__(self, listen: str = "tcp/127.0.0.1:0", *arguments: str, tls: TlsFiles | None = None) -> None:
-        command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", listen, "--announce"]
+        command = [sys.executable, "-m", "zteam", "zteam-router", "--listen", listen, "--announce"]
         # A busy machine that lets a router or session wait for its turn ends no link.
         command += ["--lease", str(LIMIT), *arguments]
         environment = {**os.environ, **(tls.environment if tls is not None else {})}

@@ -317,7 +317,7 @@ class Terminals:
 
     def start_team(self, team: str = "arena") -> None:
         """`zteam up`, until two robots drive."""
-        self.run("up", "zteam.cli.main", "up", team)
+        self.run("up", "zteam", "up", team)
         self.wait(lambda: sum("GO: driving" in line for line in list(self.said["up"])) >= 2)
 
     def wait_for(self, name: str, text: str) -> str:
@@ -389,9 +389,9 @@ def monitor_meets(lines: list[str], is_first: bool) -> bool:
 
 LEFT_OPEN = {
     "node": (("crowd.py",), node_meets),
-    "topic echo": (("zteam.cli.main", "topic", "echo", "robot_$*/odom", "--json"), echo_meets),
-    "log": (("zteam.cli.main", "log"), log_meets),
-    "monitor": (("zteam.cli.zteam_monitor", "--team-size", "2"), monitor_meets),
+    "topic echo": (("zteam", "topic", "echo", "robot_$*/odom", "--json"), echo_meets),
+    "log": (("zteam", "log"), log_meets),
+    "monitor": (("zteam", "zteam-monitor", "--team-size", "2"), monitor_meets),
 }
 
 
@@ -415,7 +415,7 @@ def test_what_is_left_open_meets_each_team(
 
 def test_a_page_that_is_left_open_shows_each_team(terminals: Terminals, endpoint: str) -> None:
     """Map, scans and states of this team's robots and of the next one's."""
-    terminals.run("view", "zteam.cli.zteam_view", "--port", "0", "--token", TOKEN, "--no-browser")
+    terminals.run("view", "zteam", "zteam-view", "--port", "0", "--token", TOKEN, "--no-browser")
     address = terminals.wait_for("view", "the view is at http")
     with open_page(int(address.partition("127.0.0.1:")[2].partition("/")[0])) as page:
         page.say(op="look", layers=["scans"], docs=[], beams=90)
@@ -437,22 +437,22 @@ def test_a_page_that_is_left_open_shows_each_team(terminals: Terminals, endpoint
 def test_a_team_leaves_the_port_of_others(holder: str, terminals: Terminals, endpoint: str) -> None:
     """They stay; `zteam up` says how tools reach its team, and `zteam doctor` names either router at the other one."""
     if holder == "a lone simulator":
-        terminals.run("holder", "zteam.cli.zteam_sim", "arena")
+        terminals.run("holder", "zteam", "zteam-sim", "arena")
         wait_for_router(endpoint)
         with closing(connect(BusOptions(connect=endpoint), patience=LIMIT)) as bus:
             there = threading.Event()
             bus.watch_tokens([names.tokens_key(names.SIMULATOR)], lambda _key, _alive: there.set())
             assert there.wait(LIMIT)
     else:
-        terminals.run("holder", "zteam.cli.zteam_router", "--listen", endpoint)
+        terminals.run("holder", "zteam", "zteam-router", "--listen", endpoint)
         terminals.wait_for("holder", "router at ")
     pid = router_pid(endpoint)
     terminals.start_team()
     place = terminals.wait_for("up", "export ZTEAM_CONNECT=").rpartition("=")[2]
     assert place != endpoint
-    terminals.run("doctor", "zteam.cli.main", "doctor")
+    terminals.run("doctor", "zteam", "doctor")
     terminals.wait_for("doctor", f"another router of this machine, at {place}, has processes: monitor, robot_0")
-    terminals.run("doctor", "zteam.cli.main", "doctor", ZTEAM_CONNECT=place)
+    terminals.run("doctor", "zteam", "doctor", ZTEAM_CONNECT=place)
     terminals.wait_for("doctor", f"tools without --connect use another port: zteam-router at {endpoint}, process {pid}")
     terminals.stop("up")
     assert router_pid(endpoint) == pid
@@ -460,10 +460,10 @@ def test_a_team_leaves_the_port_of_others(holder: str, terminals: Terminals, end
 
 def test_of_two_teams_at_once_one_gets_the_port_of_a_tool(terminals: Terminals, endpoint: str) -> None:
     """The tool meets that one; the other one says where it is, and neither ends the other."""
-    terminals.run("log", "zteam.cli.main", "log")
+    terminals.run("log", "zteam", "log")
     wait_for_router(endpoint)
     for name in ("one", "other"):
-        terminals.run(name, "zteam.cli.main", "up", "arena")
+        terminals.run(name, "zteam", "up", "arena")
     for name in ("one", "other"):
         terminals.wait_for(name, "All robots GO!")
     found = {name: terminals.wait_for(name, "processes, router at ") for name in ("one", "other")}

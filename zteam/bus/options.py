@@ -7,7 +7,7 @@ import os
 import socket
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import zenoh
@@ -342,6 +342,8 @@ class RouterOptions(msgspec.Struct, frozen=True):
     tls: TlsFiles | None = None
     idle_exit: float | None = None
     """Seconds without a client after which it ends. Only a router on demand has them; it gives its port up, too."""
+    for_team: Literal["", "starts", "returns"] = ""
+    """The router of a team that starts, or that is started again, gets its port from one on demand."""
 
 
 def router_config(options: RouterOptions) -> zenoh.Config:

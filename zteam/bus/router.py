@@ -346,7 +346,7 @@ def detach() -> None:
         os._exit(0)
 
 
-def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router:
+def open_team_router(options: RouterOptions) -> Router:
     """The router of a team, at the first endpoint of `options` if it can be had, else at any port. Raises BusError.
 
     A router on demand there gives its port up if it is this user's and holds no team, and its clients have come over
@@ -355,7 +355,7 @@ def open_team_router(options: RouterOptions, *, returns: bool = False) -> Router
     port.
     """
     protocol, _, address = options.listen[0].partition("/")
-    place = f"tcp/{address}"
+    place, returns = f"tcp/{address}", options.for_team == "returns"
     clients = list[str]()
     for _ in range(_CLAIMS):
         if port_accepts(place, timeout=0.2):

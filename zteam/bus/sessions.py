@@ -52,8 +52,7 @@ class SessionInfo(msgspec.Struct):
 def own_session_info(name: str, *, publishes: bool) -> SessionInfo:
     """Of this process; without a `name` its command, such as `zteam teleop`."""
     path = Path(sys.argv[0])
-    # As `python -m zteam.cli.main` has it.
-    is_tool = path.name == "zteam" or path.parts[-3:] == ("zteam", "cli", "main.py")
+    is_tool = path.name == "zteam" or path.parts[-2:] == ("zteam", "__main__.py")
     program = "python" if path.name in ("", "-c") else path.name
     tool = " ".join(["zteam", *sys.argv[1:2]]) if is_tool else program
     return SessionInfo((name or tool)[:255], socket.gethostname()[:255], os.getpid(), publishes)

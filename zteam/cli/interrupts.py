@@ -1,13 +1,8 @@
-"""How a command's process ends: Ctrl+C at any moment gives exit code 130 and no traceback; its end never crashes."""
+"""Ctrl+C at any moment ends a command with exit code 130 and no traceback."""
 
-import atexit
-import contextlib
 import os
 import signal
-import sys
-import threading
 from types import FrameType
-from typing import NoReturn
 
 INTERRUPTED = 130
 """Exit code of a command that Ctrl+C ended, as in shells."""
@@ -36,18 +31,3 @@ def ignore_from_now() -> None:
     """From here on Ctrl+C does nothing: the command is over and keeps its exit code."""
     if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def leave(code: int) -> NoReturn:
-    """End the process with this exit code: what a normal exit does, without taking the interpreter apart.
-
-    A thread of Zenoh's that calls into an interpreter that is being taken apart is ended inside of foreign code, which
-    aborts the process: after a good run it would have the exit code -6.
-    """
-    threading._shutdown()  # type: ignore[attr-defined]
-    atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
-        # Closed when the process started, or its reader is gone: the command has said so.
-        with contextlib.suppress(AttributeError, OSError, ValueError):
-            stream.flush()
-    os._exit(code)

@@ -6,8 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave, leave_at_once
+from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
 from zteam.cli.output import guarded, print_block, print_line
+from zteam.node.leaving import leave
 
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
@@ -105,15 +106,24 @@ def _run(module: str, arguments: Sequence[str]) -> int:
     return int(importlib.import_module(f"zteam.cli.{module}").main(arguments))
 
 
+PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "view", "router"))
+"""The commands of the processes of a team."""
+
+
+def start_process(command: str) -> NoReturn:
+    """Run one of PROCESSES."""
+    _start(command.replace("-", "_"))
+
+
 start = partial(_start, "main")
-start_simulator = partial(_start, "zteam_sim")
-start_robot = partial(_start, "zteam_robot")
-start_aggregator = partial(_start, "zteam_tf")
-start_monitor = partial(_start, "zteam_monitor")
-start_view = partial(_start, "zteam_view")
-start_map_server = partial(_start, "zteam_map")
-start_navigation = partial(_start, "zteam_nav")
-start_router = partial(_start, "zteam_router")
+start_simulator = partial(start_process, "zteam-sim")
+start_robot = partial(start_process, "zteam-robot")
+start_aggregator = partial(start_process, "zteam-tf")
+start_monitor = partial(start_process, "zteam-monitor")
+start_view = partial(start_process, "zteam-view")
+start_map_server = partial(start_process, "zteam-map")
+start_navigation = partial(start_process, "zteam-nav")
+start_router = partial(start_process, "zteam-router")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -164,7 +174,3 @@ def _meant(name: str, rest: Sequence[str]) -> str:
     if shipped_team(name) or existing_file(Path(name)):
         return f"did you mean 'zteam {' '.join(['up', name, *rest])}'?"
     return ""
-
-
-if __name__ == "__main__":
-    start()

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from zteam.node.process_options import ProcessOptions
 
 T = TypeVar("T")
-S = TypeVar("S", bound="ProcessOptions")
 
 FORMATS = ("text", "json")
 """Values of `--log-format`."""
@@ -214,47 +213,25 @@ def run_tool(
 
 
 def run_process(
-    command: str,
-    kind: type[S],
     build_parser: Callable[[], argparse.ArgumentParser],
-    read: Callable[[argparse.Namespace], tuple[str, Callable[[], S]]],
+    read: Callable[[argparse.Namespace], "tuple[str, Callable[[], ProcessOptions]]"],
     argv: Sequence[str] | None = None,
     *,
     needs_output: bool = True,
 ) -> int:
-    """Be the process of one kind; its exit code. A user types options; a launcher gives `-` alone and writes a line.
+    """Be the process of one kind; its exit code.
 
     `read(args)` is the name of the process and what makes its options, once the log is there, of a command line.
     """
-    words = list(sys.argv[1:] if argv is None else argv)
-    if words == [FROM_STDIN]:
-        from zteam.node.process_options import MAX_LINE, from_line
-
-        parser = Parser(prog=command)
-        add_bus_options(parser)
-        args = parser.parse_args([])
-        name, told = checked(args, lambda: from_line(sys.stdin.readline(MAX_LINE), kind))
-        return run(name, args, lambda: _be(name, args, told), needs_output=needs_output)
-    args = build_parser().parse_args(words)
+    args = build_parser().parse_args(argv)
     name, make_options = checked(args, lambda: read(args))
     return run(name, args, lambda: _be(name, args, make_options()), needs_output=needs_output)
 
 
 def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
-    from zteam.node.faults import log_fault
-    from zteam.node.process_node import run_node
-    from zteam.team.parts import part_of
+    from zteam.team.member import run_member
 
-    # Report a mistake before waiting for the router.
-    try:
-        part = part_of(options)
-    except ZteamError:
-        raise
-    except Exception as error:
-        # In the code of a user's behaviour.
-        return log_fault(error)
-    clock = getattr(args, "clock", part.clock)
-    return run_node(part.name or name, bus_options(args, small=part.small), part.body, clock, make=part.make)
+    return run_member(name, options, lambda small: bus_options(args, small=small), getattr(args, "clock", None))
 
 
 def fail(name: str, error: ZteamError) -> int:

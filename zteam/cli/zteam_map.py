@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.node.process_options import MapOptions
 
@@ -25,7 +24,4 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MapOptions]]:
     return names.MAP_SERVER, lambda: MapOptions(Path(args.map))
 
 
-main = partial(run_process, "zteam-map", MapOptions, build_parser, _read)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read)

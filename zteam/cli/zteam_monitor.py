@@ -7,7 +7,6 @@ from functools import partial
 
 from zteam import names
 from zteam.cli.arguments import add_go_timeout_option, number
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError
@@ -59,7 +58,4 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:
     return names.MONITOR, lambda: options
 
 
-main = partial(run_process, "zteam-monitor", MonitorOptions, build_parser, _read, needs_output=False)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read, needs_output=False)

@@ -8,7 +8,6 @@ from typing import Any
 
 from zteam import names
 from zteam.cli.arguments import add_seed_option
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -92,7 +91,4 @@ def _options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
     return NavigationOptions(robots, args.seed)
 
 
-main = partial(run_process, "zteam-nav", NavigationOptions, build_parser, _read)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read)

@@ -9,7 +9,6 @@ import msgspec
 
 from zteam import names
 from zteam.cli.arguments import add_path_option, add_seed_option, folders_of, option_type
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.problems import problems_of
 from zteam.config.toml_values import parse_value
@@ -116,7 +115,4 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
     return names.robot_name(args.id), lambda: options
 
 
-main = partial(run_process, "zteam-robot", RobotOptions, build_parser, _read)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read)

@@ -5,7 +5,6 @@ from functools import partial
 
 from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, RouterOptions, TlsFiles, default_endpoint
 from zteam.cli.arguments import number
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
 from zteam.config.numbers import MAX_SECONDS
 from zteam.node.router import run_router
@@ -31,7 +30,6 @@ def build_parser() -> Parser:
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
     )
     parser.add_argument("--announce", action="store_true", help="print the endpoint on stdout once it listens")
-    parser.add_argument("--for-team", choices=["starts", "returns"], help=argparse.SUPPRESS)
     parser.add_argument(
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
     )
@@ -44,10 +42,7 @@ def _route(args: argparse.Namespace) -> int:
     tls = TlsFiles.from_environment()
     listen = tuple(args.listen or [default_endpoint(tls)])
     options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls, args.detached)
-    return run_router(options, for_team=args.for_team, announce=args.announce)
+    return run_router(options, announce=args.announce)
 
 
 main = partial(run_tool, build_parser, _route, name="router")
-
-if __name__ == "__main__":
-    leave(main())

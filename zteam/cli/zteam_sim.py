@@ -9,7 +9,6 @@ import msgspec
 
 from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.config.numbers import MAX_SECONDS, parse_number
 from zteam.config.resources import find_world
@@ -192,7 +191,4 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], SimOptions]]:
     return names.SIMULATOR, lambda: msgspec.structs.replace(options, world=find_world(args.world))
 
 
-main = partial(run_process, "zteam-sim", SimOptions, build_parser, _read)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read)

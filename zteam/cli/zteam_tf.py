@@ -1,14 +1,13 @@
 """`zteam-tf [TEAM.toml]`: merge every robot's transforms into one tree on `tf` and `tf_static`."""
 
 import argparse
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
 from zteam.cli.arguments import MAX_RATE, number
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.node.process_options import AggregatorOptions
 
@@ -31,14 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process(
-        "zteam-tf", AggregatorOptions, build_parser, lambda args: (names.AGGREGATOR, lambda: _read(args)), argv
-    )
-
-
-def _read(args: argparse.Namespace) -> AggregatorOptions:
+def _options(args: argparse.Namespace) -> AggregatorOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team.file.reading import load_team
     from zteam.team.file.sources import parse_arguments
@@ -50,5 +42,4 @@ def _read(args: argparse.Namespace) -> AggregatorOptions:
     return msgspec.structs.replace(aggregator_options(team, Path(args.team).parent), rate=args.rate)
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, lambda args: (names.AGGREGATOR, partial(_options, args)))

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from zteam import names
 from zteam.cli.arguments import whole
-from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.node.process_options import DEFAULT_FOXGLOVE_PORT, DEFAULT_VIEW_PORT, ViewOptions
 
@@ -70,7 +69,4 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
     return names.VIEW, lambda: options
 
 
-main = partial(run_process, "zteam", ViewOptions, build_parser, _read, needs_output=False)
-
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_process, build_parser, _read, needs_output=False)

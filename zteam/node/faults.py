@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from zteam.node.launcher import report
 from zteam.node.shutdown import Stop
 
 log = logging.getLogger("zteam")
@@ -30,8 +31,6 @@ _SHORTAGES = {
     "Failed to init": ("open files, memory or threads", f"{_FILES[1]}, {_MEMORY[1]}"),
 }
 """What Python, Zenoh, the dynamic loader and the system say; of what there is no more, and the limits to raise."""
-ENDED = "ended by an error:"
-"""What the log says before the text of an error."""
 STACKS = "ZTEAM_STACKS"
 """Environment: a folder of the `team` fixture. A process that finds it there lets the fixture read where it hangs."""
 STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
@@ -125,8 +124,15 @@ def shortage_text(error: BaseException) -> str:
 
 
 def log_fault(error: BaseException) -> int:
-    """Log an error that ends the process; the exit code."""
-    shortage, fault = shortage_text(error), f"{ENDED}\n{fault_text(error)}"
-    is_users = any(not is_own(frame.filename) for frame in traceback.extract_tb(error.__traceback__))
-    log.error("%s", f"{fault}\n{shortage}".rstrip() if is_users or not shortage else shortage)
+    """Log an error that ends the process as critical, and report it to the launcher; the exit code."""
+    text = user_fault(error)
+    log.critical("ended by an error:\n%s", text) if text else log.error("%s", shortage_text(error))
+    report(fault=text)
     return 1
+
+
+def user_fault(error: BaseException) -> str:
+    """The text of an error that ended a node; empty for a shortage outside of the user's code."""
+    shortage = shortage_text(error)
+    is_users = any(not is_own(frame.filename) for frame in traceback.extract_tb(error.__traceback__))
+    return f"{fault_text(error)}\n{shortage}".rstrip() if is_users or not shortage else ""

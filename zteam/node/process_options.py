@@ -7,10 +7,11 @@ launcher hands them to its children as one line of JSON on their standard input.
 import json
 import os
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, get_args
 
 import msgspec
 
+from zteam.bus.options import RouterOptions
 from zteam.config.fault import Fault
 from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
@@ -18,8 +19,6 @@ from zteam.geometry import Pose2
 from zteam.messages import TransformStamped
 from zteam.messages.base import BaseOverride
 
-FROM_STDIN = "-"
-"""The only word of a command line whose process reads its options from its standard input."""
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
 DEFAULT_VIEW_PORT = 8765
@@ -27,8 +26,6 @@ DEFAULT_FOXGLOVE_PORT = 8766
 
 MAX_LINE = 1 << 24
 """Characters of a launcher's line."""
-
-T = TypeVar("T")
 
 
 class LockStepOptions(msgspec.Struct, frozen=True):
@@ -184,7 +181,8 @@ class NodeOptions(msgspec.Struct, frozen=True):
 
 
 ProcessOptions = (
-    SimOptions
+    RouterOptions
+    | SimOptions
     | MapOptions
     | AggregatorOptions
     | MonitorOptions
@@ -193,18 +191,19 @@ ProcessOptions = (
     | ViewOptions
     | NodeOptions
 )
+_TYPES = {kind.__name__: kind for kind in get_args(ProcessOptions)}
 
 
 def to_line(name: str, options: ProcessOptions) -> str:
     """What a launcher writes to the process `name`."""
     # Python's own JSON, because it has infinity, as TOML has.
-    return json.dumps([name, msgspec.to_builtins(options, str_keys=True, enc_hook=str)])
+    return json.dumps([name, type(options).__name__, msgspec.to_builtins(options, str_keys=True, enc_hook=str)])
 
 
-def from_line(line: str, kind: type[T]) -> tuple[str, T]:
+def from_line(line: str) -> tuple[str, ProcessOptions]:
     """The name of the process and its options. Raises UsageError for what `to_line` does not write."""
     try:
-        name, options = json.loads(line)
-        return name, msgspec.convert(options, kind, str_keys=True, dec_hook=lambda made, text: made(text))
-    except (ValueError, TypeError, msgspec.ValidationError, RecursionError) as error:
+        name, kind, options = json.loads(line)
+        return name, msgspec.convert(options, _TYPES[kind], str_keys=True, dec_hook=lambda made, text: made(text))
+    except (ValueError, TypeError, KeyError, msgspec.ValidationError, RecursionError) as error:
         raise UsageError(f"standard input: no line of a launcher: {error}") from None

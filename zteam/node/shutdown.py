@@ -13,12 +13,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from zteam.clock import HOST_FACTOR
+from zteam.node.launcher import take_link
 from zteam.node.step_watch import hanging
 
 log = logging.getLogger("zteam")
-
-PARENT_PIPE = "ZTEAM_PARENT_PIPE"
-"""Environment: number of a descriptor that reaches its end of file when the launcher is gone."""
 
 HARD_EXIT = 1.5 * HOST_FACTOR
 """Seconds from the stop request until the process ends whatever hangs (closing a session can take 10 s)."""
@@ -86,9 +84,8 @@ class Stop:
         threading.Thread(
             target=self._watch_signals, args=(reader, writer, on_repeat), name="signals", daemon=True
         ).start()
-        pipe = os.environ.pop(PARENT_PIPE, None)
-        if pipe is not None and pipe.isdigit():
-            threading.Thread(target=self._watch_parent, args=(int(pipe),), name="parent", daemon=True).start()
+        if (link := take_link()) is not None:
+            threading.Thread(target=self._watch_launcher, args=(link,), name="launcher", daemon=True).start()
         return give_back
 
     def _watch_signals(self, reader: socket.socket, writer: socket.socket, on_repeat: Callable[[], None]) -> None:
@@ -102,12 +99,12 @@ class Stop:
                         on_repeat()
                     self.request(signal.Signals(data[0]).name)
 
-    def _watch_parent(self, descriptor: int) -> None:
+    def _watch_launcher(self, descriptor: int) -> None:
         try:
             while os.read(descriptor, 1):
                 pass
         except OSError as error:
-            log.debug("parent pipe: %s", error)
+            log.debug("link to the launcher: %s", error)
             return
         self.request("the launcher is gone")
 

@@ -15,6 +15,7 @@ import msgspec
 
 from zteam.bus.queries import decode_json
 from zteam.errors import DecodeError, UsageError
+from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
 from zteam.view import rights
@@ -50,6 +51,7 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     server.start()
     url = page_url(options.public_url or address_of(options.host, port), token)
     show(f"the view is at {url}")
+    report(page=Page(port, token))
     if is_open and sys.stdout.isatty():
         show(qr_code(url))
     if options.browser and has_browser():

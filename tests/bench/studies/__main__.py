@@ -7,6 +7,6 @@ if __name__ == "__main__":
     # Python puts this folder first; its modules are found as `studies.NAME`.
     sys.path[0] = str(Path(__file__).resolve().parents[1])
     from studies.command import main
-    from zteam.cli.interrupts import leave
+    from zteam.node.leaving import leave
 
     leave(main())

@@ -10,6 +10,7 @@ from contextlib import ExitStack, closing, contextmanager
 from itertools import count
 from pathlib import Path
 
+import msgspec
 import pytest
 import zenoh
 
@@ -333,8 +334,8 @@ def test_a_teams_router_that_returns_gets_its_port_back() -> None:
     with on_demand() as router, closing(_session(router)) as simulator, closing(_session(router)) as other:
         show(simulator, "sim", other)
         options = RouterOptions((router.endpoint,))
-        with closing(open_team_router(options, returns=True)) as team:
+        with closing(open_team_router(msgspec.structs.replace(options, for_team="returns"))) as team:
             assert team.endpoint == router.endpoint
             wait_until_true(lambda: simulator.instance in sessions_at(team.endpoint))
             with pytest.raises(PortInUseError):
-                open_team_router(options, returns=True)
+                open_team_router(msgspec.structs.replace(options, for_team="returns"))

@@ -19,7 +19,8 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
 from zteam.bus.router import open_team_router
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
+from zteam.node.faults import user_fault
 from zteam.node.kinds import KINDS
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
@@ -104,6 +105,11 @@ class NodeThread:
     def running(self) -> bool:
         """Whether it has not ended yet."""
         return self.exit_code is None
+
+    @property
+    def fault(self) -> str:
+        """The text of that error; empty if there is none, or if zteam has reported it in a line."""
+        return "" if self.error is None or isinstance(self.error, (ZteamError, SystemExit)) else user_fault(self.error)
 
     @marks_owner
     def run(self) -> None:

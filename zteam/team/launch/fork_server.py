@@ -8,6 +8,7 @@ import contextlib
 import gc
 import importlib
 import os
+import runpy
 import signal
 import socket
 import sys
@@ -17,18 +18,15 @@ from collections.abc import Sequence
 import msgspec
 
 from zteam.node.faults import shortage_text
+from zteam.node.launcher import LINK
 from zteam.node.ps_name import show_name
-from zteam.node.shutdown import PARENT_PIPE
 
 MAX_MESSAGE = 1 << 18
 """Bytes."""
 _DESCRIPTORS = 5
-"""Of a child: standard input, output, error, lifeline, folder."""
+"""Of a child: standard input, output, error, link to the launcher, folder."""
 
 PRELOADS = (
-    "zteam.cli.options",
-    # argparse imports shutil when it reads a command line.
-    "shutil",
     "zteam.node.process_node",
     "zteam.node.router",
     "zteam.simulator.world",
@@ -81,7 +79,7 @@ def serve(control: socket.socket) -> StartChild | None:
             # Those for which this process has no room are lost.
             reply = "too many open files in the warm parent"
         else:
-            reply = _fork(order.module)
+            reply = _fork()
             if reply == 0:
                 control.close()
                 _become(order, descriptors)
@@ -91,9 +89,8 @@ def serve(control: socket.socket) -> StartChild | None:
         control.send(msgspec.msgpack.encode(reply))
 
 
-def _fork(module: str) -> Reply:
+def _fork() -> Reply:
     """The process id of a child, 0 in the child."""
-    _load(module)
     # The collector of a child leaves alone what all share: looking through it would copy it.
     gc.freeze()
     try:
@@ -111,14 +108,14 @@ def _fork(module: str) -> Reply:
 
 def _become(start: StartChild, descriptors: Sequence[int]) -> None:
     """Change in a child what a new program would find otherwise."""
-    *streams, lifeline, folder = descriptors
+    *streams, link, folder = descriptors
     os.fchdir(folder)
     os.close(folder)
     for place, descriptor in enumerate(streams):
         os.dup2(descriptor, place)
         os.close(descriptor)
     os.environb.clear()
-    os.environb.update({**start.environment, PARENT_PIPE.encode(): b"%d" % lifeline})
+    os.environb.update({**start.environment, LINK.encode(): b"%d" % link})
     if "numpy.random" in sys.modules:
         # Python's own generator sees to it that children draw different numbers; numpy's does not.
         sys.modules["numpy.random"].seed()
@@ -152,10 +149,8 @@ def main() -> None:
     except MemoryError as error:
         sys.exit(f"zteam-parent: {shortage_text(error)}")
     if start is not None:
-        command = importlib.import_module(start.module)
-        sys.argv[:] = [str(command.__file__), *start.arguments]
-        # By name, as the commands themselves: this package is below theirs.
-        importlib.import_module("zteam.cli.interrupts").leave(command.main(start.arguments))
+        sys.argv[1:] = start.arguments
+        runpy.run_module(start.module, run_name="__main__", alter_sys=True)
 
 
 if __name__ == "__main__":

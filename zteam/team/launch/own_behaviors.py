@@ -1,7 +1,7 @@
 """Imports the user's behaviours and nodes and checks the behaviours' parameters, in a child process.
 
 Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
-must survive that. `Inquiry` sends the questions; this module, run as a program, prints one line for each answer.
+must survive that. `Inquiry` sends the questions; this module, run as a program, reports each answer.
 """
 
 import base64
@@ -14,6 +14,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError
+from zteam.node.launcher import Report, report
 from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.team.launch.process import Process, exit_text
@@ -22,10 +23,6 @@ from zteam.team.own_code import OtherFile, files_since, find_body
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
-_LONGEST_ANSWER = 1 << 20
-"""Characters: an answer names every mistake."""
-_MARK = "\x1eanswer "
-"""Begins the line of an answer, because a module may print lines of its own."""
 
 
 class Question(msgspec.Struct, frozen=True):
@@ -87,7 +84,7 @@ class Inquiry:
         self._process: Process | None = None
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]
-            self._process = self._supervisor.start_job("behaviours", Job(command, longest_line=_LONGEST_ANSWER))
+            self._process = self._supervisor.start_job("behaviours", Job(command, learn=self._take_answer))
             self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
 
     def __enter__(self) -> "Inquiry":
@@ -96,11 +93,12 @@ class Inquiry:
     def __exit__(self, *_: object) -> None:
         self._supervisor.close()
 
+    def _take_answer(self, _job: Job, report: Report) -> None:
+        if report.answer is not None:
+            self._answers.append(msgspec.convert(report.answer, Answer))
+
     def _take_line(self, _name: str, line: str) -> None:
-        if line.startswith(_MARK):
-            self._answers.append(msgspec.json.decode(line.removeprefix(_MARK), type=Answer))
-        elif line.strip():
-            self._last_line = line.strip()
+        self._last_line = line.strip() or self._last_line
 
     def _refuse_other_files(self, question: Question, answered: Answer) -> Answer:
         for module, file in answered.files.items():
@@ -138,9 +136,7 @@ def main() -> None:
     for question in questions:
         before = frozenset(sys.modules)
         answered = msgspec.structs.replace(answer(question), files=files_since(before))
-        line = msgspec.json.encode(answered).decode()
-        # The first line break ends a line that the module may have begun.
-        os.write(1, f"\n{_MARK}{line}\n".encode())
+        report(answer=answered)
     # A thread that a module started must not keep this process alive.
     os._exit(0)
 

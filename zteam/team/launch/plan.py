@@ -1,25 +1,24 @@
 """A team as jobs: which processes, told what, stopped in which order."""
 
-import re
 import sys
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from urllib.parse import unquote
 
 import msgspec
 
 from zteam import names
 from zteam.errors import UsageError
 from zteam.node import kinds
-from zteam.node.process_options import FROM_STDIN, ViewOptions, to_line
+from zteam.node.launcher import Report
+from zteam.node.process_options import ViewOptions, to_line
 from zteam.team.chaos.plan import choose_plan
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job, keep
+from zteam.team.launch.supervisor import Job, learn_nothing
 from zteam.team.launch.team_launch import TeamLaunch, options_of
 
-_ADDRESS = re.compile(r"the view is at \S+?(?::(\d+))?/#token=(\S+)")
-"""What a view says of itself."""
+MEMBER = (sys.executable, "-P", "-m", "zteam.team.member")
+"""The command of a process of zteam, which reads what it is from its standard input."""
 
 
 class LaunchPlan(msgspec.Struct):
@@ -63,12 +62,12 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
         for name, options in options_of(kind, launch).items():
             words = to_line(name, options)
             own[name] = Job(
-                zteam_command(kind.command, FROM_STDIN),
+                MEMBER,
                 words=words,
                 # A view takes no part in the run, so a new one changes nothing of it.
                 restarts=restarts.get(name, launch.restarts) or kind.beside,
                 may_end=kind.beside,
-                learn=partial(_keep_address, name, options) if isinstance(options, ViewOptions) else keep,
+                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else learn_nothing,
             )
             if kind.beside:
                 beside.add(name)
@@ -95,14 +94,12 @@ def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:
     return msgspec.structs.replace(launch, faults=faults)
 
 
-def _keep_address(name: str, options: ViewOptions, job: Job, line: str) -> Job | None:
-    """A view that is started again has the port and the token of its first line, so open pages find it."""
-    said = _ADDRESS.search(line)
-    if said is None:
+def _keep_page(name: str, options: ViewOptions, job: Job, report: Report) -> Job | None:
+    """A view that is started again has the port and the token of its first page, so open pages find it."""
+    if report.page is None:
         return None
-    port, token = said.groups()
-    port = options.port if options.public_url else int(port)
-    again = msgspec.structs.replace(options, port=port, token=unquote(token), browser=False)
+    port = options.port if options.public_url else report.page.port
+    again = msgspec.structs.replace(options, port=port, token=report.page.token, browser=False)
     return msgspec.structs.replace(job, words=to_line(name, again))
 
 

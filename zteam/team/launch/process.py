@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -14,7 +15,8 @@ from typing import IO, Protocol
 
 import msgspec
 
-from zteam.node.shutdown import PARENT_PIPE
+from zteam.clock import monotonic
+from zteam.node.launcher import LINK, Report
 
 log = logging.getLogger("zteam")
 
@@ -22,10 +24,12 @@ PROC = Path("/proc")
 _KEPT_LINES = 200
 MAX_LINE = 16_384
 """Characters of a line of a child's output. What a longer line has beyond them is read and dropped."""
+_LONGEST_REPORT = 1 << 20
+"""Bytes: an answer may name every mistake of a team."""
 _CUT = "… (the line is longer)"
 _LAST_LINES = 1.0
-"""Host seconds for the lines that a process has left when it ends. The output ends with it, unless a process that it
-started holds the output open from a session of its own."""
+"""Host seconds for the lines and reports that a process has left when it ends. Both end with it, unless a process that
+it started holds them open from a session of its own."""
 
 
 class Usage(msgspec.Struct):
@@ -64,8 +68,7 @@ def _kilobytes(text: str, label: str) -> int:
 
 def zteam_command(command: str, *arguments: str) -> list[str]:
     """The command line of a zteam command for this interpreter. Files in the current folder do not shadow modules."""
-    module = "main" if command == "zteam" else command.replace("-", "_")
-    return [sys.executable, "-P", "-m", f"zteam.cli.{module}", *arguments]
+    return [sys.executable, "-P", "-m", "zteam", *(() if command == "zteam" else (command,)), *arguments]
 
 
 class Child(Protocol):
@@ -83,8 +86,8 @@ class Child(Protocol):
 
 
 StartChild = Callable[[Sequence[str], int, Mapping[str, str], Path | None], Child]
-"""`start(command, lifeline, environment, folder)` starts a child: its own process group, pipes for its input and
-output, and one end of the lifeline.
+"""`start(command, link, environment, folder)` starts a child: its own process group, pipes for its input and output,
+and its end of the link to this launcher (`zteam.node.launcher`).
 
 `environment` is added to this process's; it runs in `folder`, None = where this process runs. Raises OSError if the
 command cannot be started.
@@ -92,30 +95,30 @@ command cannot be started.
 
 
 def environment_of(added: Mapping[str, str]) -> dict[str, str]:
-    """The environment of a child, without the number of its lifeline."""
+    """The environment of a child, without the number of its link."""
     return {**os.environ, **added, "PYTHONUNBUFFERED": "1"}
 
 
 _GUARD = "trap '' HUP INT TERM; read -r line; kill -TERM 0; sleep 2; kill -KILL 0"
-"""Waits for the end of the lifeline, and ends its own process group: what handles SIGTERM has 2 s to end in order."""
+"""Waits for the end of the link, and ends its own process group: what handles SIGTERM has 2 s to end in order."""
 
 
 def runs_zteam(command: Sequence[str]) -> bool:
-    """Whether it is a command line as `zteam_command` makes them, or of another module of zteam."""
-    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.")
+    """Whether it is a command line of a module of zteam, as `zteam_command` makes them."""
+    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].partition(".")[0] == "zteam"
 
 
 class _Spawned(subprocess.Popen[str]):
     guard: "subprocess.Popen[bytes] | None" = None
-    """Of a program that may not watch its lifeline: a shell in the program's group, which ends with the group."""
+    """Of a program that may not watch its link: a shell in the program's group, which ends with the group."""
 
-    def watch(self, lifeline: int) -> None:
+    def watch(self, link: int) -> None:
         """End the program and all that it has started, in its group, when the launcher is gone."""
         # Without a shell, or when the program has ended already, there is nothing to do.
         with contextlib.suppress(OSError):
             self.guard = subprocess.Popen(
                 ["/bin/sh", "-c", _GUARD, "zteam-guard"],
-                stdin=lifeline,
+                stdin=link,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 process_group=self.pid,
@@ -142,15 +145,15 @@ def kill_group(pid: int) -> None:
         os.killpg(pid, signal.SIGKILL)
 
 
-def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None) -> Child:
+def spawn(command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None = None) -> Child:
     """Start a child as a program of its own."""
     child = _Spawned(
         list(command),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        pass_fds=(lifeline,),
-        env={**environment_of(environment), PARENT_PIPE: str(lifeline)},
+        pass_fds=(link,),
+        env={**environment_of(environment), LINK: str(link)},
         cwd=folder,
         # Its own group: the terminal's Ctrl+C reaches the launcher alone, which stops the team in order.
         process_group=0,
@@ -158,7 +161,7 @@ def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str],
         errors="replace",
     )
     if not runs_zteam(command):
-        child.watch(lifeline)
+        child.watch(link)
     return child
 
 
@@ -177,32 +180,38 @@ def read_lines(output: IO[str], longest: int = MAX_LINE) -> Iterator[str]:
 
 
 class Process:
-    """A running child. `on_line(process, line)` and `on_exit(process)` are called from threads of its own."""
+    """A running child. `on_line(process, line)`, `on_report(process, report)` and `on_exit(process)` are called from
+    threads of its own."""
 
     def __init__(
         self,
         name: str,
         command: Sequence[str],
-        lifeline: int,
         *,
         on_line: Callable[["Process", str], None],
+        on_report: Callable[["Process", Report], None] = lambda _process, _report: None,
         on_exit: Callable[["Process"], None],
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         start_child: StartChild = spawn,
-        longest_line: int = MAX_LINE,
     ) -> None:
         self.name = name
         self.usage = Usage()
         self.lines: deque[str] = deque(maxlen=_KEPT_LINES)
         self.stopping = False
         """Whether it was asked to end."""
-        self._on_line = on_line
-        self._on_exit = on_exit
-        self._longest_line = longest_line
-        self._child = start_child(command, lifeline, environment or {}, folder)
-        self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
-        self._reader.start()
+        self.report = Report()
+        """What it has reported, the newest of each field."""
+        self._on_line, self._on_report, self._on_exit = on_line, on_report, on_exit
+        self._link, theirs = socket.socketpair()
+        with theirs:
+            self._child = start_child(command, theirs.fileno(), environment or {}, folder)
+        self._readers = [
+            threading.Thread(target=read, name=f"{what} of {name}", daemon=True)
+            for read, what in ((self._read, "output"), (self._read_reports, "reports"))
+        ]
+        for reader in self._readers:
+            reader.start()
         self._watcher = threading.Thread(target=self._watch, name=f"watch {name}", daemon=True)
         self._watcher.start()
 
@@ -217,13 +226,18 @@ class Process:
         return self._child.returncode
 
     @property
+    def fault(self) -> str:
+        """The text of the error that ended it; empty if there is none."""
+        return self.report.fault
+
+    @property
     def running(self) -> bool:
         """Whether it has not ended yet."""
         return self._child.poll() is None
 
     def _read(self) -> None:
         assert self._child.stdout is not None
-        for text in read_lines(self._child.stdout, self._longest_line):
+        for text in read_lines(self._child.stdout):
             self.lines.append(text)
             try:
                 self._on_line(self, text)
@@ -232,10 +246,27 @@ class Process:
                 log.debug("a line of %s could not be passed on", self.name, exc_info=True)
         self._child.stdout.close()
 
+    def _read_reports(self) -> None:
+        with self._link, self._link.makefile("rb") as lines:
+            while line := lines.readline(_LONGEST_REPORT):
+                try:
+                    news = msgspec.json.decode(line, type=Report)
+                except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+                    log.debug("report of %s: %s", self.name, error)
+                    continue
+                given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}
+                self.report = msgspec.structs.replace(self.report, **given)
+                self._on_report(self, news)
+
     def _watch(self) -> None:
         """Wait until the process ends, and call `on_exit`."""
         self._child.wait()
-        self._reader.join(_LAST_LINES)
+        end = monotonic() + _LAST_LINES
+        for reader in self._readers:
+            reader.join(max(0.0, end - monotonic()))
+        # A process in a session of its own may hold the other end.
+        with contextlib.suppress(OSError):
+            self._link.shutdown(socket.SHUT_RDWR)
         assert self._child.stdin is not None
         # Buffered text may have no reader any more.
         with contextlib.suppress(BrokenPipeError):

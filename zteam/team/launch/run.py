@@ -16,21 +16,22 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES
+from zteam.bus.options import DEFAULT_ENDPOINT, FROM_STDIN, LEASE, TLS_VARIABLES, RouterOptions
 from zteam.bus.presence import Claim, ProcessInfo, find_processes
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
-from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
+from zteam.node.kinds import ROUTER, kind_of
+from zteam.node.launcher import Report
 from zteam.node.log_publisher import LogPublisher
-from zteam.node.process_options import FROM_STDIN
+from zteam.node.process_options import to_line
 from zteam.node.shutdown import HUNG, Stop
 from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.links import Links, no_link
 from zteam.team.chaos.means import Means
 from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.chaos.signals import Signals
-from zteam.team.launch.plan import plan_team, stop_order
-from zteam.team.launch.process import Process, exit_text, zteam_command
+from zteam.team.launch.plan import MEMBER, plan_team, stop_order
+from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.progress import Progress, TeamOverview
 from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
@@ -118,47 +119,36 @@ def start_router(
     restarts: bool = False,
     only_there: bool = False,
 ) -> Process:
-    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence.
+    """Start a router that reports its endpoint when it listens; clients bear `lease` host seconds of its silence.
 
     It listens at `listen`, which a router on demand gives up, or else at any port; at no other with `only_there`. With
     a folder of certificates it listens over TLS, and lets in those that are valid. With `restarts` it is started again
     at its endpoint, when it has failed after that.
     """
-    environment, config = dict.fromkeys(TLS_VARIABLES, ""), tuple[str, ...]()
+    options = RouterOptions((listen,), lease=lease, for_team="" if only_there else "starts")
     if certificates is not None:
-        listen = f"tls/{listen.partition('/')[2]}"
-        environment = files_of(certificates, ROUTER).environment
-        config = ("--config", str(certificates.resolve() / ACCESS))
+        options = msgspec.structs.replace(
+            options,
+            listen=(f"tls/{listen.partition('/')[2]}",),
+            tls=files_of(certificates, ROUTER),
+            config=str(certificates.resolve() / ACCESS),
+        )
 
-    def command(endpoint: str, *how: str) -> list[str]:
-        words = ("--listen", endpoint, *how, "--announce", "--lease", str(lease), *config)
-        return zteam_command(ROUTER_KIND.command, *words)
-
-    def learn(job: Job, line: str) -> Job | None:
-        if not (restarts and is_endpoint(line)):
+    def learn(job: Job, report: Report) -> Job | None:
+        if not (restarts and report.listening):
             return None
-        return msgspec.structs.replace(job, command=command(line, "--for-team", "returns"), restarts=True)
+        again = msgspec.structs.replace(options, listen=(report.listening,), for_team="returns")
+        return msgspec.structs.replace(job, words=to_line(ROUTER, again), restarts=True)
 
-    how = () if only_there else ("--for-team", "starts")
-    return supervisor.start_job(ROUTER_KIND.name, Job(command(listen, *how), environment, learn=learn))
-
-
-def is_endpoint(line: str) -> bool:
-    """Whether the router has printed where it listens. Lines of its log begin with the time."""
-    return line.startswith(("tcp/", "tls/"))
+    return supervisor.start_job(ROUTER, Job(MEMBER, words=to_line(ROUTER, options), learn=learn))
 
 
 def wait_for_endpoint(
     supervisor: Supervisor, router: Process, timeout: float, stopped: Callable[[], bool] = lambda: False
 ) -> str:
-    """The endpoint that the router prints; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
-
-    def endpoint() -> str:
-        # A copy, because a thread appends lines.
-        return next((line for line in list(router.lines) if is_endpoint(line)), "")
-
-    supervisor.wait(lambda: stopped() or not router.running or bool(endpoint()), timeout)
-    return endpoint()
+    """The endpoint that the router reports; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
+    supervisor.wait(lambda: stopped() or not router.running or bool(router.report.listening), timeout)
+    return router.report.listening
 
 
 class TeamRun:

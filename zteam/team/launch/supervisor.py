@@ -2,7 +2,6 @@
 that have failed. No process outlives the supervisor, however that ends."""
 
 import logging
-import os
 import signal
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -16,7 +15,8 @@ from zteam.bus.options import share_arenas
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.node.faults import shortage_text
-from zteam.team.launch.process import MAX_LINE, Process, StartChild, exit_text, spawn
+from zteam.node.launcher import Report
+from zteam.team.launch.process import Process, StartChild, exit_text, spawn
 
 log = logging.getLogger("zteam")
 
@@ -122,8 +122,7 @@ def log_failure(name: str, code: int | None, again: Again) -> None:
         log.error("%s; it is not started again", told)
 
 
-def keep(_job: "Job", _line: str) -> "Job | None":
-    """Learn nothing."""
+def learn_nothing(_job: "Job", _report: Report) -> "Job | None":
     return None
 
 
@@ -141,11 +140,9 @@ class Job(msgspec.Struct, frozen=True):
     """Whether it is started again when it has failed."""
     may_end: bool = False
     """Whether it may end by itself, with exit code 0."""
-    longest_line: int = MAX_LINE
-    """Characters of a line of its output that are read."""
-    learn: "Callable[[Job, str], Job | None]" = keep
-    """`learn(job, line)` is asked for each line of the process: the job that follows when this one has failed, such as
-    one with the port that the process has found; None = the same as before."""
+    learn: "Callable[[Job, Report], Job | None]" = learn_nothing
+    """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
+    as one with the port that the process has found; None = the same as before."""
 
 
 class Member(Protocol):
@@ -157,6 +154,8 @@ class Member(Protocol):
     @property
     def lines(self) -> Collection[str]: ...
     @property
+    def fault(self) -> str: ...
+    @property
     def exit_code(self) -> int | None: ...
     @property
     def running(self) -> bool: ...
@@ -166,11 +165,7 @@ class Member(Protocol):
 
 
 class Supervisor:
-    """Members of a team by name.
-
-    Each child inherits the read end of a pipe; this process alone has the write end. When this process ends, the
-    children read the end of the file and stop.
-    """
+    """Members of a team by name. When this process ends, its children read the end of their links and stop."""
 
     def __init__(
         self,
@@ -186,7 +181,7 @@ class Supervisor:
         self._start_child = start_child
         self.members: dict[str, Member] = {}
         self.changed = threading.Condition()
-        """Notified when a process writes a line, and when a member ends."""
+        """Notified when a process writes a line or a report, and when a member ends."""
         self.failures: list[Member] = []
         """Those that ended without being asked to, and are not started again."""
         self.ended: set[str] = set()
@@ -196,7 +191,6 @@ class Supervisor:
         self._told: dict[str, str] = {}
         self._jobs: dict[str, Job] = {}
         self.restarts = Restarts(self._start_after_failure)
-        self._read_end, self._write_end = os.pipe()
         self._closing = threading.Event()
         self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
         self._sampler.start()
@@ -242,13 +236,12 @@ class Supervisor:
             process = Process(
                 name,
                 job.command,
-                self._read_end,
                 on_line=self._take_line,
+                on_report=self._take_report,
                 on_exit=self.take_end,
                 environment=job.environment,
                 folder=job.folder,
                 start_child=self._start_child,
-                longest_line=job.longest_line,
             )
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error
@@ -279,12 +272,18 @@ class Supervisor:
                 self.changed.notify_all()
 
     def _take_line(self, process: Process, line: str) -> None:
+        self._on_line(process.name, line)
+        self._notify()
+
+    def _take_report(self, process: Process, report: Report) -> None:
         job = self._jobs[process.name]
-        learned = job.learn(job, line)
+        learned = job.learn(job, report)
         if learned is not None:
             self._jobs[process.name] = learned
             self.restarts.note_start(process.name, learned.restarts)
-        self._on_line(process.name, line)
+        self._notify()
+
+    def _notify(self) -> None:
         with self.changed:
             self.changed.notify_all()
 
@@ -304,7 +303,7 @@ class Supervisor:
             self.changed.notify_all()
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
-        """Wait until `ready()`, checked when a process writes a line or a member ends, for at most `timeout` s."""
+        """Wait until `ready()`, checked when `changed` is notified, for at most `timeout` s."""
         with self.changed:
             return wait_until(self.changed, ready, timeout)
 
@@ -338,10 +337,6 @@ class Supervisor:
                 member.kill()
         for process in self.processes.values():
             process.join(GRACE)
-        for end in (self._read_end, self._write_end):
-            if end >= 0:
-                os.close(end)
-        self._read_end = self._write_end = -1
         self._closing.set()
         self._sampler.join(GRACE)
 

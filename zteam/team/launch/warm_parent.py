@@ -82,7 +82,7 @@ class _Server:
         return self._end.fileno() >= 0 and self.process.poll() is None
 
     def fork(self, start: StartChild, descriptors: Sequence[int]) -> "ForkedChild":
-        """A child with this standard input, output, error and lifeline. Raises OSError."""
+        """A child with this standard input, output, error and link. Raises OSError."""
         folder = os.open(".", os.O_PATH)
         try:
             pid = self._ask(start, [*descriptors, folder])
@@ -202,22 +202,22 @@ class WarmParent:
                 self._find_server()
 
     def start(
-        self, command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None
+        self, command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None = None
     ) -> Child:
         """Start a child, as StartChild says."""
         if (
             folder is None
             and can_fork()
-            and _is_own(command)
+            and runs_zteam(command)
             and all(n.startswith(_OWN_VARIABLES) for n in environment)
         ):
             try:
-                return self._fork(command, lifeline, environment)
+                return self._fork(command, link, environment)
             except OSError as error:
                 log.debug("%s is spawned: %s", command[3], error)
-        return spawn(command, lifeline, environment, folder)
+        return spawn(command, link, environment, folder)
 
-    def _fork(self, command: Sequence[str], lifeline: int, environment: Mapping[str, str]) -> ForkedChild:
+    def _fork(self, command: Sequence[str], link: int, environment: Mapping[str, str]) -> ForkedChild:
         given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
         start = StartChild(command[3], list(command[4:]), given)
         with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
@@ -227,7 +227,7 @@ class WarmParent:
             reader, stdout = os.pipe()
             theirs.callback(os.close, stdout)
             ours.callback(os.close, reader)
-            child = self._find_server().fork(start, [stdin, stdout, stdout, lifeline])
+            child = self._find_server().fork(start, [stdin, stdout, stdout, link])
             ours.pop_all()
         # As subprocess.Popen opens them.
         child.stdin = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")
@@ -253,11 +253,6 @@ class WarmParent:
                     server.close()
                 self._server = server = _Server()
             return server
-
-
-def _is_own(command: Sequence[str]) -> bool:
-    """Whether it is a command line as `zteam_command` makes them."""
-    return runs_zteam(command) and command[3].startswith("zteam.cli.")
 
 
 def _inherited_environment() -> dict[str, str]:

@@ -13,7 +13,6 @@ from zteam.bus import Bus
 from zteam.bus.presence import find_processes
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.messages import Log
-from zteam.node.faults import ENDED
 from zteam.team.launch.process import exit_text
 from zteam.team.testing.view import ObservedTeam
 
@@ -83,6 +82,8 @@ class Others:
         self._left = self._child[0]
         """That of a test before."""
         self._up = True
+        self._faults: dict[str, str] = {}
+        """The critical lines of those that an error has ended."""
         bus.watch_link(self._on_link)
 
     def watch(self, processes: Iterable[str], *, expected: bool) -> None:
@@ -94,11 +95,17 @@ class Others:
             self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
 
     def _take(self, name: str, _key: str, message: Log) -> None:
+        if message.level >= logging.CRITICAL:
+            self._faults[name] = message.msg
         level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
         self._team.take_line(name, f"{level}{message.msg}")
 
     def _on_link(self, up: bool) -> None:
         self._up = up
+
+    def fault(self, name: str) -> str:
+        """The error that ended one, as it has logged it; empty if there is none."""
+        return self._faults.get(name, "").partition("\n")[2]
 
     def missing(self) -> list[str]:
         """Those that must not end and were never there."""
@@ -108,7 +115,7 @@ class Others:
         """How one ended, unasked by the test, or did not even begin; empty if none did. `at_end` is as of Gone."""
         for gone in self.gone():
             words = self._team.words(gone.name) or "it has logged nothing"
-            if any(ENDED in line for line in self._team.lines(gone.name)):
+            if self.fault(gone.name):
                 return f"{gone}: {words}"
             if gone.is_failure(at_end):
                 return f"{gone}, without team.expect_end({gone.name!r}): {words}"

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.node.process_options import FROM_STDIN, NodeOptions, to_line
+from zteam.node.process_options import NodeOptions, to_line
 from zteam.team.in_process.run import Body
 from zteam.team.launch.own_behaviors import Inquiry, Question
-from zteam.team.launch.process import zteam_command
+from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.supervisor import Job
 from zteam.team.own_code import find_body, other_file
 
@@ -47,9 +47,8 @@ def own_nodes(call: str, nodes: "Mapping[str, Body | str]", folders: Sequence[st
     with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders, other_file) as inquiry:
         if refused := [answered.refused for answered in inquiry.answers() if answered.refused]:
             raise UsageError("\n".join(refused))
-    command = zteam_command("own-node", FROM_STDIN)
     options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}
-    return OwnNodes(jobs={name: Job(command, words=to_line(name, options[name])) for name in texts})
+    return OwnNodes(jobs={name: Job(MEMBER, words=to_line(name, options[name])) for name in texts})
 
 
 def _told(body: object, here: bool) -> str:

@@ -12,9 +12,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future, wait
 from contextlib import ExitStack, suppress
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
-from textwrap import dedent
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,7 +22,6 @@ from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.node.faults import ENDED
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
@@ -216,8 +213,12 @@ class TeamProcesses:
         return [line for process, line in self.log if process == name]
 
     def _words(self, name: str) -> str:
-        """The last error of a process with the user's frames, else its last lines."""
-        return _last_words(name, self.lines(name))
+        """The error that ended a process, its last line first, else the last lines of the process."""
+        member = self._supervisor.members.get(name)
+        lines = (
+            self._others.fault(name) if member is None and self._others else member.fault if member else ""
+        ).splitlines()
+        return "\n".join([*lines[-1:], *lines] or self.lines(name)[-_LAST_LINES:])
 
     def _need_processes(self, what: str) -> None:
         if self._in_process is not None:
@@ -528,18 +529,6 @@ class TeamProcesses:
             elif not self.alive(name):
                 raise TeamFailure(f"{name} is gone and did not come back within {START_LIMIT:g} s: {self._words(name)}")
         self._check()
-
-
-def _last_words(name: str, said: list[str]) -> str:
-    for i in reversed(range(len(said))):
-        _, found, told = said[i].partition(ENDED)
-        if found:
-            # A process writes each line by itself, up to the next one of its log.
-            lines = told.splitlines()[1:] or takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])
-            # A log indents the further lines of what it prints.
-            text = dedent("\n".join(lines)).splitlines()
-            return "\n".join([*text[-1:], *text])
-    return "\n".join(said[-_LAST_LINES:])
 
 
 def in_thread(call: Callable[[], R]) -> "Future[R]":

@@ -1,0 +1,55 @@
+"""The link of a process to the launcher that has started it: one inherited descriptor, a socket.
+
+The process writes reports to it, one line of JSON each. It reads the end of the file when the launcher is gone.
+"""
+
+import contextlib
+import os
+from typing import Any
+
+import msgspec
+
+LINK = "ZTEAM_LAUNCHER_LINK"
+"""Environment: the number of the descriptor."""
+
+
+class Page(msgspec.Struct, frozen=True):
+    """Where a view serves its page."""
+
+    port: int
+    token: str
+
+
+class Report(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """What a process reports to its launcher; fields that do not apply are left out."""
+
+    listening: str = ""
+    """The endpoint of a router."""
+    page: Page | None = None
+    fault: str = ""
+    """The text of the error that ends the process."""
+    answer: Any = None
+    """To a question of the launcher."""
+
+
+_link: int | None = None
+
+
+def take_link() -> int | None:
+    """The descriptor of the link, None without a launcher; the children of this process do not inherit it."""
+    global _link
+    number = os.environ.pop(LINK, "")
+    if number.isdigit():
+        _link = int(number)
+        with contextlib.suppress(OSError):
+            os.set_inheritable(_link, False)
+    return _link
+
+
+def report(**fields: Any) -> None:
+    """Send a `Report` with these fields to the launcher, if there is one."""
+    link = take_link()
+    if link is not None:
+        # It may be gone.
+        with contextlib.suppress(OSError):
+            os.write(link, msgspec.json.encode(Report(**fields)) + b"\n")
