@@ -78,7 +78,7 @@ if TYPE_CHECKING:
     from zteam.team.file.entries import Team
     from zteam.team.file.reading import load_team
     from zteam.team.in_process.team_run import run_team
-    from zteam.team.launch.report import RunReport
+    from zteam.team.run.report import RunReport
     from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
     from zteam.transforms.listener import TransformListener
 

@@ -35,7 +35,7 @@ from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.world import Ranger, World, add_robot, load_world
 from zteam.simulator.world.placing import plan_corners
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.report import RunReport
+from zteam.team.run.report import RunReport
 
 GAP = 0.8
 """Metres along the way between neighbours at the start."""

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from zteam.bus import BusOptions
     from zteam.cli.up_display import RunDisplay
     from zteam.node.shutdown import Stop
-    from zteam.team.launch.report import RunReport
-    from zteam.team.launch.run import TeamRun
     from zteam.team.launch.team_launch import TeamLaunch
     from zteam.team.launch.warm_parent import WarmParent
+    from zteam.team.run.report import RunReport
+    from zteam.team.run.team_run import TeamRun
 
 log = logging.getLogger("zteam")
 
@@ -210,10 +210,11 @@ def _up(args: argparse.Namespace) -> int:
         return 0
     if args.only is not None:
         from zteam.team.launch.apart import become
-        from zteam.team.launch.run import node_environment
+        from zteam.team.run.processes import lease_for, node_environment
 
         bus, launch = bus_options(args), _launch(args)
-        become(launch, args.only, node_environment(bus.endpoint, bus, launch.pace))
+        bus = structs.replace(bus, lease=lease_for(launch.pace, bus.lease))
+        become(launch, args.only, node_environment(bus.endpoint, bus))
     if args.in_process:
         return _run_here(_launch(args), bus_options(args), args)
     from zteam.team.launch.warm_parent import WarmParent
@@ -245,8 +246,8 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
     from zteam.team.launch.check import check_team, random_parts, refuse_nodes
-    from zteam.team.launch.report import check_writable
     from zteam.team.launch.team_launch import Pace, TeamLaunch
+    from zteam.team.run.report import check_writable
 
     if args.report:
         check_writable(Path(args.report))
@@ -295,14 +296,16 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
     from zteam.cli.up_display import Printer, open_display
     from zteam.node.shutdown import Stop
     from zteam.team.chaos.links import Links
-    from zteam.team.launch.run import ProcessRun
+    from zteam.team.run.processes import Processes
+    from zteam.team.run.team_run import TeamRun
 
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         links = stack.enter_context(closing(Links())) if args.chaos is not None else None
         line = Printer(display.print).line
-        team_run = stack.enter_context(ProcessRun(launch, bus, stop, line, parent, links, args.secure, args.listen))
+        members = Processes(bus, parent, line, stop=stop, links=links, certificates=args.secure, listen=args.listen)
+        team_run = stack.enter_context(TeamRun(members, launch, stop))
         stop.install(on_repeat=team_run.hurry)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
@@ -319,7 +322,8 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     from zteam.cli.up_display import Printer, open_display
     from zteam.node.logs import passing_lines
     from zteam.node.shutdown import Stop, exit_hard_later
-    from zteam.team.in_process.run import InProcessRun, open_outside
+    from zteam.team.run.team_run import TeamRun
+    from zteam.team.run.threads import Threads, open_outside
 
     stop = Stop()
     with (
@@ -328,15 +332,17 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
     ):
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        with passing_lines(line), InProcessRun(launch, stop, outside=outside, on_line=line) as team_run:
+        members = Threads(outside=outside, on_line=line)
+        with passing_lines(line), TeamRun(members, launch, stop) as team_run:
             # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
             # Code of a behaviour that does not return holds the whole process.
             cancel = exit_hard_later(stop, hung=1)
-            nodes = counted(len(team_run.parts), "node")
+            nodes = counted(len(members.parts), "node")
             work = partial(_run, team_run, display, args, nodes, " in this process")
             try:
-                report = team_run.beside_simulator(work)
+                team_run.open()
+                report = members.beside_simulator(work)
             except ZteamError:
                 if not stop.requested:
                     raise
@@ -359,16 +365,17 @@ def _give_terminal_to_debugger(display: "RunDisplay") -> None:
 def _run(
     team_run: "TeamRun", display: "RunDisplay", args: argparse.Namespace, members: str, place: str = ""
 ) -> "RunReport | None":
-    from zteam.team.launch.run import warn_of_endpoint
+    from zteam.team.run.processes import warn_of_endpoint
 
     display.say(f"starting {members}")
     team_run.start()
-    where = f"router at {team_run.endpoint}" if team_run.endpoint else "without a router"
+    endpoint = team_run.members.endpoint
+    where = f"router at {endpoint}" if endpoint else "without a router"
     log.info("%s%s, %s; Ctrl+C stops them", members, place, where)
     if args.secure is not None:
-        log.info("for tools: %s", _tool_environment(args.secure, team_run.endpoint))
-    elif team_run.endpoint:
-        warn_of_endpoint(team_run.endpoint, args.connect or args.listen)
+        log.info("for tools: %s", _tool_environment(args.secure, endpoint))
+    elif endpoint:
+        warn_of_endpoint(endpoint, args.connect or args.listen)
     if args.in_process:
         gc.freeze()
     with display.following(team_run.team_overview):
@@ -394,7 +401,7 @@ def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", fil
     a robot moved on without commands."""
     import msgspec
 
-    from zteam.team.launch.report import format_report, write_report
+    from zteam.team.run.report import format_report, write_report
 
     has_end, chaos = team_run.launch.has_end, team_run.chaos
     if chaos is not None:

@@ -135,4 +135,6 @@ def user_fault(error: BaseException) -> str:
     """The text of an error that ended a node; empty for a shortage outside of the user's code."""
     shortage = shortage_text(error)
     is_users = any(not is_own(frame.filename) for frame in traceback.extract_tb(error.__traceback__))
-    return f"{fault_text(error)}\n{shortage}".rstrip() if is_users or not shortage else ""
+    text = f"{fault_text(error)}\n{shortage}".rstrip() if is_users or not shortage else ""
+    # JSON has no lone surrogates, which the names of files may have.
+    return text.encode(errors="backslashreplace").decode()

@@ -13,14 +13,15 @@ from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
-from zteam.team.in_process.run import Body, InProcessRun, NodeThread, open_outside
 from zteam.team.in_process.user_calls import prefixing_lines
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import with_faults
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.report import RunReport
-from zteam.team.launch.run import warn_of_endpoint
 from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.run.processes import warn_of_endpoint
+from zteam.team.run.report import RunReport
+from zteam.team.run.team_run import TeamRun
+from zteam.team.run.threads import Body, NodeThread, Threads, open_outside
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
@@ -76,16 +77,19 @@ def run_team(
     with (
         nullcontext() if bus is None else open_outside(bus, pace) as outside,
         stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
-        InProcessRun(launch, stop, nodes, outside, since_start=lambda: monotonic() - began, on_end=on_end) as run,
+        TeamRun(
+            members := Threads(nodes, outside, on_end=on_end), launch, stop, since_start=lambda: monotonic() - began
+        ) as run,
         prefixing_lines(),
     ):
         if outside is not None:
             log.info("router at %s", outside.endpoint)
             warn_of_endpoint(outside.endpoint, outside.given)
-        report = run.beside_simulator(carry_out)
-    for name in run.calls.hung:
+        run.open()
+        report = members.beside_simulator(carry_out)
+    for name in members.hung:
         raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
-    for node in run.failures:
+    for node in members.failures:
         raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
     if report is None:
         raise KeyboardInterrupt

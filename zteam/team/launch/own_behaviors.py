@@ -80,7 +80,7 @@ class Inquiry:
         self._other_file = other_file
         self._answers: list[Answer] = []
         self._last_line = ""
-        self._supervisor = Supervisor(self._take_line, lambda _process, _again: None)
+        self._supervisor = Supervisor(self._take_line)
         self._process: Process | None = None
         if questions:
             command = [sys.executable, "-P", "-m", "zteam.team.launch.own_behaviors", *folders]

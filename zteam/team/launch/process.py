@@ -251,7 +251,7 @@ class Process:
             while line := lines.readline(_LONGEST_REPORT):
                 try:
                     news = msgspec.json.decode(line, type=Report)
-                except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+                except (ValueError, RecursionError) as error:
                     log.debug("report of %s: %s", self.name, error)
                     continue
                 given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}

@@ -170,14 +170,14 @@ class Supervisor:
     def __init__(
         self,
         on_line: Callable[[str, str], None],
-        on_failure: Callable[[Member, Again], None],
+        on_failure: Callable[[Member, Again], None] = lambda _member, _again: None,
         start_child: StartChild = spawn,
     ) -> None:
         """`on_failure(member, again)`: it has failed, and whether it is started again."""
         # Before there is a thread for the lines of each member.
         share_arenas()
         self._on_line = on_line
-        self._on_failure = on_failure
+        self.on_failure = on_failure
         self._start_child = start_child
         self.members: dict[str, Member] = {}
         self.changed = threading.Condition()
@@ -294,7 +294,7 @@ class Supervisor:
         again = self.restarts.take_failure(name) if failed and code not in _FINAL else Again()
         if failed:
             # First: what waits for the end finds the reason there.
-            self._on_failure(member, again)
+            self.on_failure(member, again)
         with self.changed:
             if again.delay is None:
                 self.ended.add(name)

@@ -6,11 +6,11 @@ from typing import NamedTuple
 from zteam import names
 from zteam.errors import UsageError
 from zteam.node.process_options import NodeOptions, to_line
-from zteam.team.in_process.run import Body
 from zteam.team.launch.own_behaviors import Inquiry, Question
 from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.supervisor import Job
 from zteam.team.own_code import find_body, other_file
+from zteam.team.run.threads import Body
 
 
 class OwnNodes(NamedTuple):

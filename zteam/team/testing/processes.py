@@ -27,7 +27,6 @@ from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.chaos.links import Links
 from zteam.team.chaos.signals import Signals
-from zteam.team.in_process.run import InProcessRun
 from zteam.team.in_process.user_calls import UserCall, user_calls
 from zteam.team.launch.plan import command_line, is_own, stop_order
 from zteam.team.launch.process import exit_text, zteam_command
@@ -36,6 +35,7 @@ from zteam.team.launch.supervisor import GRACE, Job, Supervisor
 from zteam.team.launch.team_launch import Pace
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
+from zteam.team.run.threads import InProcessRun
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
 from zteam.team.testing.hangs import LOOK, Stacks, Wait

@@ -39,12 +39,12 @@ from zteam.team.chaos.links import Links, no_link
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
-from zteam.team.in_process.run import Body, InProcessRun
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.own_code import other_file, other_file_unless_in
+from zteam.team.run.threads import Body, InProcessRun
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos

@@ -1,9 +1,10 @@
-"""A run whose members are threads of this process, on a bus in memory; nodes of the team file are processes beside it.
+"""Members of a run that are threads of this process, on a bus in memory. Nodes of the team file are processes.
 
 The launcher's part runs in a thread beside the simulator's.
 """
 
 import logging
+import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -11,7 +12,7 @@ from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from threading import Thread
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
@@ -27,21 +28,16 @@ from zteam.node.process_node import ProcessNode, run_body
 from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.process.inputs import TransformInputs
+from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.links import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.delivery import marks_owner
 from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
-from zteam.team.launch.run import (
-    ROUTER_DEADLINE,
-    TeamRun,
-    lease_for,
-    node_environment,
-    refuse_second_team,
-)
-from zteam.team.launch.starts import RobotStarts
-from zteam.team.launch.supervisor import Again, Member, Supervisor
+from zteam.team.launch.plan import LaunchPlan
+from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.team.parts import Part, part_of, printing_monitor, robot_part
+from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 
 log = logging.getLogger("zteam")
 
@@ -171,25 +167,25 @@ def open_outside(options: BusOptions, pace: Pace) -> Iterator[Outside]:
             router = open_team_router(RouterOptions((DEFAULT_ENDPOINT,), lease=lease))
             ends.callback(router.close)
             endpoint = router.endpoint
-        bus = connect(
-            msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False), patience=ROUTER_DEADLINE
-        )
+        joined = msgspec.structs.replace(options, connect=endpoint, lease=lease, small=False)
+        bus = connect(joined, patience=ROUTER_DEADLINE)
         ends.callback(bus.close)
-        yield Outside(endpoint, options.connect, node_environment(endpoint, options, pace), bus)
+        yield Outside(endpoint, options.connect, node_environment(endpoint, joined), bus)
 
 
-class InProcessRun(TeamRun):
-    """Use as: `with InProcessRun(...) as run: run.beside_simulator(work)`, where `work` starts, watches, finishes."""
+class Threads:
+    """The members as threads of this process, and nodes of the team file as processes beside it.
+
+    Use as: `with TeamRun(Threads(...), launch) as run: run.open(); run.members.beside_simulator(work)`, where `work`
+    starts the run, watches it and finishes it.
+    """
 
     def __init__(
         self,
-        launch: TeamLaunch,
-        stop: Stop,
         nodes: Mapping[str, Body] | None = None,
         outside: Outside | None = None,
         *,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
-        since_start: Callable[[], float] | None = None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
         take_hang: Callable[[UserCall], bool] | None = None,
     ) -> None:
@@ -198,49 +194,58 @@ class InProcessRun(TeamRun):
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
         is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch.
         """
-        self.parts = parts_of(launch, on_line, nodes)
-        super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)
-        self._tell_end = on_end
-        self._outside = outside
+        self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
-        self.sessions = NodeSessions(None if outside is None else outside.bus)
-        self.calls = CallWatch(launch.pace, self.sessions.delivery, take_hang)
-        self.bus = self.sessions.bus(names.LAUNCHER)
-        self._watch_recoveries(self.bus)
+        self.bus: Bus | None = None
+        self._nodes, self._outside, self._on_line = nodes, outside, on_line
+        self._on_end, self._take_hang = on_end, take_hang
+        self._ends = ExitStack()
 
-    def __enter__(self) -> Self:
-        self._ends.enter_context(naming_nodes())
-        self._ends.enter_context(self.calls.watching())
-        return self
+    @property
+    def tools_bus(self) -> Bus | None:
+        """The session outside."""
+        return None if self._outside is None else self._outside.bus
 
-    def __exit__(self, *error: object) -> None:
-        try:
-            super().__exit__(*error)
-        finally:
-            self.sessions.close()
+    @property
+    def pids(self) -> dict[str, int]:
+        """This process."""
+        return {names.LAUNCHER: os.getpid()}
 
-    def _on_failure(self, member: Member, again: Again) -> None:
-        super()._on_failure(member, again)
-        if again.delay is None and isinstance(member, NodeThread):
-            self._tell_end(member)
+    @property
+    def hung(self) -> set[str]:
+        """The nodes whose step does not return, or was ended."""
+        return self.calls.hung
 
     @property
     def failures(self) -> list[NodeThread]:
         """The nodes of this process that ended for good without being asked to."""
         return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
 
+    def change_link(self, name: str, wire: Wire, seconds: float) -> None:
+        """Raise BusError: nodes of one process have no links."""
+        no_link(name, wire, seconds)
+
+    def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+        """Make what the nodes do. Raises what a mistake in their files raises."""
+        self._plan = plan
+        self.parts = parts_of(launch, self._on_line, self._nodes)
+        self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
+        self._ends.callback(self.sessions.close)
+        self.calls = CallWatch(launch.pace, self.sessions.delivery, self._take_hang)
+        self._ends.enter_context(naming_nodes())
+        self._ends.enter_context(self.calls.watching())
+
+    def open(self) -> None:
+        """Have a session. Raises BusError if the team runs outside already."""
+        self.bus = self.sessions.bus(names.LAUNCHER)
+        if self._outside is not None and self._outside.given is not None:
+            refuse_second_team(self.bus, (*self.parts, *self._plan.jobs))
+
     def beside_simulator(self, work: Callable[[], R]) -> R:
         """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
 
-        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal. Raises BusError if
-        another team runs outside.
+        In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
         """
-        if self._outside is not None:
-            assert self.bus is not None
-            if self._outside.given is not None:
-                refuse_second_team(self.bus, (*self.parts, *self.plan.jobs))
-            self._hold_namespace()
-            self._open_log(self.bus)
         simulator, result = self._make(names.SIMULATOR), Future[R]()
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 
@@ -256,23 +261,16 @@ class InProcessRun(TeamRun):
         simulator.run()
         return result.result()
 
-    def start(self) -> None:
-        """Start all nodes but the simulator."""
-        self._begin_progress()
+    def start(self, _connected: Callable[[], None]) -> None:
+        """Start all nodes but a simulator that runs already, and the processes of the team file."""
         for name in self.parts:
-            if name != names.SIMULATOR:
+            if name not in self.supervisor.members:
                 self.start_node(name)
         if self._outside is not None:
-            environment = self._outside.environment
-            others = {name: job for name, job in self.plan.jobs.items() if name not in self.parts}
-            self._start_processes(others, lambda name: environment)
-            self._signals.serve(self._outside.bus)
-            self._starts = RobotStarts(
-                self.launch, self.plan, self.supervisor, self._outside.bus, lambda name: environment
-            )
-        self._begin_faults(no_link)
-        if self._stop.requested:
-            self._wake()
+            for name, job in self._plan.jobs.items():
+                if name not in self.parts:
+                    job = msgspec.structs.replace(job, environment=self._outside.environment)
+                    self.supervisor.start_job(name, job)
 
     def start_node(self, name: str) -> None:
         """Start one node, in a thread of its own."""
@@ -282,12 +280,25 @@ class InProcessRun(TeamRun):
             Thread(target=node.run, name=name, daemon=True).start()
             return node
 
-        job = self.plan.own.get(name)
+        job = self._plan.own.get(name)
         self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)
+        return NodeThread(name, self.parts[name], self.sessions, self._take_end)
 
-    def _stop_all(self) -> None:
-        self._hung |= self.calls.hung
-        super()._stop_all()
+    def _take_end(self, node: NodeThread) -> None:
+        self.supervisor.take_end(node)
+        if node in self.supervisor.failures:
+            self._on_end(node)
+
+    def environment_of_new(self, _name: str) -> dict[str, str]:
+        """What lets a process join from outside."""
+        assert self._outside is not None
+        return self._outside.environment
+
+    def close(self) -> None:
+        """End the session, and kill what still runs."""
+        if self.bus is not None:
+            self.bus.close()
+        self.supervisor.close()
+        self._ends.close()

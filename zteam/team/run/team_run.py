@@ -1,0 +1,317 @@
+"""One run of a team from start to end: members, GO, time limit, report, stop in order.
+
+`zteam up`, `run_team` and the `team` fixture are a `TeamRun` each. Its `Members` are processes at a router
+(`processes.py`), or threads of this process (`threads.py`).
+"""
+
+import logging
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack
+from enum import Enum
+from typing import Protocol, Self
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.errors import DuplicateNameError, ZteamError
+from zteam.node.kinds import kind_of
+from zteam.node.log_publisher import LogPublisher
+from zteam.node.shutdown import HUNG, Stop
+from zteam.team.chaos.forwarder import Wire
+from zteam.team.chaos.means import Means
+from zteam.team.chaos.run import ChaosReport, ChaosThread
+from zteam.team.chaos.signals import Signals
+from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
+from zteam.team.launch.process import exit_text
+from zteam.team.launch.progress import Progress, TeamOverview
+from zteam.team.launch.recovery import Recoveries
+from zteam.team.launch.starts import RobotStarts
+from zteam.team.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure
+from zteam.team.launch.team_launch import TeamLaunch
+from zteam.team.run.processes import refuse_second_team
+from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
+
+log = logging.getLogger("zteam")
+
+_LAST_WORDS = 1.0
+"""Host seconds to wait for the output of a process that has ended."""
+
+
+def claim_namespace(bus: Bus, stop: Stop) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
+
+    Requests the stop if a healed network shows an older launcher.
+    """
+
+    def on_rival(info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        stop.request("another team holds the namespace")
+
+    claim = Claim(bus, names.LAUNCHER)
+    try:
+        claim.win(on_rival)
+    except DuplicateNameError:
+        refuse_second_team(bus, ())
+        raise
+    return claim
+
+
+class Members(Protocol):
+    """How the members of a team are started and reached."""
+
+    supervisor: Supervisor
+    bus: Bus | None
+    """The session of this process; None before there is a router."""
+    endpoint: str
+    """Of the router; empty before there is one, and where there is none."""
+
+    @property
+    def tools_bus(self) -> Bus | None:
+        """The session by which tools reach this process; None where they cannot."""
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Processes besides those of the supervisor, by name."""
+
+    @property
+    def hung(self) -> set[str]:
+        """Names of the members with a step that does not return."""
+
+    def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+        """Prepare to start this team."""
+
+    def open(self) -> None:
+        """Have a session."""
+
+    def start(self, connected: Callable[[], None]) -> None:
+        """Start the members; `connected()` is called when there is a session."""
+
+    def environment_of_new(self, name: str) -> dict[str, str]:
+        """What lets a process join that the plan does not have. Raises ZteamError."""
+
+    def change_link(self, name: str, wire: Wire, seconds: float) -> None:
+        """Change the link of a member. Raises BusError where it has none."""
+
+    def close(self) -> None:
+        """End the session, and kill what still runs."""
+
+
+class RunState(Enum):
+    """How far a run is."""
+
+    NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
+
+
+_NEXT = {
+    RunState.NEW: {RunState.OPEN, RunState.STARTING, RunState.STOPPING},
+    RunState.OPEN: {RunState.STARTING, RunState.STOPPING},
+    RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
+    RunState.RUNNING: {RunState.STOPPING},
+    # `finish` stops the members, and leaving the context once more what is left.
+    RunState.STOPPING: {RunState.STOPPING, RunState.ENDED},
+    RunState.ENDED: set[RunState](),
+}
+"""The states that may follow each state."""
+
+
+class TeamRun:
+    """Use as: `with … as run: run.start(); run.watch(); report = run.finish()`."""
+
+    launch: TeamLaunch
+    plan: LaunchPlan
+
+    def __init__(
+        self,
+        members: Members,
+        launch: TeamLaunch | None = None,
+        stop: Stop | None = None,
+        *,
+        is_launcher: bool = True,
+        since_start: Callable[[], float] = seconds_since_start,
+    ) -> None:
+        """Without a `launch`, `plan_for` follows. `is_launcher` says whether this process holds the namespace, and
+        starts processes on request. `since_start()` is host seconds since the run was asked for.
+        """
+        self.members, self.supervisor = members, members.supervisor
+        self.signals = Signals(lambda: self.supervisor.processes)
+        self.chaos: ChaosReport | None = None
+        """How the team took the faults of the launch, after `finish`; None if it has none."""
+        self._stop, self._is_launcher, self._since_start = stop or Stop(), is_launcher, since_start
+        self.state = RunState.NEW
+        self._hurry = False
+        self._progress: Progress | None = None
+        """None before there is a bus, and in a test."""
+        self._recoveries: Recoveries | None = None
+        self._faults: ChaosThread | None = None
+        self._starts: RobotStarts | None = None
+        self._hung: set[str] = set()
+        self._ends = ExitStack()
+        """Of what it holds on the bus."""
+        self.supervisor.on_failure = self._on_failure
+        self._stop.on_request(self._wake)
+        if launch is not None:
+            self.plan_for(launch)
+
+    def _enter(self, state: RunState) -> None:
+        assert state in _NEXT[self.state], f"{self.state} -> {state}"
+        self.state = state
+
+    def plan_for(self, launch: TeamLaunch) -> None:
+        """Choose the team that `start` starts."""
+        self.launch, self.plan = launch, plan_team(launch)
+        self.members.plan_for(launch, self.plan)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._stop_all()
+        finally:
+            self._ends.close()
+            self.members.close()
+            self._enter(RunState.ENDED)
+
+    def open(self) -> None:
+        """Have a router and a session, before there are members."""
+        self._enter(RunState.OPEN)
+        self.members.open()
+        self._connected()
+
+    def start(self) -> None:
+        """Start the members."""
+        self._enter(RunState.STARTING)
+        self.members.start(self._connected)
+        tools = self.members.tools_bus
+        if self._is_launcher and tools is not None:
+            new = self.members.environment_of_new
+            self._starts = RobotStarts(self.launch, self.plan, self.supervisor, tools, new)
+        if self.launch.faults:
+            assert self.members.bus is not None
+            # The simulator of lock-step knows its own already.
+            self._faults = ChaosThread(
+                self.launch.faults,
+                self.members.bus,
+                Means(self.signals.send, self.members.change_link),
+                self.launch.is_simulated,
+                lockstep=self.launch.pace.lockstep,
+            )
+            self._ends.callback(self._faults.stop)
+        self._enter(RunState.RUNNING)
+        if self._stop.requested:
+            self._wake()
+
+    def _connected(self) -> None:
+        """There is a session now. Raises BusError if another team is there."""
+        bus, tools = self.members.bus, self.members.tools_bus
+        assert bus is not None
+        if self._is_launcher:
+            self._progress = Progress(bus, self.launch.has_end, self.supervisor.changed, self._since_start)
+            self._ends.callback(self._progress.close)
+            self._recoveries = Recoveries(bus, lambda: dict(self.supervisor.restarts.counts))
+            if tools is not None:
+                self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
+                self._ends.callback(claim_namespace(bus, self._stop).release)
+        if tools is not None:
+            self.signals.serve(tools)
+
+    def _wake(self) -> None:
+        with self.supervisor.changed:
+            self.supervisor.changed.notify_all()
+
+    def hurry(self) -> None:
+        """Kill what does not stop at once: the user asked a second time."""
+        self._hurry = True
+        self._wake()
+
+    def _on_failure(self, member: Member, again: Again) -> None:
+        log_failure(member.name, member.exit_code, again)
+        if self._recoveries is not None and again.delay is not None:
+            self._recoveries.note_failure(member.name)
+
+    def team_overview(self) -> TeamOverview:
+        """A watch on the team that was started."""
+        assert self.members.bus is not None
+        ids = [robot.id for robot in self.launch.team.robots]
+        return TeamOverview(self.members.bus, ids, is_simulated=self.launch.world is not None)
+
+    def watch(self, go_timeout: float | None = None) -> None:
+        """Wait for the end of the run, of all its members, or for the stop request.
+
+        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
+        launcher's start.
+        """
+        progress, supervisor, missing = self._progress, self.supervisor, list[str]()
+        assert progress is not None
+
+        def is_over() -> bool:
+            if self._stop.requested or progress.wall is not None:
+                return True
+            missing[:] = self._missing(progress.go_after is not None)
+            return bool(missing) or supervisor.members.keys() - self.plan.beside <= supervisor.ended
+
+        if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
+            progress.check_begun(go_timeout)
+        holders = list[str]()
+        while not (supervisor.wait(is_over, 1.0) or holders):
+            gone = [name for name in self._missing(False) if name in self.plan.nodes]
+            holders = gone if gone and progress.first_tick_is_held else []
+        if missing or holders:
+            told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)
+            begun = missing and progress.go_after is not None
+            raise ZteamError(f"{told}: the run cannot {'be finished' if begun else 'begin'}")
+
+    def _missing(self, begun: bool) -> list[str]:
+        """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
+        if not self.launch.has_end:
+            return []
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.beside]
+        if begun:
+            return [name for name in ended if (kind := kind_of(name)) is not None and kind.carries_run]
+        return [name for name in ended if name not in self.plan.optional]
+
+    def _last_words(self, name: str) -> str:
+        """Why a member ended: its exit code and the last line of its output."""
+        member = self.supervisor.members[name]
+        member.join(_LAST_WORDS)
+        said = [line for line in member.lines if line.strip()]
+        return exit_text(member.exit_code) + (f": {said[-1].strip()}" if said else "")
+
+    @property
+    def failed(self) -> set[str]:
+        """Names of the members that have failed for good, or hang, without those that the team does not need."""
+        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.beside
+
+    def finish(self) -> RunReport | None:
+        """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
+        bus, has_counts = self.members.bus, self.launch.world is not None and not self._stop.requested
+        report = read_report(bus) if bus is not None and has_counts else None
+        self.chaos = None if self._faults is None else self._faults.stop()
+        self.supervisor.measure()
+        # Measured before the others end: then the pages that it shares with them would count as its own.
+        own = [process_row(name, pid) for name, pid in self.members.pids.items()]
+        self._stop_all()
+        if report is None or self._progress is None:
+            return None
+        restarts, children = self.supervisor.restarts.counts, self.supervisor.processes.values()
+        rows = [process_row(p.name, p.pid, p.exit_code, restarts.get(p.name, 0), p.usage) for p in children]
+        wall = self._progress.wall or self._since_start()
+        away = self._recoveries.seconds if self._recoveries is not None else {}
+        complete(report, wall, self._progress.go_after, [*rows, *own], restarts, away, sorted(self._hung))
+        report.chaos = self.chaos
+        return report
+
+    def _stop_all(self) -> None:
+        self._enter(RunState.STOPPING)
+        if self._starts is not None:
+            self._starts.end()
+        self._hung |= self.members.hung
+        running = [member for member in self.supervisor.members.values() if member.running]
+        for group in stop_order(self.supervisor.members):
+            self.supervisor.stop(group, lambda: self._hurry)
+        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside
+        for member in () if self._hurry else running:
+            if member.exit_code == -signal.SIGKILL:
+                # A busy machine or a pause may be the reason.
+                log.warning("%s had not ended %g s after it was asked to, and was killed", member.name, GRACE)
