@@ -29,7 +29,7 @@ from zteam.team.security.certificates import ACCESS, files_of, prepare
 
 log = logging.getLogger("zteam")
 
-ROUTER_DEADLINE = 20.0 * HOST_FACTOR
+ROUTER_DEADLINE = 60.0 * HOST_FACTOR
 """Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""
 ANY_PORT = "tcp/127.0.0.1:0"
 LEASE_MARGIN = 5.0
@@ -141,7 +141,8 @@ class Processes:
             options.endpoint if options.tls is not None and certificates is None else ""
         )
         self.links, self.certificates = links, certificates
-        self.lease = options.lease
+        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
+        self.lease = lease_for(Pace(lockstep=True), options.lease)
         """Of all sessions of the team."""
         self._options, self._warm, self._name, self._listen, self._added = options, warm, name, listen, environment
         self._stop = stop or Stop()
@@ -167,8 +168,13 @@ class Processes:
         return set()
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
-        """Prepare to start this team."""
+        """Prepare to start this team: issue its certificates. Raises ZteamError."""
         self._launch, self._plan = launch, plan
+        self.lease = lease_for(launch.pace, self._options.lease)
+        if self.certificates is not None:
+            own = {} if self._name == names.LAUNCHER else {self._name: Rights(links=True)}
+            self._rights = {**rights_of(launch.team), **own}
+            self._issue([self._name, OPERATOR, *plan.jobs, *([] if self.endpoint else [ROUTER])])
 
     def open(self) -> None:
         """Have a router and a session."""
@@ -180,33 +186,31 @@ class Processes:
         """Start all members at once, so that they import while the router starts; `connected()` is called when there is
         a session."""
         launch, plan = self._launch, self._plan
-        self.lease = lease_for(launch.pace, self._options.lease)
-        if self.certificates is not None:
-            own = {} if self._name == names.LAUNCHER else {self._name: Rights(links=True)}
-            self._rights = {**rights_of(launch.team), **own}
-            self._issue([self._name, OPERATOR, *plan.jobs, *([] if self.endpoint else [ROUTER])])
         if self.endpoint:
             if self.bus is None:
                 self._connect()
                 assert self.bus is not None
                 refuse_second_team(self.bus, plan.jobs)
                 connected()
-            self._start(plan.own)
+            self.start_missing(plan.own)
         else:
             router = self._start_router(restarts=launch.restarts)
-            self._start(plan.own)
+            self.start_missing(plan.own)
             self._wait_for_router(router)
             for name in plan.own:
                 self.supervisor.tell(name, self._endpoint_for(name))
             self._connect()
             connected()
-        self._start(plan.nodes)
+        self.start_missing(plan.nodes)
         if self.links is not None:
             assert self.bus is not None
             self.links.serve(self.bus)
 
-    def _start(self, jobs: Mapping[str, Job]) -> None:
-        for name, job in jobs.items():
+    def start_missing(self, jobs: Mapping[str, Job]) -> None:
+        """Start those of these jobs whose processes do not run."""
+        members = self.supervisor.members
+        for name in [name for name in jobs if name not in members or not members[name].running]:
+            job = jobs[name]
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 
     def _start_router(self, *, restarts: bool = False) -> Process:
@@ -230,7 +234,8 @@ class Processes:
         return msgspec.structs.replace(self._options, tls=tls, lease=self.lease)
 
     def _endpoint_for(self, name: str) -> str:
-        return self.endpoint if self.links is None else self.links.endpoint(name, self.endpoint)
+        # A tool has no link of its own.
+        return self.endpoint if self.links is None or name == OPERATOR else self.links.endpoint(name, self.endpoint)
 
     def environment(self, name: str) -> dict[str, str]:
         """What lets the process `name` join the team."""

@@ -119,7 +119,6 @@ class TeamRun:
     """Use as: `with … as run: run.start(); run.watch(); report = run.finish()`."""
 
     launch: TeamLaunch
-    plan: LaunchPlan
 
     def __init__(
         self,
@@ -134,6 +133,7 @@ class TeamRun:
         starts processes on request. `since_start()` is host seconds since the run was asked for.
         """
         self.members, self.supervisor = members, members.supervisor
+        self.plan = LaunchPlan({})
         self.signals = Signals(lambda: self.supervisor.processes)
         self.chaos: ChaosReport | None = None
         """How the team took the faults of the launch, after `finish`; None if it has none."""
@@ -176,6 +176,13 @@ class TeamRun:
     def open(self) -> None:
         """Have a router and a session, before there are members."""
         self._enter(RunState.OPEN)
+        self.members.open()
+        self._connected()
+
+    def reconnect(self) -> None:
+        """Have a new session in place of the one before."""
+        assert self.members.bus is not None
+        self.members.bus.close()
         self.members.open()
         self._connected()
 

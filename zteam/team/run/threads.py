@@ -185,11 +185,12 @@ class Threads:
         nodes: Mapping[str, Body] | None = None,
         outside: Outside | None = None,
         *,
+        name: str = names.LAUNCHER,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
         take_hang: Callable[[UserCall], bool] | None = None,
     ) -> None:
-        """`nodes` are the bodies of own nodes, by name; tools `outside` find the team.
+        """`nodes` are the bodies of own nodes, by name; tools `outside` find the team. `name` is that of the caller.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
         is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch.
@@ -197,8 +198,10 @@ class Threads:
         self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
         self.bus: Bus | None = None
-        self._nodes, self._outside, self._on_line = nodes, outside, on_line
+        self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
         self._on_end, self._take_hang = on_end, take_hang
+        self.calls: CallWatch | None = None
+        """None before there is a team."""
         self._ends = ExitStack()
 
     @property
@@ -209,12 +212,12 @@ class Threads:
     @property
     def pids(self) -> dict[str, int]:
         """This process."""
-        return {names.LAUNCHER: os.getpid()}
+        return {self._name: os.getpid()}
 
     @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return self.calls.hung
+        return set() if self.calls is None else self.calls.hung
 
     @property
     def failures(self) -> list[NodeThread]:
@@ -237,7 +240,7 @@ class Threads:
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""
-        self.bus = self.sessions.bus(names.LAUNCHER)
+        self.bus = self.sessions.bus(self._name)
         if self._outside is not None and self._outside.given is not None:
             refuse_second_team(self.bus, (*self.parts, *self._plan.jobs))
 

@@ -17,27 +17,23 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import LEASE
+from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
-from zteam.team.chaos.links import Links
-from zteam.team.chaos.signals import Signals
 from zteam.team.in_process.user_calls import UserCall, user_calls
-from zteam.team.launch.plan import command_line, is_own, stop_order
+from zteam.team.launch.plan import command_line, is_own
 from zteam.team.launch.process import exit_text, zteam_command
-from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import GRACE, Job, Supervisor
-from zteam.team.launch.team_launch import Pace
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
-from zteam.team.run.threads import InProcessRun
+from zteam.team.run.processes import ANY_PORT, Processes
+from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.threads import Threads
 from zteam.team.security.access import OPERATOR
-from zteam.team.security.certificates import files_of
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.others import RETURN, Others, TeamAccess
 from zteam.team.testing.view import ObservedTeam, RobotView
@@ -103,22 +99,21 @@ class TeamProcesses:
         self.namespace = f"test_{os.getpid()}_{next(numbers)}"
         """Key prefix of this team alone."""
         self._live = live
-        self._supervisor = Supervisor(self._take_line, lambda *_: None, WARM_PARENT.start)
-        self._signals = Signals(lambda: self._supervisor.processes)
-        self._bus: Bus | None = None
-        """None until the router runs or the team in this process is made."""
-        self._endpoint = ""
-        self._lease: float | None = None
-        """Of the sessions of a team that was started, in host seconds."""
-        self._certificates: Path | None = None
-        """The folder of a secure team's."""
-        self._seen: ObservedTeam
-        self._links: Links | None = None
-        """Of a team that was started with `chaos=True`."""
-        self._in_process: InProcessRun | None = None
-        """The team in this process; None for processes."""
-        self._in_process_ends = ExitStack()
         self._stacks = Stacks()
+        self._processes = Processes(
+            BusOptions(namespace=self.namespace),
+            WARM_PARENT,
+            self._take_line,
+            name=TEST,
+            listen=ANY_PORT,
+            environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment},
+        )
+        self._run = TeamRun(self._processes, is_launcher=False)
+        self._seen: ObservedTeam
+        self._in_process: Threads | None = None
+        """The team in this process; None for processes."""
+        self._ends = ExitStack()
+        """Of a team in this process."""
         self._interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self._silence_limit = LOCKSTEP_TIMEOUT
@@ -143,38 +138,31 @@ class TeamProcesses:
         self._participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
+    @property
+    def _supervisor(self) -> Supervisor:
+        return self._run.supervisor
+
     def _open(self) -> None:
         """Start the router and open the test's own session, unless that was done before.
 
         All calls that look at the team come here, so they fail for a process that has failed.
         """
         self._check()
-        if self._bus is not None:
-            return
-        lease = self._session_lease
-        router = start_router(self._supervisor, lease=lease, certificates=self._certificates)
-        self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
-        if not self._endpoint:
-            raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
-        self._connect(lease)
+        if self._run.state is RunState.NEW:
+            self._run.open()
+            self._observe()
 
-    @property
-    def _session_lease(self) -> float:
-        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
-        return lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
-
-    def _connect(self, lease: float) -> None:
-        """Open the test's own session."""
-        tls = None if self._certificates is None else files_of(self._certificates, TEST)
-        options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
-        self._bus = connect(options, patience=START_LIMIT)
-        self._signals.serve(self._bus)
-        self._seen = ObservedTeam(self._bus, self._repeat)
-        self._others = Others(
-            self._bus,
-            self._seen,
-            TeamAccess(self._take_line, self.lines, self._words, self._not_awaited, self._own_pids),
-        )
+    def _observe(self) -> None:
+        """Watch the team on a session that was opened."""
+        bus = self._run.members.bus
+        assert bus is not None
+        self._seen = ObservedTeam(bus, self._repeat)
+        if self._in_process is None:
+            self._others = Others(
+                bus,
+                self._seen,
+                TeamAccess(self._take_line, self.lines, self._words, self._not_awaited, self._own_pids),
+            )
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -228,15 +216,15 @@ class TeamProcesses:
     def bus(self) -> Bus:
         """A session in the team's namespace."""
         self._open()
-        assert self._bus is not None
-        return self._bus
+        assert self._run.members.bus is not None
+        return self._run.members.bus
 
     @property
     def endpoint(self) -> str:
         """Where the team's router listens."""
         self._need_processes("endpoint")
         self._open()
-        return self._endpoint
+        return self._processes.endpoint
 
     @property
     def _view(self) -> ObservedTeam:
@@ -280,15 +268,13 @@ class TeamProcesses:
         try:
             if self._in_process is not None:
                 # What hangs was told to end when it was noticed.
-                _close_in_time(self._in_process_ends.close, _SHORT_GRACE if self._hangs else GRACE)
-            for group in stop_order(self._supervisor.processes):
-                self._supervisor.stop(group)
+                _close_in_time(partial(self._run.__exit__, None, None, None), _SHORT_GRACE if self._hangs else GRACE)
+            else:
+                self._run.__exit__(None, None, None)
         finally:
-            if self._bus is not None:
-                self._bus.close()
-            self._supervisor.close()
-            if self._links is not None:
-                self._links.close()
+            self._ends.close()
+            if self._processes.links is not None:
+                self._processes.links.close()
             self._stacks.close()
 
     @property
@@ -314,12 +300,8 @@ class TeamProcesses:
     def _environment_of(self, name: str) -> dict[str, str]:
         """That of one process."""
         self._need_processes("environment")
-        given = {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment}
-        if self._lease is not None:
-            given["ZTEAM_LEASE"] = str(self._lease)
-        if self._certificates is not None:
-            given |= files_of(self._certificates, name).environment
-        return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace, **given}
+        self._open()
+        return self._processes.environment(name)
 
     def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
         """Start any program in this team, in the test's current folder; the name of the process.
@@ -510,7 +492,7 @@ class TeamProcesses:
 
     def _check_at_end(self) -> None:
         self._check()
-        if self._bus is None or (self._in_process is None and not self._process(ROUTER).running):
+        if self._run.state is RunState.NEW or (self._in_process is None and not self._process(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         self._wait_for_silent()

@@ -15,9 +15,9 @@ from zteam import names
 from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.simulator.client import SimulatorClient
-from zteam.team.launch.plan import LaunchPlan
 from zteam.team.launch.supervisor import Member
 from zteam.team.launch.team_launch import TeamLaunch
+from zteam.team.run.team_run import RunState
 from zteam.team.testing.hangs import LOOK
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes
 from zteam.team.testing.processes import START_LIMIT, TeamTimeout
@@ -92,7 +92,7 @@ class SharedTeam(TeamFixture):
         self._is_put_back = self._call is not None
         if self._goes_on():
             try:
-                self._start_others_anew(*self._launched)
+                self._start_others_anew()
             except ZteamError as error:
                 log.debug("the team is made anew: %s", error)
             else:
@@ -110,25 +110,25 @@ class SharedTeam(TeamFixture):
             return False
         if kept != self._kept or _KEPT & self._may_end or not all(member.running for member in kept.values()):
             return False
-        if names.SIMULATOR not in kept or self._bus is None:
+        if names.SIMULATOR not in kept or self._run.state is RunState.NEW:
             return False
         try:
             # A first tick that is held takes no change.
-            return not self._interval or SimulatorClient(self._bus, LOOK).report().ticks > 0
+            return not self._interval or SimulatorClient(self.bus, LOOK).report().ticks > 0
         except ZteamError:
             return False
 
-    def _start_others_anew(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+    def _start_others_anew(self) -> None:
         self._supervisor.forget(self._ended)
         self._begin_test()
-        if self._links is not None:
-            self._links.heal()
-        assert self._bus is not None
-        self._bus.close()
-        self._connect(self._session_lease)
+        if self._processes.links is not None:
+            self._processes.links.heal()
+        self._run.reconnect()
+        self._observe()
         # What is known of the simulator is known of the others too.
         if not self._wait(lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended)), START_LIMIT):
             raise TeamTimeout(f"the simulator is gone, or a name of {self._ended} is still held")
         self.sim.begin_anew()
-        self._expect(launch, plan)
-        self._start_members(plan, _KEPT)
+        self._expect()
+        self._processes.start_missing(self._run.plan.jobs)
+        self._wait_for_members()

@@ -11,7 +11,6 @@ import signal
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import wait
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
@@ -20,33 +19,28 @@ from msgspec import structs
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
-from zteam.node.kinds import ROUTER, kind_of
+from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
-from zteam.node.shutdown import Stop
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS, look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, StepRequest
-from zteam.team.chaos.links import Links, no_link
+from zteam.team.chaos.links import Links
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import LaunchPlan, plan_team
-from zteam.team.launch.run import lease_for
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.own_code import other_file, other_file_unless_in
-from zteam.team.run.threads import Body, InProcessRun
-from zteam.team.security.access import OPERATOR, Rights, rights_of
-from zteam.team.security.certificates import prepare
+from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.threads import Body, Threads
 from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.hangs import LOOK, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
@@ -85,7 +79,7 @@ class TeamFixture(TeamProcesses):
         """
         if secure is not None:
             self._need_processes("launch(secure=…)")
-            self._certificates = Path(secure)
+            self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
         # A module that lies beside the team file is the right one: a team in this process has to find it too.
@@ -147,41 +141,33 @@ class TeamFixture(TeamProcesses):
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
         self._has_team, self._silence_limit = True, launch.pace.timeout
-        plan = plan_team(launch)
-        own.check_names(plan.jobs)
-        plan.own |= own.jobs
-        self._launched = launch, plan
-        self._expect(launch, plan)
         if in_process:
             self._open_in_process(launch, own.bodies)
         else:
             self._need_processes("start")
-            self._lease = lease_for(launch.pace, LEASE)
-            if self._certificates is not None:
-                rights = {**rights_of(launch.team), TEST: Rights(links=True)}
-                prepare(self._certificates, "", rights, self.namespace, [ROUTER, OPERATOR, TEST, *plan.jobs])
-            self._open()
-        self._start_members(plan)
+        self._run.plan_for(launch)
+        plan = self._run.plan
+        own.check_names(plan.jobs)
+        plan.own |= own.jobs
+        if in_process:
+            self._ends.callback(KEEPER.pass_to(self._take_log))
+        self._expect()
+        self._open()
+        self._run.start()
+        self._wait_for_members()
 
-    def _expect(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
+    def _expect(self) -> None:
+        launch, plan = self._run.launch, self._run.plan
         self._participants = {*launch.participants}
         self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
 
-    def _start_members(self, plan: LaunchPlan, kept: Collection[str] = ()) -> None:
-        """Start the processes of the team, or its nodes, but for those that are `kept`; wait until all are there."""
-        run = self._in_process
-        if run is not None:
-            members = [*run.parts]
-            for name in [name for name in members if name not in kept]:
-                run.start_node(name)
-        else:
-            members = [name for name in plan.jobs if name not in plan.optional]
-            for name in [name for name in plan.jobs if name not in kept]:
-                link = {} if self._links is None else {"ZTEAM_CONNECT": self._links.endpoint(name, self.endpoint)}
-                job = structs.replace(plan.jobs[name], environment={**self._environment_of(name), **link})
-                self._supervisor.start_job(name, job)
-            self._watch_others(self._launched[0].pace.expect)
+    def _wait_for_members(self) -> None:
+        """Wait until all that belong to the team are there."""
+        plan, run = self._run.plan, self._in_process
+        members = [*run.parts] if run is not None else [name for name in plan.jobs if name not in plan.optional]
+        if run is None:
+            self._watch_others(self._run.launch.pace.expect)
         self.wait_for_processes(*members)
         if names.SIMULATOR in members:
             known = self.sim_status.robots
@@ -190,20 +176,14 @@ class TeamFixture(TeamProcesses):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
-        if self._bus is not None or self._in_process is not None:
+        if self._run.state is not RunState.NEW:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
-        with ExitStack() as ends:
-            # As a process of the team logs.
-            ends.callback(log.setLevel, log.level)
-            log.setLevel(logging.INFO)
-            run = ends.enter_context(InProcessRun(launch, Stop(), nodes, take_hang=self._take_hang))
-            ends.callback(KEEPER.pass_to(self._take_log))
-            self._in_process_ends = ends.pop_all()
-        self._in_process = run
-        self._supervisor.close()
-        self._supervisor = run.supervisor
-        self._bus = run.sessions.bus("test")
-        self._seen = ObservedTeam(self._bus, self._repeat)
+        # As a process of the team logs.
+        self._ends.callback(log.setLevel, log.level)
+        log.setLevel(logging.INFO)
+        self._processes.close()
+        self._in_process = Threads(nodes, name=TEST, take_hang=self._take_hang)
+        self._run = TeamRun(self._in_process, is_launcher=False)
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
@@ -212,16 +192,16 @@ class TeamFixture(TeamProcesses):
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
             raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
-        if chaos and self._links is None:
-            self._links = Links()
+        if chaos and self._processes.links is None:
+            self._processes.links = Links()
 
     @property
     def chaos(self) -> TeamChaos:
         """Faults on purpose that wait for the recovery."""
         self._open()
         if self._chaos is None:
-            change = no_link if self._links is None else self._links.change
-            means = Means(self._signals.send, change, self.sim.fault if self._interval else None)
+            change, simulate = self._run.members.change_link, self.sim.fault if self._interval else None
+            means = Means(self._run.signals.send, change, simulate)
             self._chaos = TeamChaos(self, means, self._restarts, self._interval)
         return self._chaos
 
@@ -354,7 +334,7 @@ class TeamFixture(TeamProcesses):
 
     def _need_team(self, call: str) -> None:
         """Raise UsageError before anything was opened: nothing would ever happen."""
-        if self._bus is None:
+        if self._run.state is RunState.NEW:
             raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
     def wait_for_go(self) -> None:
