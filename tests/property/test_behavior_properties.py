@@ -151,7 +151,7 @@ def use(path: Path) -> Team:
     team = load_team(path)
     for robot in team.robots:
         told = RobotOptions(robot.id, *behavior_of(robot), base=robot.base)
-        assert to_line("robot", from_line(to_line("robot", told), RobotOptions)[1]) == to_line("robot", told)
+        assert to_line("robot", from_line(to_line("robot", told))[1]) == to_line("robot", told)
     for entry in team.static_transforms:
         turn = static_transform(entry).transform.rotation
         assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.0)

@@ -58,24 +58,20 @@ class Forks:
         """Run a command such as `zteam topic list` in a folder, with further environment, and without an input."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        command, *arguments = words
-        module = "main" if command == "zteam" else command.replace("-", "_")
-        print(json.dumps([module, arguments, dict(environment), str(folder)]), file=self._process.stdin, flush=True)
+        print(json.dumps([list(words), dict(environment), str(folder)]), file=self._process.stdin, flush=True)
         return Ended(*json.loads(self._process.stdout.readline()))
 
 
-def _become(module: str, arguments: list[str], environment: dict[str, str], folder: str, output: IO[Any]) -> None:
-    """Be the command `module` in this process, which has been forked for it."""
+def _become(words: list[str], environment: dict[str, str], folder: str, output: IO[Any]) -> None:
+    """Be a command in this process, which has been forked for it."""
     signal.alarm(round(_LONGEST))  # noqa: TID251
     os.chdir(folder)
     os.environ.update(environment)
     for number, source in enumerate((os.open(os.devnull, os.O_RDONLY), output.fileno(), output.fileno())):
         os.dup2(source, number)
     sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1) for number in (1, 2))
-    name = f"zteam.cli.{module}"
-    sys.modules.pop(name, None)
-    sys.argv = [name, *arguments]
-    runpy.run_module(name, run_name="__main__", alter_sys=True)
+    sys.argv = words if words[0] == "zteam" else ["zteam", *words]
+    runpy.run_module("zteam", run_name="__main__", alter_sys=True)
 
 
 def _fork(request: list[Any]) -> Ended:
@@ -98,7 +94,7 @@ def _fork(request: list[Any]) -> Ended:
 
 
 def main() -> None:
-    """Fork for each line of standard input: module, arguments, environment, folder."""
+    """Fork for each line of standard input: words, environment, folder."""
     for package in map(importlib.import_module, _PRELOADED):
         for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             importlib.import_module(found.name)

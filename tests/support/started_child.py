@@ -16,13 +16,12 @@ def obey(code: str, *arguments: str) -> list[str]:
 class Started:
     """A Process, the lines that it has written, and its end."""
 
-    def __init__(self, start: StartChild, lifeline: int, command: list[str], **environment: str) -> None:
+    def __init__(self, start: StartChild, command: list[str], **environment: str) -> None:
         self.heard: list[str] = []
         self.up = threading.Event()
         self.process = Process(
             "child",
             command,
-            lifeline,
             on_line=self._take,
             on_exit=lambda _process: self.up.set(),
             environment=environment,

@@ -15,7 +15,7 @@ from support.limits import LIMIT
 from zteam.bus.options import port_accepts
 from zteam.messages import Twist, Vector3
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.report import read_sim_report
+from zteam.team.run.report import read_sim_report
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

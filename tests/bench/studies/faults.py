@@ -26,7 +26,7 @@ from zteam.team.chaos.plan import plan_text, random_plan
 from zteam.team.chaos.run import Outcome
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, zteam_command
-from zteam.team.launch.report import RunReport
+from zteam.team.run.report import RunReport
 
 _EARLY, _LOOKS = 2, 20
 """What the processes hold is looked at so often, at equal distances; this look counts as early."""

@@ -13,8 +13,8 @@ from zteam.cli.bench_team import measure_team
 from zteam.errors import UsageError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Member, Supervisor
+from zteam.team.run.processes import start_router, wait_for_endpoint
 from zteam.world import load_world
 
 _SECONDS = 4.0

@@ -13,9 +13,9 @@ from zteam.clock import HOST_FACTOR
 from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.team.launch.process import exit_text, zteam_command
-from zteam.team.launch.report import RunReport
-from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Supervisor
+from zteam.team.run.processes import start_router, wait_for_endpoint
+from zteam.team.run.report import RunReport
 
 _START = 60.0 * HOST_FACTOR
 """Host seconds for the router to start, and for the last lines of a process that has ended."""

@@ -21,8 +21,8 @@ from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
 from zteam.messages import Odometry, decode
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Supervisor
+from zteam.team.run.processes import start_router, wait_for_endpoint
 from zteam.team.security.access import Rights
 from zteam.team.security.certificates import files_of, prepare
 

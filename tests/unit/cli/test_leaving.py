@@ -2,11 +2,9 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-import zteam.cli
 from support.limits import LIMIT
 
 BOMB = "import os, sys; sys.bomb = type('Bomb', (), {'__del__': lambda self, end=os.abort: end()})()\n"
@@ -27,7 +25,7 @@ def test_leave_ends_with_the_exit_code_after_all_that_a_normal_end_does() -> Non
     """Threads are waited for, exit handlers run and output is flushed, in this order; then the exit code is kept."""
     done = run(
         BOMB + "import atexit, threading\n"
-        "from zteam.cli.interrupts import leave\n"
+        "from zteam.node.leaving import leave\n"
         "atexit.register(print, 'handler')\n"
         "may = threading.Event()\n"
         "threading.Thread(target=lambda: (may.wait(30), print('thread'))).start()\n"
@@ -40,22 +38,13 @@ def test_leave_ends_with_the_exit_code_after_all_that_a_normal_end_does() -> Non
 def test_a_closed_output_is_no_failure() -> None:
     """A process that was started without standard output, or closed it, keeps its exit code."""
     for close in ("sys.stdout = None", "sys.stdout.close()"):
-        assert run(BOMB + f"from zteam.cli.interrupts import leave\n{close}\nleave(3)").returncode == 3
+        assert run(BOMB + f"from zteam.node.leaving import leave\n{close}\nleave(3)").returncode == 3
 
 
 @pytest.mark.gate
 def test_commands_leave() -> None:
-    """A command that ran, by its module or by `zteam`, ends without taking the interpreter apart."""
-    for module, words in (("zteam_sim", "['zteam-sim', 'wander']"), ("main", "['zteam', 'behaviors', 'wandr']")):
-        code = f"sys.argv = {words}; import runpy; runpy.run_module('zteam.cli.{module}', run_name='__main__')"
+    """A command that ran, one of a process too, ends without taking the interpreter apart."""
+    for words in ("'zteam-sim', 'wander'", "'behaviors', 'wandr'"):
+        code = f"sys.argv = ['zteam', {words}]; import runpy; runpy.run_module('zteam', run_name='__main__')"
         done = run(BOMB + code)
         assert (done.returncode, "wander" in done.stderr) == (2, True), done.stderr
-
-
-def test_every_command_leaves() -> None:
-    """No module of a command that runs as a program ends in another way."""
-    files = [path.read_text() for path in Path(next(iter(zteam.cli.__path__))).glob("*.py")]
-    programs = [text for text in files if 'if __name__ == "__main__":' in text]
-    assert len(programs) > 8
-    # `zteam` itself leaves within `start`.
-    assert all(text.endswith(("    leave(main())\n", "    start()\n")) for text in programs)

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from zteam import cli
-from zteam.cli.main import COMMANDS, main
+from zteam.cli.main import COMMANDS, PROCESSES, main
 
-PROCESSES = ("zteam_sim", "zteam_robot", "zteam_tf", "zteam_monitor", "zteam_map", "zteam_nav", "zteam_router")
-MODULES = sorted({module for module, _ in COMMANDS.values()} | {*PROCESSES, "own_node"})
+MODULES = sorted({module for module, _ in COMMANDS.values()} | {name.replace("-", "_") for name in PROCESSES})
 
 
 def parser_of(module: str) -> argparse.ArgumentParser:

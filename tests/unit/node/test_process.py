@@ -128,7 +128,7 @@ def test_the_log_of_a_users_process_is_on_the_bus(hub: MemoryHub, caplog: pytest
     assert caplog.messages[-1] == "over"
     first, last = heard
     assert (first.name, first.level, first.msg) == ("planner", LogLevel.WARN, "no way")
-    assert last.level == LogLevel.ERROR
+    assert last.level == LogLevel.FATAL
     assert last.msg.endswith("ValueError: out of plans")
     assert logging.getLogRecordFactory() is factory
 

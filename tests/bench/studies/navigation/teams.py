@@ -27,7 +27,7 @@ from zteam.messages import (
 )
 from zteam.node.node import Node
 from zteam.team.in_process.team_run import run_team
-from zteam.team.launch.report import RunReport
+from zteam.team.run.report import RunReport
 
 _ENDS = (NavigationState.SUCCEEDED, NavigationState.ABORTED)
 _START = 2.0

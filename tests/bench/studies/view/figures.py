@@ -16,7 +16,7 @@ from studies.view.starting import StartFigures, measure_start
 from zteam.cli.bench_team import write_line_team
 from zteam.errors import ZteamError
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.report import RunReport
+from zteam.team.run.report import RunReport
 
 PARTS = ("load", "slow", "many", "cost", "foxglove", "browser", "start")
 SLOW_FRAME = 0.5

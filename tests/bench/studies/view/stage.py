@@ -15,8 +15,8 @@ from zteam.errors import ZteamError
 from zteam.messages import Clock, Twist, Vector3
 from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, Usage, zteam_command
-from zteam.team.launch.run import start_router, wait_for_endpoint
 from zteam.team.launch.supervisor import Supervisor
+from zteam.team.run.processes import start_router, wait_for_endpoint
 
 TOKEN = "bench"
 SPACING = 2.0

@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
 
 import pytest
 
@@ -29,30 +28,21 @@ while True: signal.pause()
 """
 
 
-@pytest.fixture
-def lifeline() -> Iterator[int]:
-    """The end of a pipe that children hold."""
-    ends = os.pipe()
-    yield ends[0]
-    for end in ends:
-        os.close(end)
-
-
-def start(lifeline: int, code: str) -> Started:
+def start(code: str) -> Started:
     """A child that has begun."""
-    child = Started(spawn, lifeline, [sys.executable, "-c", code])
+    child = Started(spawn, [sys.executable, "-c", code])
     assert child.up.wait(20)
     child.up.clear()
     return child
 
 
-def test_a_pid_on_the_bus_is_never_signalled(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, lifeline: int) -> None:
+def test_a_pid_on_the_bus_is_never_signalled(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stranger answers in another's name with the pid -1, with this test's own, and with others: the launcher's own
     child ends, and nothing else gets a signal."""
     sent: list[tuple[int, int]] = []
     monkeypatch.setattr(os, "kill", lambda pid, number: sent.append((pid, number)) if number else None)
     monkeypatch.setattr(os, "killpg", lambda pid, number: sent.append((pid, number)))
-    child, stranger = start(lifeline, SLEEP), hub.bus()
+    child, stranger = start(SLEEP), hub.bus()
     for pid in (-1, 0, 1, os.getpid(), 2**31, 2**70):
         answer = {"name": "robot_1", "host": os.uname().nodename, "pid": pid, "start": 1, "instance": "0"}
         stranger.serve(names.info_key("robot_1"), NoRequest, lambda _, answer=answer: answer)
@@ -68,13 +58,13 @@ def test_a_pid_on_the_bus_is_never_signalled(hub: MemoryHub, monkeypatch: pytest
     child.finish()
 
 
-def test_a_process_of_no_launcher_is_not_signalled(hub: MemoryHub, lifeline: int) -> None:
+def test_a_process_of_no_launcher_is_not_signalled(hub: MemoryHub) -> None:
     """With no launcher, and with one that has not started it, one line says so and how it is done by hand."""
     means = means_on_bus(hub.bus(), lockstep=False)
     told = r"if robot_1 was started by hand, end it there with 'kill -9 PID', .*'zteam node list'"
     with pytest.raises(BusError, match=f"no 'zteam up' answers, .*{told}"):
         Stroke(Fault(at=0.0, fault="kill", name="robot_1"), means)
-    child = start(lifeline, SLEEP)
+    child = start(SLEEP)
     Signals(lambda: {"robot_0": child.process}).serve(hub.bus())
     with pytest.raises(BusError, match=f"the launcher runs no process robot_1: {told}"):
         Stroke(Fault(at=0.0, fault="pause", name="robot_1"), means)
@@ -85,9 +75,9 @@ def test_a_process_of_no_launcher_is_not_signalled(hub: MemoryHub, lifeline: int
 
 
 @pytest.mark.parametrize("name", ["robot_1", ROUTER])
-def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, lifeline: int, name: str) -> None:
+def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, name: str) -> None:
     """After the time of its fault, though nothing lets it go on; what would freeze the router comes after the reply."""
-    child = start(lifeline, STATES)
+    child = start(STATES)
     Signals(lambda: {name: child.process}).serve(hub.bus())
     Stroke(Fault(at=0.0, fault="pause", name=name, seconds=0.05), means_on_bus(hub.bus(), lockstep=False))
     assert child.up.wait(20) and child.heard == ["up", "on"]
@@ -95,9 +85,9 @@ def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, lifeline: int, name:
     child.finish()
 
 
-def test_an_earlier_pause_does_not_end_a_later_one(lifeline: int) -> None:
+def test_an_earlier_pause_does_not_end_a_later_one() -> None:
     """What lets a process go on after its pause ends with that pause."""
-    child = start(lifeline, STATES)
+    child = start(STATES)
     signals, before = Signals(lambda: {"robot_1": child.process}), threading.active_count()
     for _ in range(3):
         signals.send("robot_1", "pause", 3600.0)

@@ -18,9 +18,9 @@ from zteam.node.kinds import KINDS
 from zteam.node.shutdown import Stop
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
-from zteam.team.in_process.run import InProcessRun, open_outside, parts_of
 from zteam.team.launch.plan import plan_team
 from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.run.threads import InProcessRun, open_outside, parts_of
 
 
 def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:

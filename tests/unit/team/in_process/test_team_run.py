@@ -127,7 +127,7 @@ def test_an_error_of_a_behaviour_is_raised(empty_folder: Path, caplog: pytest.Lo
     (empty_folder / "team.toml").write_text(TEAM.replace('"wander"\nspeed = 0.4', '"faulty:Faulty"'))
     with pytest.raises(ValueError, match="out of plans"):
         zteam.run_team("team.toml", seconds=10.0)
-    told = [record.getMessage() for record in caplog.records if record.levelno == logging.ERROR]
+    told = [record.getMessage() for record in caplog.records if record.levelno == logging.CRITICAL]
     assert told[0].startswith("[robot_0] ended by an error:\n")
     assert 'faulty.py", line 8, in step' in told[0]
     assert "zteam/" not in told[0]

@@ -36,11 +36,10 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_row_is_a_process_of_every_team(planner: None) -> None:
-    """The plan starts the new kind after the others, with the row's command and options."""
+    """The plan starts the new kind after the others, with the row's options."""
     plan = plan_team(TeamLaunch(TEAM, WORLD))
     assert list(plan.own)[-1] == "planner"
-    assert plan.own["planner"].command[3:] == ["zteam.cli.zteam_monitor", "-"]
-    assert from_line(plan.own["planner"].words, MonitorOptions) == ("planner", MonitorOptions(2))
+    assert from_line(plan.own["planner"].words) == ("planner", MonitorOptions(2))
 
 
 def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
@@ -52,9 +51,9 @@ def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
 def test_a_row_takes_part_in_lock_step(planner: None) -> None:
     """The simulator waits for the new kind, for the kinds before it, and for what the user expects."""
     plan = plan_team(TeamLaunch(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))))
-    lockstep = from_line(plan.own[names.SIMULATOR].words, SimOptions)[1].lockstep
-    assert lockstep is not None
-    assert lockstep.expected == ("tf", "robot_0", "robot_12", "planner", "mine")
+    _, options = from_line(plan.own[names.SIMULATOR].words)
+    assert isinstance(options, SimOptions) and options.lockstep is not None
+    assert options.lockstep.expected == ("tf", "robot_0", "robot_12", "planner", "mine")
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from zteam.node.lockstep import RoundTiming
 from zteam.robot.client import SafetyReply
 from zteam.simulator.client import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 from zteam.team.launch.process import Usage
-from zteam.team.launch.report import (
+from zteam.team.run.report import (
     ProcessReport,
     RunReport,
     check_writable,
@@ -296,7 +296,7 @@ def test_the_start_is_the_processs_own() -> None:
     """The time since the start includes the interpreter and the imports of this process alone."""
     code = (
         f"{UPTIME}begun = uptime()\n"
-        "from zteam.team.launch.report import seconds_since_start\n"
+        "from zteam.team.run.report import seconds_since_start\n"
         "print(uptime() - begun, seconds_since_start())"
     )
     before = uptime()

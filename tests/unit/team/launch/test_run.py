@@ -6,9 +6,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 import pytest
+from msgspec import structs
 
 from support.limits import LIMIT
 from support.lockstep_doubles import ScriptedMonitor
@@ -16,15 +16,18 @@ from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import BusOptions, NoRequest
 from zteam.bus.memory import MemoryHub
-from zteam.bus.options import DEFAULT_ENDPOINT, LEASE
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, RouterOptions
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
+from zteam.node.kinds import ROUTER
+from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
+from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.process import Process
 from zteam.team.launch.run import ProcessRun, node_environment
-from zteam.team.launch.supervisor import Job
+from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 
@@ -40,7 +43,10 @@ def python(code: str) -> list[str]:
 WAIT = "import time; time.sleep(600)"
 
 
-ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
+ANNOUNCE = f"""
+import os
+os.write(int(os.environ["ZTEAM_LAUNCHER_LINK"]), b'{{"listening": "tcp/127.0.0.1:5"}}\\n')
+{WAIT}"""
 
 
 class Pretend:
@@ -50,35 +56,27 @@ class Pretend:
         self.router = ANNOUNCE
         self.hub = MemoryHub()
         self.others = WAIT
-        self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
         self._started: list[Process] = []
-        for module in ("plan", "run"):
-            monkeypatch.setattr(f"zteam.team.launch.{module}.zteam_command", self._command)
+        start = Supervisor.start_job
+
+        def pretend(supervisor: Supervisor, name: str, job: Job) -> Process:
+            if job.command == MEMBER:
+                job = structs.replace(job, command=python(self.router if name == ROUTER else self.others))
+            self._started.append(start(supervisor, name, job))
+            return self._started[-1]
+
+        monkeypatch.setattr(Supervisor, "start_job", pretend)
         # The real bus needs a real router.
         monkeypatch.setattr("zteam.team.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
 
-    def _command(self, command: str, *arguments: str) -> list[str]:
-        if command != "zteam-router":
-            return python(self.others)
-        self.asked.append(arguments)
-        return python(self.router)
-
     def run(self, run_for: float | None = None) -> ProcessRun:
         """A run whose processes are not started yet."""
         launch = TeamLaunch(TEAM, WORLD, run_for=run_for)
-        run = ProcessRun(
+        return ProcessRun(
             launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
         )
-        start = run.supervisor.start_job
-
-        def keep(*arguments: Any) -> Process:
-            self._started.append(start(*arguments))
-            return self._started[-1]
-
-        run.supervisor.start_job = keep  # type: ignore[method-assign]
-        return run
 
     def tidy(self) -> None:
         """Wait for the end of every process, also of the replaced ones."""
@@ -94,14 +92,14 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
 
 
 def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
-    """After its options, the endpoint goes to every process's standard input as soon as the router has printed it."""
+    """After its options, the endpoint goes to every process's standard input as soon as the router has reported it."""
+    pretend.router = f"print(input(), flush=True)\n{ANNOUNCE}"
     pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
-        how = ("--listen", DEFAULT_ENDPOINT, "--for-team", "starts", "--announce", "--lease", str(LEASE))
-        assert pretend.asked == [how]
-        expected = {("router", "tcp/127.0.0.1:5")} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
+        options = RouterOptions((DEFAULT_ENDPOINT,), lease=LEASE, for_team="starts")
+        expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
     assert not any(p.running for p in run.supervisor.processes.values())
 
@@ -131,15 +129,6 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
     with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
         run.start()
     assert not any(p.running for p in run.supervisor.processes.values())
-
-
-def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
-    """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
-    log_first = "print('12:00:00 router at tcp/127.0.0.1:5', flush=True)\n"
-    pretend.router = log_first + ANNOUNCE
-    with pretend.run() as run:
-        run.start()
-        assert run.endpoint == "tcp/127.0.0.1:5"
 
 
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:

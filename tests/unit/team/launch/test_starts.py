@@ -13,13 +13,15 @@ LAUNCH = TeamLaunch(Team([RobotEntry(2, follow=1, safety=False)]), None, given_s
 
 def test_a_new_robot_gets_what_the_team_has_in_common() -> None:
     """Its process has the id, the behaviour and the team's seed."""
-    name, options = from_line(job_of(LAUNCH, 5, "wander").words, RobotOptions)
+    name, options = from_line(job_of(LAUNCH, 5, "wander").words)
+    assert isinstance(options, RobotOptions)
     assert (name, options.robot_id, options.behavior, options.seed, options.safety) == ("robot_5", 5, "wander", 7, True)
 
 
 def test_a_robot_of_the_team_file_keeps_all_but_its_behavior() -> None:
     """The behaviour of the request takes the place of the one it follows by."""
-    _, options = from_line(job_of(LAUNCH, 2, "avoid").words, RobotOptions)
+    _, options = from_line(job_of(LAUNCH, 2, "avoid").words)
+    assert isinstance(options, RobotOptions)
     assert (options.behavior, options.params, options.safety) == ("avoid", {}, False)
 
 

@@ -14,6 +14,7 @@ from msgspec import structs
 
 from support.limits import LIMIT
 from support.transports import wait_until_true
+from zteam.node.launcher import Report
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.process import Process
 from zteam.team.launch.supervisor import Again, Job, Supervisor
@@ -315,27 +316,24 @@ def test_a_start_takes_the_place_of_a_restart_that_waits(monkeypatch: pytest.Mon
         assert supervisor.restarts.take_failure("robot_0") == Again(LIMIT, 1)
 
 
-def test_what_a_process_says_may_change_how_it_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the line on that was learned: before it, a failure of this process is final."""
+def test_what_a_process_reports_may_change_how_it_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the report on that was learned: before it, a failure of this process is final."""
     monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
 
-    def learn(job: Job, line: str) -> Job | None:
-        return (
-            structs.replace(job, command=python("print('port 7', flush=True)"), restarts=True)
-            if "port" in line
-            else None
-        )
+    def learn(job: Job, report: Report) -> Job:
+        return structs.replace(job, command=python(f"print({report.listening!r}, flush=True)"), restarts=True)
 
     def python(code: str) -> list[str]:
         return [sys.executable, "-c", f"{code}; import sys; sys.exit('no more')"]
 
     with closing(Watched()) as supervisor:
         supervisor.start_job("early", Job(python("pass"), learn=learn))
-        supervisor.start_job("router", Job(python("print('port 3', flush=True)"), learn=learn))
+        listening = "from zteam.node.launcher import report; report(listening='port 3')"
+        supervisor.start_job("router", Job(python(listening), learn=learn))
         assert supervisor.wait(lambda: supervisor.ended == {"early", "router"}, LIMIT)
         assert [line for name, line in supervisor.heard if name == "early"] == ["no more"]
         said = [line for name, line in supervisor.heard if name == "router"]
-        assert said == ["port 3", "no more", "port 7", "no more", "port 7", "no more"]
+        assert said == ["no more", "port 3", "no more", "port 3", "no more"]
 
 
 def test_a_usage_error_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
