@@ -127,7 +127,7 @@ _HOMES = {
     "ParametersClient": "robot.client",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
-    "RunReport": "team.launch.report",
+    "RunReport": "team.run.report",
     "SimulatorClient": "simulator.client",
     "TaskResult": "navigation.client",
     "Team": "team.file.entries",

@@ -13,8 +13,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from zteam.bus import MemoryHub
     from zteam.robot.trials.check import find_faults
+    from zteam.team.testing.errors import TeamFailure, TeamTimeout
     from zteam.team.testing.in_memory import RunningNode, make_view, run_node
-    from zteam.team.testing.processes import TeamFailure, TeamTimeout
     from zteam.team.testing.team import TeamFixture as Team
 
 __all__ = [
@@ -32,8 +32,8 @@ __all__ = [
 _MODULES = {
     "MemoryHub": "zteam.bus",
     "Team": "zteam.team.testing.team",
-    "TeamFailure": "zteam.team.testing.processes",
-    "TeamTimeout": "zteam.team.testing.processes",
+    "TeamFailure": "zteam.team.testing.errors",
+    "TeamTimeout": "zteam.team.testing.errors",
     "find_faults": "zteam.robot.trials.check",
 }
 """Where these are; the rest is in `in_memory`."""

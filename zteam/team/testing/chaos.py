@@ -12,7 +12,7 @@ from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.means import Means, Stroke
 from zteam.team.chaos.observer import SLOWEST, Observer
 from zteam.team.chaos.run import Outcome, carry_out
-from zteam.team.testing.processes import TeamFailure
+from zteam.team.testing.errors import TeamFailure
 from zteam.team.testing.view import RobotView
 
 if TYPE_CHECKING:

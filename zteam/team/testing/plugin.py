@@ -156,6 +156,6 @@ def _hide_library(error: BaseException | None, told: type[BaseException]) -> Non
 
 def pytest_unconfigure() -> None:
     """End what the teams of this run had in common."""
-    session = sys.modules.get("zteam.team.testing.processes")
+    session = sys.modules.get("zteam.team.testing.team")
     if session is not None:
         session.WARM_PARENT.close()

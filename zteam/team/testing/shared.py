@@ -18,10 +18,11 @@ from zteam.simulator.client import SimulatorClient
 from zteam.team.launch.supervisor import Member
 from zteam.team.launch.team_launch import TeamLaunch
 from zteam.team.run.team_run import RunState
+from zteam.team.testing.errors import TeamTimeout
 from zteam.team.testing.hangs import LOOK
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes
-from zteam.team.testing.processes import START_LIMIT, TeamTimeout
 from zteam.team.testing.team import TeamFixture
+from zteam.team.testing.watch import START_LIMIT
 
 log = logging.getLogger("zteam")
 
@@ -65,7 +66,7 @@ class SharedTeam(TeamFixture):
         self._kept = self._kept_members()
 
     def _kept_members(self) -> dict[str, Member]:
-        return {name: member for name, member in self._supervisor.members.items() if name in _KEPT}
+        return {name: member for name, member in self._run.supervisor.members.items() if name in _KEPT}
 
     def _end(self) -> None:
         """End the team: as if nothing had been asked of the fixture yet."""
@@ -76,12 +77,12 @@ class SharedTeam(TeamFixture):
         """After a test: end all processes but router and simulator."""
         if self._call is None or self._in_process is not None:
             return
-        others = [name for name in self._supervisor.members if name not in _KEPT]
-        for name, process in self._supervisor.processes.items():
+        others = [name for name in self._run.supervisor.members if name not in _KEPT]
+        for name, process in self._run.supervisor.processes.items():
             if name in others:
                 # One that is frozen would not stop.
                 process.signal(signal.SIGCONT)
-        self._supervisor.stop(others)
+        self._run.supervisor.stop(others)
         self._ended = others
 
     def put_back(self) -> None:
@@ -108,25 +109,28 @@ class SharedTeam(TeamFixture):
         # A team in this process starts as fast as it would be put back.
         if self._call is None or self._in_process is not None:
             return False
-        if kept != self._kept or _KEPT & self._may_end or not all(member.running for member in kept.values()):
+        if kept != self._kept or _KEPT & self._watch.may_end or not all(member.running for member in kept.values()):
             return False
         if names.SIMULATOR not in kept or self._run.state is RunState.NEW:
             return False
         try:
             # A first tick that is held takes no change.
-            return not self._interval or SimulatorClient(self.bus, LOOK).report().ticks > 0
+            return not self._watch.interval or SimulatorClient(self.bus, LOOK).report().ticks > 0
         except ZteamError:
             return False
 
     def _start_others_anew(self) -> None:
-        self._supervisor.forget(self._ended)
-        self._begin_test()
+        self._run.supervisor.forget(self._ended)
+        self._watch.begin_test()
+        self._chaos = None
         if self._processes.links is not None:
             self._processes.links.heal()
         self._run.reconnect()
         self._observe()
         # What is known of the simulator is known of the others too.
-        if not self._wait(lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended)), START_LIMIT):
+        if not self._watch.wait(
+            lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended)), START_LIMIT
+        ):
             raise TeamTimeout(f"the simulator is gone, or a name of {self._ended} is still held")
         self.sim.begin_anew()
         self._expect()

@@ -5,12 +5,16 @@ The team works in lock-step, and its world stands still except where the test le
 on the seed alone. Limits named `within` are simulated seconds, so that a slow machine makes a test slow and not wrong.
 """
 
+import itertools
 import logging
 import math
+import os
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import wait
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
@@ -18,7 +22,7 @@ from typing import Any, Self, overload
 from msgspec import structs
 
 from zteam import names
-from zteam.bus import Bus
+from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_team, find_world
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
@@ -31,21 +35,28 @@ from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS, look_in
 from zteam.robot.client import StopClient, StopResult
-from zteam.simulator.client import SimReport, SimStatus, StepRequest
+from zteam.simulator.client import SimReport, SimStatus, SimulatorClient, StepRequest
 from zteam.team.chaos.links import Links
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
+from zteam.team.launch.plan import command_line, is_own
+from zteam.team.launch.process import zteam_command
+from zteam.team.launch.supervisor import GRACE, Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch
-from zteam.team.own_code import other_file, other_file_unless_in
+from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.own_code import other_file, other_file_unless_in, search_folders
+from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Body, Threads
+from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
-from zteam.team.testing.hangs import LOOK, Wait
+from zteam.team.testing.errors import TeamTimeout
+from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
-from zteam.team.testing.view import ObservedTeam
+from zteam.team.testing.view import ObservedTeam, RobotView
+from zteam.team.testing.watch import START_LIMIT, Watch, close_in_time, in_thread
 
 log = logging.getLogger("zteam")
 
@@ -55,9 +66,226 @@ STALL_LIMIT = 60.0 * HOST_FACTOR
 _SLICE = 50
 """Ticks of one request to the simulator."""
 
+_SHORT_GRACE = 0.5 * HOST_FACTOR
+"""Host seconds to close a team in this process where a node is known to hang."""
+_SITE = str(Path(__file__).parent / "site")
+"""A folder with the module that Python imports when it starts."""
+_ROUTERLESS = 10.0 * HOST_FACTOR
+"""Host seconds without a router after which a node ends that the test has left behind."""
+WARM_PARENT = WarmParent()
+"""Of all teams of this pytest process."""
+TEST = "test"
+"""The certificate of the test itself, in a secure team."""
+numbers = itertools.count(1)
 
-class TeamFixture(TeamProcesses):
-    """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose."""
+
+class TeamFixture:
+    """The `team` fixture: starts whole teams, lets their simulated time go on, and makes trouble on purpose.
+
+    The router is started when it is needed.
+    """
+
+    def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
+        """`rootdir` is that of pytest: the team's processes look for modules there, too. With `live` the lines of the
+        processes are printed as they come."""
+        self._rootdir, self._live = rootdir, live
+        self.namespace = f"test_{os.getpid()}_{next(numbers)}"
+        """Key prefix of this team alone."""
+        self._stacks = Stacks()
+        self._watch = Watch(self._stacks, live=live)
+        self._processes = Processes(
+            BusOptions(namespace=self.namespace),
+            WARM_PARENT,
+            self._watch.take_line,
+            name=TEST,
+            listen=ANY_PORT,
+            environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment},
+        )
+        self._in_process: Threads | None = None
+        """The team in this process; None for processes."""
+        self._use(TeamRun(self._processes, is_launcher=False))
+        self._chaos: TeamChaos | None = None
+        self._ends = ExitStack()
+        """Of a team in this process."""
+        self._has_team = False
+
+    def _use(self, run: TeamRun) -> None:
+        self._run = self._watch.run = run
+
+    def _open(self) -> None:
+        """Start the router and open the test's own session, unless that was done before.
+
+        All calls that look at the team come here, so they fail for a process that has failed.
+        """
+        self._watch.check()
+        if self._run.state is RunState.NEW:
+            self._run.open()
+            self._observe()
+
+    def _observe(self) -> None:
+        """Watch the team on a session that was opened."""
+        assert self._run.members.bus is not None
+        self._watch.observe(ObservedTeam(self._run.members.bus, self._repeat))
+
+    def expect_end(self, *processes: str) -> None:
+        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
+        self._watch.may_end.update(processes)
+
+    def check_at_end(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
+        self._watch.check_at_end()
+
+    def lines(self, name: str) -> list[str]:
+        """What a process has written so far."""
+        return self._watch.lines(name)
+
+    def _need_processes(self, what: str) -> None:
+        if self._in_process is not None:
+            raise UsageError(f"team.{what} needs processes: leave in_process out")
+
+    @property
+    def bus(self) -> Bus:
+        """A session in the team's namespace."""
+        self._open()
+        assert self._run.members.bus is not None
+        return self._run.members.bus
+
+    @property
+    def endpoint(self) -> str:
+        """Where the team's router listens."""
+        self._need_processes("endpoint")
+        self._open()
+        return self._processes.endpoint
+
+    @property
+    def _view(self) -> ObservedTeam:
+        self._open()
+        return self._watch.seen
+
+    def _repeat(self, arrived: Callable[[], bool]) -> None:
+        """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
+        if self.alive(names.SIMULATOR):
+            if self._watch.interval or self.sim_status.paused:
+                self.sim.repeat()
+            self._watch.wait(arrived, START_LIMIT)
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if robot_id not in self._view.robots and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
+        return self._view.robot(robot_id)
+
+    def alive(self, name: str) -> bool:
+        """Whether a process holds this name on the bus."""
+        return self._view.alive(name)
+
+    def close(self) -> None:
+        """Stop everything, in order."""
+        try:
+            if self._in_process is not None:
+                # What hangs was told to end when it was noticed.
+                close_in_time(
+                    partial(self._run.__exit__, None, None, None), _SHORT_GRACE if self._watch.hangs else GRACE
+                )
+            else:
+                self._run.__exit__(None, None, None)
+        finally:
+            self._ends.close()
+            if self._processes.links is not None:
+                self._processes.links.close()
+            self._stacks.close()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment that makes any zteam command join this team; a secure team takes it for people's tools.
+
+        With it a Python program finds modules where the test does, behind its own, and a node ends some seconds after
+        the team.
+        """
+        paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
+        return {
+            **self._environment_of(OPERATOR),
+            "PYTHONPATH": os.pathsep.join(paths),
+            "ZTEAM_GIVE_UP": str(_ROUTERLESS),
+        }
+
+    @property
+    def _folders(self) -> list[str]:
+        """Where the test finds modules, besides what is installed."""
+        rootdir = [] if self._rootdir is None else [str(self._rootdir)]
+        return list(dict.fromkeys([*search_folders(), *rootdir]))
+
+    def _environment_of(self, name: str) -> dict[str, str]:
+        """That of one process."""
+        self._need_processes("environment")
+        self._open()
+        return self._processes.environment(name)
+
+    def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
+        """Start any program in this team, in the test's current folder; the name of the process.
+
+        `python` is this interpreter, and commands of zteam (`zteam-robot`, `zteam`, …) run with it. It ends with the
+        team, with all that it starts. Return at once: use `wait_for_processes` to wait until a node is present. A node
+        is known by its name on the bus, so give it as `name`. Raises ZteamError if there is no such program.
+        """
+        self._need_processes("spawn")
+        words = [str(command), *map(str, arguments)]
+        chosen = name or f"{Path(command).name} #{next(numbers)}"
+        # What is forked takes no other PYTHONPATH, and needs none.
+        environment = self._environment_of(OPERATOR) if is_own(words[0]) else self.environment
+        # A tool ends by itself when its work is done.
+        self._run.supervisor.start_job(chosen, Job(command_line(words), environment, may_end=True))
+        return chosen
+
+    def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
+        """Run `zteam ARGUMENTS` against this team and wait for its end."""
+        self._need_processes("command")
+        return subprocess.run(
+            zteam_command("zteam", *arguments),
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+
+    def pid(self, name: str) -> int:
+        """Process id of a process of this team."""
+        self._need_processes("pid")
+        pid: int = self._watch.member(name).pid
+        return pid
+
+    def exit_code(self, name: str) -> int | None:
+        """Exit code of a process, negative for a signal, None while it runs."""
+        code: int | None = self._watch.member(name).exit_code
+        return code
+
+    def wait_for_processes(self, *processes: str) -> None:
+        """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
+        self._open()
+        self._watch.wait_for_processes(*processes)
+
+    def wait_for_exit(self, name: str) -> int:
+        """Wait until a process has ended, which it may do; its exit code."""
+        process = self._watch.member(name)
+        self.expect_end(name)
+        if not process.join(START_LIMIT):
+            raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
+        code: int = process.exit_code
+        return code
+
+    @property
+    def sim(self) -> SimulatorClient:
+        """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
+        return SimulatorClient(self.bus, START_LIMIT)
+
+    @property
+    def sim_status(self) -> SimStatus:
+        """The simulator's status: pace, participants, and the one that it waits for."""
+        return self.sim.status()
 
     def launch(
         self,
@@ -140,7 +368,7 @@ class TeamFixture(TeamProcesses):
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        self._has_team, self._silence_limit = True, launch.pace.timeout
+        self._has_team, self._watch.silence_limit = True, launch.pace.timeout
         if in_process:
             self._open_in_process(launch, own.bodies)
         else:
@@ -158,8 +386,8 @@ class TeamFixture(TeamProcesses):
 
     def _expect(self) -> None:
         launch, plan = self._run.launch, self._run.plan
-        self._participants = {*launch.participants}
-        self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
+        self._watch.participants = {*launch.participants}
+        self._watch.restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
 
     def _wait_for_members(self) -> None:
@@ -167,12 +395,12 @@ class TeamFixture(TeamProcesses):
         plan, run = self._run.plan, self._in_process
         members = [*run.parts] if run is not None else [name for name in plan.jobs if name not in plan.optional]
         if run is None:
-            self._watch_others(self._run.launch.pace.expect)
+            self._watch.watch_others(self._run.launch.pace.expect)
         self.wait_for_processes(*members)
         if names.SIMULATOR in members:
             known = self.sim_status.robots
             # From here on a test may read any robot's pose.
-            if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
+            if not self._watch.wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
@@ -182,12 +410,13 @@ class TeamFixture(TeamProcesses):
         self._ends.callback(log.setLevel, log.level)
         log.setLevel(logging.INFO)
         self._processes.close()
-        self._in_process = Threads(nodes, name=TEST, take_hang=self._take_hang)
-        self._run = TeamRun(self._in_process, is_launcher=False)
+        self._in_process = Threads(nodes, name=TEST, take_hang=self._watch.take_hang)
+        self._watch.is_in_process = True
+        self._use(TeamRun(self._in_process, is_launcher=False))
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self._take_line(line.process, f"{level}{line.text}")
+        self._watch.take_line(line.process, f"{level}{line.text}")
 
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
@@ -200,22 +429,22 @@ class TeamFixture(TeamProcesses):
         """Faults on purpose that wait for the recovery."""
         self._open()
         if self._chaos is None:
-            change, simulate = self._run.members.change_link, self.sim.fault if self._interval else None
+            change, simulate = self._run.members.change_link, self.sim.fault if self._watch.interval else None
             means = Means(self._run.signals.send, change, simulate)
-            self._chaos = TeamChaos(self, means, self._restarts, self._interval)
+            self._chaos = TeamChaos(self, means, self._watch.restarts, self._watch.interval)
         return self._chaos
 
     def wait_for_return(self, name: str) -> None:
         """Wait until a process is there that was started again; in lock-step, until it takes part."""
-        self._wait(lambda: self.alive(name), START_LIMIT)
+        self._watch.wait(lambda: self.alive(name), START_LIMIT)
         self.wait_for_processes(name)
         self._wait_until_joined(name)
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
         self._need_processes("kill")
-        self._check()
-        process = self._process(name)
+        self._watch.check()
+        process = self._watch.member(name)
         process.stopping = True
         process.kill()
         process.join(START_LIMIT)
@@ -238,7 +467,7 @@ class TeamFixture(TeamProcesses):
             return None
         if robots is not None:
             raise UsageError("team.stop: give the name of a process to end, or robots to stop")
-        self._process(name).terminate()
+        self._watch.member(name).terminate()
         code = self.wait_for_exit(name)
         self._wait_until_left(name)
         return code
@@ -255,20 +484,20 @@ class TeamFixture(TeamProcesses):
         """Freeze a process (SIGSTOP). From here on it may hang."""
         self._need_processes("pause_process")
         self.expect_end(name)
-        self._process(name).signal(signal.SIGSTOP)
+        self._watch.member(name).signal(signal.SIGSTOP)
 
     def resume_process(self, name: str) -> None:
         """Let a frozen process go on (SIGCONT)."""
         self._need_processes("resume_process")
-        self._process(name).signal(signal.SIGCONT)
+        self._watch.member(name).signal(signal.SIGCONT)
 
     def restart(self, name: str) -> None:
         """Start a process again with the same command and wait until it is there; end it first if it still runs."""
-        if self._process(name).running:
+        if self._watch.member(name).running:
             # A node in this process cannot be killed.
             (self.kill if self._in_process is None else self.stop)(name)
-        self._wait(lambda: not self.alive(name), START_LIMIT)
-        self._supervisor.restart(name)
+        self._watch.wait(lambda: not self.alive(name), START_LIMIT)
+        self._run.supervisor.restart(name)
         self.wait_for_processes(name)
         self._wait_until_joined(name)
 
@@ -280,31 +509,36 @@ class TeamFixture(TeamProcesses):
             return name in status.joining or name in status.participants
 
         kind = kind_of(name)
-        if self._interval and kind is not None and kind.in_lockstep and not self._wait(takes_part, START_LIMIT):
+        if (
+            self._watch.interval
+            and kind is not None
+            and kind.in_lockstep
+            and not self._watch.wait(takes_part, START_LIMIT)
+        ):
             raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
 
     def _wait_until_left(self, name: str) -> None:
         """Lock-step: wait until a process that has ended takes no part any more: the next tick is without it."""
         kind = kind_of(name)
         may_take_part = kind is None or kind.in_lockstep
-        if not self._interval or not may_take_part or not self.alive(names.SIMULATOR):
+        if not self._watch.interval or not may_take_part or not self.alive(names.SIMULATOR):
             return
-        if not self._wait(lambda: name not in self.sim_status.participants, START_LIMIT):
+        if not self._watch.wait(lambda: name not in self.sim_status.participants, START_LIMIT):
             raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
-        if not self._wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
+        if not self._watch.wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
             raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
-        if not self._wait(condition, START_LIMIT):
+        if not self._watch.wait(condition, START_LIMIT):
             raise TeamTimeout(f"not true within {START_LIMIT:g} s")
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
-        return "\n".join(f"[{name}] {line}" for name, line in self.log)
+        return "\n".join(f"[{name}] {line}" for name, line in self._watch.log)
 
     @property
     def report(self) -> SimReport:
@@ -340,28 +574,28 @@ class TeamFixture(TeamProcesses):
     def wait_for_go(self) -> None:
         """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""
         self._need_team("wait_for_go")
-        if not self._wait(lambda: self.is_go, START_LIMIT):
+        if not self._watch.wait(lambda: self.is_go, START_LIMIT):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
-        if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
+        if self._watch.interval and not self._watch.wait(lambda: self.report.ticks > 0, START_LIMIT):
             raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
-        if self._interval:
-            self._take_status(self.sim_status)
+        if self._watch.interval:
+            self._watch.take_status(self.sim_status)
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
         if not 0.0 <= seconds < math.inf:
             raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
         self._need_team("run")
-        if self._interval:
-            self._step(round(seconds * 1e9 / self._interval))
+        if self._watch.interval:
+            self._step(round(seconds * 1e9 / self._watch.interval))
             return
         end = self.now + seconds
-        self._watch(lambda: self.now >= end, end, seconds)
+        self._until_in_real_time(lambda: self.now >= end, end, seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
         self._need_team("at")
-        if not self._interval:
+        if not self._watch.interval:
             raise UsageError("at() needs lock-step: in real time no tick is waited for")
         ahead = tick - self.tick
         if ahead < 0:
@@ -377,26 +611,26 @@ class TeamFixture(TeamProcesses):
         """
         self._need_team("until")
         end = self.now + within
-        if not self._interval:
-            self._watch(condition, end, within)
+        if not self._watch.interval:
+            self._until_in_real_time(condition, end, within)
             return
         while not condition():
             if self.now >= end:
                 raise _not_true(within, self.now, self._view)
             self._step(1)
 
-    def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
+    def _until_in_real_time(self, condition: Callable[[], bool], end: float, within: float) -> None:
         """Wait in real time until `condition()`."""
         last, quiet_since, watch = self.now, monotonic(), Wait()
         while True:
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self._view.version
             if condition():
-                self._wait_for_silent()
+                self._watch.wait_for_silent()
                 return
             if self.now > end:
                 raise _not_true(within, self.now, self._view)
-            self._look_for_hangs(watch)
+            self._watch.look_for_hangs(watch)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:
@@ -411,18 +645,18 @@ class TeamFixture(TeamProcesses):
             # A node that hangs in this process may hold whatever the answer needs.
             answer = in_thread(partial(self._ask_for_steps, self.bus, count))
             while not answer.done():
-                self._check()
+                self._watch.check()
                 wait([answer], LOOK)
             try:
                 status = answer.result()
             except BusError as error:
-                self._check()
+                self._watch.check()
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
-            self._take_status(status)
+            self._watch.take_status(status)
             self._wait_for_messages_of(status)
 
     def _ask_for_steps(self, bus: Bus, count: int) -> SimStatus:
-        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self._silence_limit)
+        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self._watch.silence_limit)
         return bus.ask(key, SimStatus, StepRequest(count), timeout=limit)
 
     def _wait_for_messages_of(self, status: SimStatus) -> None:
@@ -432,7 +666,7 @@ class TeamFixture(TeamProcesses):
         if not arrived():
             # No message was lost in tens of thousands of ticks, but the bus does not promise that.
             self.sim.repeat()
-            if not self._wait(arrived, START_LIMIT):
+            if not self._watch.wait(arrived, START_LIMIT):
                 raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
 
 

@@ -1,0 +1,321 @@
+"""A watch on the members of a team under test: none ends or hangs unnoticed though the test did not ask for that.
+
+Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
+"""
+
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from functools import partial
+from threading import Thread
+from typing import Any, TypeVar
+
+from zteam import names
+from zteam.clock import HOST_FACTOR, monotonic
+from zteam.errors import BusError, UsageError
+from zteam.node.kinds import ROUTER
+from zteam.node.process_options import LOCKSTEP_TIMEOUT
+from zteam.simulator.client import SimStatus, SimulatorClient
+from zteam.team.in_process.user_calls import UserCall, user_calls
+from zteam.team.launch.process import exit_text
+from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.testing.errors import TeamFailure, TeamTimeout
+from zteam.team.testing.hangs import LOOK, Stacks, Wait
+from zteam.team.testing.others import RETURN, Others, TeamAccess
+from zteam.team.testing.view import ObservedTeam
+
+_LAST_LINES = 5
+"""Of a process that has ended without an error of the user's code."""
+START_LIMIT = 60.0 * HOST_FACTOR
+"""Host seconds for processes to start: many times the longest start on a crowded machine."""
+_SILENT_AFTER = 1.5
+"""Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
+_TRIES = 3
+"""How often a team in this process is asked to end."""
+_KEPT_LINES = 50_000
+"""Of all processes of a test, at least."""
+
+R = TypeVar("R")
+
+
+class Watch:
+    """The lines of the members, and how they fail. `run` is the team that is watched."""
+
+    run: TeamRun
+    seen: ObservedTeam
+
+    def __init__(self, stacks: Stacks, *, live: bool) -> None:
+        self._stacks, self._live = stacks, live
+        self._others: Others | None = None
+        """None until there is a bus, and without processes."""
+        self.is_in_process = False
+        self.interval = 0
+        """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
+        self.silence_limit = LOCKSTEP_TIMEOUT
+        """Host seconds that a living process may be silent."""
+        self.begin_test()
+
+    def begin_test(self) -> None:
+        """Forget what happened in the test before."""
+        self.log: list[tuple[str, str]] = []
+        """(process, line) in the order of arrival, for the report of a failed test: the newest."""
+        self._at_end = False
+        self.may_end: set[str] = set()
+        """Processes that may end or hang."""
+        self.hangs: dict[str, str] = {}
+        """How processes hang, in words."""
+        self._present: set[str] = set()
+        """Processes of the team that were there once."""
+        self.restarts: set[str] = set()
+        """Processes that are started again when they have failed."""
+        self.participants: set[str] = set()
+        """Those that are expected, then those of the newest tick that the test has let the world take."""
+
+    def observe(self, seen: ObservedTeam) -> None:
+        """Watch the team on a session that was opened."""
+        self.seen = seen
+        bus = self.run.members.bus
+        if not self.is_in_process and bus is not None:
+            access = TeamAccess(self.take_line, self.lines, self.words, self._not_awaited, self._own_pids)
+            self._others = Others(bus, seen, access)
+
+    def expect_end(self, *processes: str) -> None:
+        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
+        self.may_end.update(processes)
+
+    def check(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
+        for name, text in self.hangs.items():
+            if name not in self.may_end:
+                raise TeamFailure(text)
+        for process in self.run.supervisor.failures:
+            if process.name not in self.may_end:
+                raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self.words(process.name)}")
+        if self._others is not None and (text := self._others.failure(at_end=self._at_end)):
+            raise TeamFailure(text)
+
+    def _not_awaited(self) -> set[str]:
+        """Names of the processes that may end, or that this fixture has started itself."""
+        return {*self.may_end, *self.run.supervisor.members}
+
+    def _own_pids(self) -> set[int]:
+        """Of the children of this process that the fixture has started."""
+        return {process.pid for process in self.run.supervisor.processes.values()} | {*self.run.members.pids.values()}
+
+    def take_line(self, name: str, line: str) -> None:
+        self.log.append((name, line))
+        if self._live:
+            # Most lines name their process.
+            sys.stdout.write(f"{line}\n" if f"[{name}]" in line else f"[{name}] {line}\n")
+            sys.stdout.flush()
+        if len(self.log) > 2 * _KEPT_LINES:
+            del self.log[:_KEPT_LINES]
+
+    def lines(self, name: str) -> list[str]:
+        """What a process has written so far."""
+        return [line for process, line in self.log if process == name]
+
+    def member(self, name: str) -> Any:
+        """A process of the team, or a node in this process. Raises UsageError."""
+        members = self.run.supervisor.members
+        if name not in members:
+            raise UsageError(f"there is no process {name!r}; this team has {', '.join(members) or 'no process yet'}")
+        return members[name]
+
+    def status(self, timeout: float = START_LIMIT) -> SimStatus:
+        """The simulator's. Raises BusError."""
+        assert self.run.members.bus is not None
+        return SimulatorClient(self.run.members.bus, timeout).status()
+
+    def words(self, name: str) -> str:
+        """The error that ended a process, its last line first, else the last lines of the process."""
+        member = self.run.supervisor.members.get(name)
+        lines = (
+            self._others.fault(name) if member is None and self._others else member.fault if member else ""
+        ).splitlines()
+        return "\n".join([*lines[-1:], *lines] or self.lines(name)[-_LAST_LINES:])
+
+    def wait(self, condition: Callable[[], bool], limit: float) -> bool:
+        """Whether `condition()` comes true within `limit` host seconds."""
+        wait, deadline = Wait(), monotonic() + limit
+        while True:
+            seen = self.seen.version
+            if condition():
+                return True
+            self.look_for_hangs(wait)
+            if monotonic() >= deadline:
+                return False
+            # The end of a process is no news on the bus, so check from time to time.
+            self.seen.wait_for_news(seen, min(0.2, max(0.0, deadline - monotonic())))
+
+    def wait_for_processes(self, *processes: str) -> None:
+        """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
+
+        def ended() -> list[str]:
+            known = self.run.supervisor.members
+            return [n for n in processes if n in known and not known[n].running]
+
+        self.wait(lambda: bool(ended()) or all(self.seen.alive(n) for n in processes), START_LIMIT)
+        if ended():
+            first = ended()[0]
+            raise TeamTimeout(f"{first} ended ({exit_text(self.member(first).exit_code)}): {self.words(first)}")
+        missing = [n for n in processes if not self.seen.alive(n)]
+        if missing:
+            where = "".join(f"; {name}: {text}" for name in missing if (text := self._stacks.where(name)))
+            raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s{where}")
+        self._present.update(self.run.supervisor.members.keys() & {*processes})
+        self.watch_others(processes)
+        if names.SIMULATOR in processes:
+            status = self.status()
+            self.interval = status.interval if status.lockstep else 0
+
+    def take_status(self, status: SimStatus) -> None:
+        """Notice the processes that were left behind, and wait for the end of those that left.
+
+        They are gone in the world's time; the end of their processes takes the host's.
+        """
+        self._note_left_behind(status)
+        left = self.participants.difference(status.participants, status.joining)
+        self.participants = {*status.participants}
+        self.watch_others(status.participants, expected=False)
+        if (others := self._others) is not None and left - self._not_awaited():
+            # `_check` fails for those that stay away.
+            self.wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
+        for name in left.intersection(self.run.supervisor.members) - self.may_end - self.restarts:
+            if not self.wait(partial(self._has_ended_or_joined, name), self.silence_limit):
+                self._note_hang(name, "it lives and has left the bus")
+        self.check()
+
+    def watch_others(self, processes: Iterable[str], *, expected: bool = True) -> None:
+        if self._others is not None:
+            self._others.watch(processes, expected=expected)
+
+    def _has_ended_or_joined(self, name: str) -> bool:
+        process, status = self.member(name), self.status()
+        if process.exit_code is not None:
+            process.join(START_LIMIT)
+        return process.exit_code is not None or name in status.participants or name in status.joining
+
+    def _note_left_behind(self, status: SimStatus) -> None:
+        for name in status.hung:
+            self._note_hang(
+                name, f"lock-step left it behind, without an answer for {self.silence_limit:g} s or cut off"
+            )
+
+    def _note_hang(self, name: str, how: str) -> None:
+        """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
+        if name in self.hangs or name in self.may_end:
+            return
+        where = self._stacks.where(name)
+        text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
+        self.hangs[name] = f"{name} hangs: {text}"
+
+    def look_for_hangs(self, wait: Wait) -> None:
+        """Notice, during a wait, the processes that were left behind, or that are silent; of nodes in this process the
+        watch on the calls does so."""
+        if self.is_in_process or not wait.is_due() or not self._is_in_view:
+            return
+        if self.interval:
+            with suppress(BusError):
+                self._note_left_behind(self.status(LOOK))
+        else:
+            limit = max(self.silence_limit, _SILENT_AFTER)
+            for name, spoke in self._silent():
+                if max(spoke, wait.since) < monotonic() - limit:
+                    self._note_hang(name, f"it gives no sign of life for {self.silence_limit:g} s")
+        self.check()
+
+    @property
+    def _is_in_view(self) -> bool:
+        """Whether what the test sees of its team is the team's doing: its simulator and its router run."""
+        router, simulator = (self.run.supervisor.members.get(name) for name in (ROUTER, names.SIMULATOR))
+        paused = self.may_end & {ROUTER, names.SIMULATOR}
+        return router is not None and router.running and (simulator is None or simulator.running) and not paused
+
+    def _silent(self) -> list[tuple[str, float]]:
+        """The robots that live and whose last status is long ago, and the host time of that."""
+        now, robots = monotonic(), {i: name for name in self._present if (i := names.robot_id_of(name)) is not None}
+        spoke = {name: self.seen.robot(i).spoke for i, name in robots.items()}
+        return [
+            (name, at)
+            for name, at in spoke.items()
+            if name not in self.may_end and self.seen.alive(name) and 0.0 < at < now - _SILENT_AFTER
+        ]
+
+    def wait_for_silent(self) -> None:
+        """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
+        if self.interval:
+            return
+        if self.is_in_process:
+            # The watch on the calls says which one hangs.
+            open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
+            self.wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
+        else:
+            self.wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self.silence_limit))
+        self.check()
+
+    def take_hang(self, call: UserCall) -> bool:
+        """A call of a node's own code in this process lasts too long. Before `run` it may be slow work of a start."""
+        if call.owner not in self._present:
+            return False
+        self.hangs.setdefault(call.owner, f"{call.owner} hangs: after {self.silence_limit:g} s {call.describe()}")
+        return True
+
+    def check_at_end(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
+        self._at_end = True
+        try:
+            self._check_at_end()
+        finally:
+            self._at_end = False
+
+    def _check_at_end(self) -> None:
+        self.check()
+        if self.run.state is RunState.NEW or (not self.is_in_process and not self.member(ROUTER).running):
+            # Without its router a team sees nothing of itself.
+            return
+        self.wait_for_silent()
+        others = self._others
+        if others is not None:
+            self.wait(lambda: all(gone.settled for gone in others.gone() if gone.code), RETURN)
+            # In lock-step the world has not moved without them.
+            if not self.interval and (missing := others.missing()):
+                raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
+        ended = self.run.supervisor.ended
+        gone = [n for n in self._present - self.may_end if n not in ended and not self.seen.alive(n)]
+        self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone), START_LIMIT)
+        for name in gone:
+            if name in ended:
+                self.member(name).join(START_LIMIT)
+            elif not self.seen.alive(name):
+                raise TeamFailure(f"{name} is gone and did not come back within {START_LIMIT:g} s: {self.words(name)}")
+        self.check()
+
+
+def in_thread(call: Callable[[], R]) -> "Future[R]":
+    """What `call()` returns or raises, from a thread of its own: a node that hangs may hold what the call waits for."""
+    done = Future[R]()
+
+    def work() -> None:
+        try:
+            done.set_result(call())
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=work, name="team", daemon=True).start()
+    return done
+
+
+def close_in_time(close: Callable[[], None], grace: float) -> None:
+    """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
+    # The locks of a node that hangs would hold this thread for ever.
+    done = in_thread(close)
+    for _ in range(_TRIES):
+        wait([done], grace)
+        if done.done():
+            break
+        for call in user_calls():
+            call.end()
+    if done.done():
+        done.result()
