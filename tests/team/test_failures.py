@@ -175,7 +175,7 @@ def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester, monkeypatc
         def spawn(team):
             team.spawn("zteam-robot", "--id", "0", "--behavior", "dance", name="robot_0")
             # The end of the process is no call of the fixture.
-            assert team._supervisor.processes["robot_0"].join(60)
+            assert team._run.supervisor.processes["robot_0"].join(60)
 
         def test_forgotten(team):
             spawn(team)

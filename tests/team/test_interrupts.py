@@ -84,7 +84,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "call", "zteam.cli.doctor.collect_facts", "doctor"),
         ("start", "call", "zteam.simulator.client._ask", "sim status"),
         ("start", "import", "zteam.simulator.world", "world check arena"),
-        ("start", "import", "zteam.team.launch.run", "up"),
+        ("start", "import", "zteam.team.run.team_run", "up"),
         ("start_simulator", "import", "zteam.config.simulation_options", "arena"),
         ("start_robot", "import", "zteam.robot.behaviors", "--id 0"),
         ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),

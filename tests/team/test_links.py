@@ -38,15 +38,15 @@ LOSS = "0.1"
 
 def link_of(team: TeamFixture, name: str) -> Link:
     """The link of a process."""
-    assert team._links is not None
-    return team._links._links[name]
+    assert team._processes.links is not None
+    return team._processes.links._links[name]
 
 
 def test_a_cut_link_does_not_change_a_run_of_lock_step(team: TeamFixture) -> None:
     """The world waits while simulator, aggregator, monitor or a robot is cut off for 3 s, or all are for 20 s."""
     team.start("office", robots=2, follow={1: 0}, lockstep_timeout=60.0, chaos=True)
     team.wait_for_go()
-    assert team._links is not None
+    assert team._processes.links is not None
     every = (names.SIMULATOR, names.AGGREGATOR, names.MONITOR, "robot_1")
     hashes = []
     for cut_off, seconds in (((), 0.0), *(((name,), CUT) for name in every), (every, LONG_CUT)):
@@ -54,7 +54,7 @@ def test_a_cut_link_does_not_change_a_run_of_lock_step(team: TeamFixture) -> Non
         team.at(20)
         begin = monotonic()
         for name in cut_off:
-            team._links.change(name, Wire(stalled=True), seconds)
+            team._processes.links.change(name, Wire(stalled=True), seconds)
         team.at(LAST_TICK)
         assert monotonic() - begin >= (0.0 if cut_off == (names.MONITOR,) else seconds)
         hashes.append(team.report.trajectory_sha256)
@@ -133,9 +133,9 @@ def test_a_robot_that_is_cut_off_stops_and_its_line_waits(team: TeamFixture, tmp
 def test_a_team_drives_where_all_links_are_100_ms_late(team: TeamFixture, tmp_path: Path) -> None:
     """With 100 ms in both directions of each process's link all robots drive, and none without commands."""
     observer = drive_in_line(team, tmp_path)
-    assert team._links is not None
-    for name in team._links._links:
-        team._links.change(name, Wire(delay=0.1))
+    assert team._processes.links is not None
+    for name in team._processes.links._links:
+        team._processes.links.change(name, Wire(delay=0.1))
     all_drive(team, *range(4))
     assert observer.violations == []
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.team.testing.processes import TeamFailure
+from zteam.team.testing.errors import TeamFailure
 from zteam.team.testing.team import TeamFixture
 
 pytest_plugins = "pytester"

@@ -20,16 +20,16 @@ from zteam.config.resources import find_team
 from zteam.messages import OccupancyGrid, Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
-from zteam.node.shutdown import Stop
 from zteam.robot.client import StopClient
 from zteam.simulator.client import SimulatorClient
 from zteam.team.file.reading import read_team_file
-from zteam.team.launch import run as running
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.check import check_team
-from zteam.team.launch.run import ANY_PORT, ProcessRun
 from zteam.team.launch.team_launch import Pace, TeamLaunch
-from zteam.team.testing.processes import WARM_PARENT
+from zteam.team.run import processes as running
+from zteam.team.run.processes import ANY_PORT, Processes
+from zteam.team.run.team_run import TeamRun
+from zteam.team.testing.team import WARM_PARENT
 from zteam.team.testing.view import ObservedTeam
 from zteam.view.frames import GRID, POSES, TEAM
 
@@ -55,7 +55,7 @@ TICKS = 10
 class Line:
     """The shipped line of four robots and a view, as `zteam up line restart=on-failure --view` has them."""
 
-    def __init__(self, run: ProcessRun, lines: list[tuple[str, str]], bus: Bus) -> None:
+    def __init__(self, run: TeamRun, lines: list[tuple[str, str]], bus: Bus) -> None:
         self.run, self.lines, self.bus = run, lines, bus
         self.seen = ObservedTeam(bus, lambda _: None)
         self.moved: dict[int, int] = {}
@@ -133,12 +133,10 @@ def started(monkeypatch: pytest.MonkeyPatch, pace: Pace) -> Iterator[Line]:
     launch = TeamLaunch(file.team, check_team(file), team_file=file.path, pace=pace, view=view)
     lines: list[tuple[str, str]] = []
     with ExitStack() as stack:
-        run = ProcessRun(
-            launch, BusOptions(lease=LEASE), Stop(), lambda name, line: lines.append((name, line)), WARM_PARENT
-        )
-        stack.enter_context(run)
+        members = Processes(BusOptions(lease=LEASE), WARM_PARENT, lambda name, line: lines.append((name, line)))
+        run = stack.enter_context(TeamRun(members, launch))
         run.start()
-        bus = connect(BusOptions(connect=run.endpoint, lease=LEASE))
+        bus = connect(BusOptions(connect=members.endpoint, lease=LEASE))
         stack.callback(bus.close)
         line = Line(run, lines, bus)
         bus.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, line.take_truth)
@@ -178,7 +176,7 @@ def test_robots_that_are_stopped_stand_whatever_is_killed(monkeypatch: pytest.Mo
     """While each process ends and comes back no robot moves, and in the end simulator and robots still say that all are
     stopped; released, they drive."""
     with started(monkeypatch, pace) as line:
-        others, bus = [name for name in line.run.supervisor.processes if name != ROUTER], line.run.bus
+        others, bus = [name for name in line.run.supervisor.processes if name != ROUTER], line.run.members.bus
         assert bus is not None
         client, world = StopClient(bus), SimulatorClient(bus)
         assert [result.is_done for result in client.engage()] == [True] * len(ROBOTS)
@@ -265,7 +263,7 @@ def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPa
     moves as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they
     drive."""
     with started(monkeypatch, Pace()) as line:
-        processes, bus, seen = line.run.supervisor.processes, line.run.bus, line.seen
+        processes, bus, seen = line.run.supervisor.processes, line.run.members.bus, line.seen
         assert bus is not None
         robots, faulty = [processes[names.robot_name(i)] for i in ROBOTS], processes[fault]
         commands = bus.publisher(names.robot_key(0, names.CMD_VEL), Twist)

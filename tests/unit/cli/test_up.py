@@ -16,7 +16,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a process was started")
 
-    monkeypatch.setattr("zteam.team.launch.run.ProcessRun.start", refuse)
+    monkeypatch.setattr("zteam.team.run.team_run.TeamRun.start", refuse)
     for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE"):
         monkeypatch.delenv(name, raising=False)
 

@@ -93,7 +93,7 @@ def test_a_robots_process_imports_no_web_server() -> None:
     """Neither does a simulator."""
     code = (
         "import sys, zteam.cli.zteam_robot, zteam.robot.process.node, zteam.simulator.process.node\n"
-        "import zteam.team.launch.run\n"
+        "import zteam.team.run.processes, zteam.team.run.team_run\n"
         "print(sorted({'starlette', 'uvicorn', 'websockets', 'asyncio'} & sys.modules.keys()))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)

@@ -26,10 +26,11 @@ from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.process import Process
-from zteam.team.launch.run import ProcessRun, node_environment
 from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.team_launch import TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.run.processes import Processes, node_environment
+from zteam.team.run.team_run import TeamRun
 
 WORLD = Path("/w/arena.world")
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
@@ -68,15 +69,15 @@ class Pretend:
 
         monkeypatch.setattr(Supervisor, "start_job", pretend)
         # The real bus needs a real router.
-        monkeypatch.setattr("zteam.team.launch.run.connect", lambda *_, **__: self.hub.bus())
+        monkeypatch.setattr("zteam.team.run.processes.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
 
-    def run(self, run_for: float | None = None) -> ProcessRun:
+    def run(self, run_for: float | None = None, bus: BusOptions | None = None) -> TeamRun:
         """A run whose processes are not started yet."""
-        launch = TeamLaunch(TEAM, WORLD, run_for=run_for)
-        return ProcessRun(
-            launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
+        members = Processes(
+            bus or BusOptions(), WarmParent(), lambda name, line: self.lines.append((name, line)), stop=self.stop
         )
+        return TeamRun(members, TeamLaunch(TEAM, WORLD, run_for=run_for), self.stop)
 
     def tidy(self) -> None:
         """Wait for the end of every process, also of the replaced ones."""
@@ -97,7 +98,7 @@ def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
     pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
-        assert run.endpoint == "tcp/127.0.0.1:5"
+        assert run.members.endpoint == "tcp/127.0.0.1:5"
         options = RouterOptions((DEFAULT_ENDPOINT,), lease=LEASE, for_team="starts")
         expected = {(ROUTER, to_line(ROUTER, options))} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
@@ -140,7 +141,7 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
             run.watch()
 
 
-def stop_once_watched(run: ProcessRun, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
+def stop_once_watched(run: TeamRun, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
     """Request a stop when `run.watch` has begun: it holds its lock from then on until it waits."""
     look = run._missing
 
@@ -234,7 +235,7 @@ def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.Monkey
     monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
     monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
     bus = BusOptions(namespace=namespace, lease=3.0)
-    for name, value in node_environment("-", bus, Pace()).items():
+    for name, value in node_environment("-", bus).items():
         monkeypatch.setenv(name, value)
     chosen = BusOptions.from_environment()
     assert chosen == BusOptions(connect="-", namespace=namespace, lease=3.0)
@@ -242,18 +243,15 @@ def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.Monkey
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
     """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
-    launch, bus = TeamLaunch(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
+    bus = BusOptions(connect="tcp/127.0.0.1:5")
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
-    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
+    with pretend.run(1.0, bus) as first:
         first.start()
-        with (
-            ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as second,
-            pytest.raises(BusError, match=told),
-        ):
+        with pretend.run(1.0, bus) as second, pytest.raises(BusError, match=told):
             second.start()
         assert second.supervisor.processes == {}
         assert all(process.running for process in first.supervisor.processes.values())
-    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as third:
+    with pretend.run(1.0, bus) as third:
         third.start()
 
 
@@ -261,9 +259,6 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     """A team is refused if a process of one of its names runs in the namespace already."""
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
-    launch, bus = TeamLaunch(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
-    with (
-        ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
-        pytest.raises(BusError, match="already running here"),
-    ):
+    bus = BusOptions(connect="tcp/127.0.0.1:5")
+    with pretend.run(bus=bus) as run, pytest.raises(BusError, match="already running here"):
         run.start()

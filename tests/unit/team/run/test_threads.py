@@ -15,12 +15,12 @@ from zteam.errors import BusError
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
 from zteam.node.kinds import KINDS
-from zteam.node.shutdown import Stop
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
 from zteam.team.launch.plan import plan_team
 from zteam.team.launch.team_launch import Pace, TeamLaunch
-from zteam.team.run.threads import InProcessRun, open_outside, parts_of
+from zteam.team.run.team_run import TeamRun
+from zteam.team.run.threads import Threads, open_outside, parts_of
 
 
 def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
@@ -39,10 +39,12 @@ def test_the_router_ends_with_it() -> None:
     launch = TeamLaunch(Team([RobotEntry(id=0)]), find_world("arena"))
     with open_outside(zteam.BusOptions(), Pace()) as outside:
         tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
-        with InProcessRun(launch, Stop(), outside=outside) as run:
-            info = run.beside_simulator(lambda: tool.ask(names.info_key(names.LAUNCHER), ProcessInfo))
-            assert run.bus is not None
-            assert info.instance == run.bus.instance
+        members = Threads(outside=outside)
+        with TeamRun(members, launch) as run:
+            run.open()
+            info = members.beside_simulator(lambda: tool.ask(names.info_key(names.LAUNCHER), ProcessInfo))
+            assert members.bus is not None
+            assert info.instance == members.bus.instance
         assert tool.query(names.info_key(names.LAUNCHER), ProcessInfo) == []
         tool.close()
     assert not port_accepts(outside.endpoint)
