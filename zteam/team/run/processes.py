@@ -10,8 +10,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import DEFAULT_ENDPOINT, FROM_STDIN, LEASE, TLS_VARIABLES, RouterOptions
-from zteam.bus.presence import find_processes
-from zteam.clock import HOST_FACTOR, local_time_text
+from zteam.clock import HOST_FACTOR
 from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
@@ -24,6 +23,7 @@ from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
+from zteam.team.run.namespace import refuse_second_team
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import ACCESS, files_of, prepare
 
@@ -59,19 +59,6 @@ def node_environment(endpoint: str, bus: BusOptions) -> dict[str, str]:
         "ZTEAM_CONFIG": bus.config or "",
         "ZTEAM_LEASE": str(bus.lease),
     }
-
-
-def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
-    """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
-    found = {info.name: info for info in find_processes(bus)}
-    for name in (names.LAUNCHER, *needed):
-        if name in found:
-            info = found[name]
-            what = "a team" if name == names.LAUNCHER else name
-            raise BusError(
-                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
-                "stop it, or use --namespace"
-            )
 
 
 def start_router(

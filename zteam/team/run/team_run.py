@@ -1,7 +1,7 @@
 """One run of a team from start to end: members, GO, time limit, report, stop in order.
 
-`zteam up`, `run_team` and the `team` fixture are a `TeamRun` each. Its `Members` are processes at a router
-(`processes.py`), or threads of this process (`threads.py`).
+`zteam up`, `run_team` and the `team` fixture are a `TeamRun` each. Its members are processes at a router (`processes.py`),
+or threads of this process (`threads.py`).
 """
 
 import logging
@@ -9,16 +9,13 @@ import signal
 from collections.abc import Callable
 from contextlib import ExitStack
 from enum import Enum
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 from zteam import names
-from zteam.bus import Bus
-from zteam.bus.presence import Claim, ProcessInfo
-from zteam.errors import DuplicateNameError, ZteamError
+from zteam.errors import ZteamError
 from zteam.node.kinds import kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
-from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.means import Means
 from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.chaos.signals import Signals
@@ -27,74 +24,19 @@ from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, TeamOverview
 from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.starts import RobotStarts
-from zteam.team.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure
+from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
 from zteam.team.launch.team_launch import TeamLaunch
-from zteam.team.run.processes import refuse_second_team
+from zteam.team.run.namespace import claim_namespace
 from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
+
+if TYPE_CHECKING:
+    from zteam.team.run.processes import Processes
+    from zteam.team.run.threads import Threads
 
 log = logging.getLogger("zteam")
 
 _LAST_WORDS = 1.0
 """Host seconds to wait for the output of a process that has ended."""
-
-
-def claim_namespace(bus: Bus, stop: Stop) -> Claim:
-    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
-
-    Requests the stop if a healed network shows an older launcher.
-    """
-
-    def on_rival(info: ProcessInfo) -> None:
-        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
-        stop.request("another team holds the namespace")
-
-    claim = Claim(bus, names.LAUNCHER)
-    try:
-        claim.win(on_rival)
-    except DuplicateNameError:
-        refuse_second_team(bus, ())
-        raise
-    return claim
-
-
-class Members(Protocol):
-    """How the members of a team are started and reached."""
-
-    supervisor: Supervisor
-    bus: Bus | None
-    """The session of this process; None before there is a router."""
-    endpoint: str
-    """Of the router; empty before there is one, and where there is none."""
-
-    @property
-    def tools_bus(self) -> Bus | None:
-        """The session by which tools reach this process; None where they cannot."""
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """Processes besides those of the supervisor, by name."""
-
-    @property
-    def hung(self) -> set[str]:
-        """Names of the members with a step that does not return."""
-
-    def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
-        """Prepare to start this team."""
-
-    def open(self) -> None:
-        """Have a session."""
-
-    def start(self, connected: Callable[[], None]) -> None:
-        """Start the members; `connected()` is called when there is a session."""
-
-    def environment_of_new(self, name: str) -> dict[str, str]:
-        """What lets a process join that the plan does not have. Raises ZteamError."""
-
-    def change_link(self, name: str, wire: Wire, seconds: float) -> None:
-        """Change the link of a member. Raises BusError where it has none."""
-
-    def close(self) -> None:
-        """End the session, and kill what still runs."""
 
 
 class RunState(Enum):
@@ -122,7 +64,7 @@ class TeamRun:
 
     def __init__(
         self,
-        members: Members,
+        members: "Processes | Threads",
         launch: TeamLaunch | None = None,
         stop: Stop | None = None,
         *,
