@@ -44,8 +44,7 @@ from zteam.messages.message import encoding_of
 from zteam.team.file.reading import read_team_tables
 from zteam.team.security.access import rights_of
 from zteam.team.security.certificates import ACCESS, files_of, open_authority
-from zteam.team.testing.team import TEST
-from zteam.team.testing.team import TeamFixture
+from zteam.team.testing.team import TEST, TeamFixture
 
 pytestmark = pytest.mark.gate
 
