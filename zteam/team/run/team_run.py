@@ -1,7 +1,7 @@
 """One run of a team from start to end: members, GO, time limit, report, stop in order.
 
-`zteam up`, `run_team` and the `team` fixture are a `TeamRun` each. Its members are processes at a router (`processes.py`),
-or threads of this process (`threads.py`).
+`zteam up`, `run_team` and the `team` fixture are a `TeamRun` each. Its members are processes at a router
+(`processes.py`), or threads of this process (`threads.py`).
 """
 
 import logging
