@@ -448,7 +448,7 @@ def spawn_router(endpoint: str, lease: float = LEASE) -> None:
     """
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
-    command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
+    command = [sys.executable, "-m", "zteam", "zteam-router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
     command += ["--lease", str(max(lease, LEASE))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -116,7 +116,7 @@ def _read(child: subprocess.Popen[bytes], stream: IO[bytes] | None) -> bytes:
 def command(options: BusOptions) -> list[str]:
     """The command line that looks at the team of a session with these options. Certificates are in the environment."""
     words = [f"{name}={value}" for name, value in options.words.items()]
-    return [sys.executable, "-P", "-m", "zteam.cli.main", "doctor", "--json", *words]
+    return [sys.executable, "-P", "-m", "zteam", "doctor", "--json", *words]
 
 
 def read_findings(output: bytes, errors: bytes) -> Examination:
