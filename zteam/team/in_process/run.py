@@ -21,15 +21,16 @@ from zteam.bus.options import DEFAULT_ENDPOINT, RouterOptions
 from zteam.bus.router import open_team_router
 from zteam.errors import UsageError
 from zteam.node.kinds import KINDS
+from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
 from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.node.shutdown import Stop
+from zteam.node.working import working_for
 from zteam.robot.process.inputs import TransformInputs
 from zteam.team.chaos.links import no_link
 from zteam.team.in_process.bridge import NodeSessions
-from zteam.team.in_process.delivery import marks_owner
-from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
+from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.run import (
     ROUTER_DEADLINE,
     TeamRun,
@@ -105,15 +106,17 @@ class NodeThread:
         """Whether it has not ended yet."""
         return self.exit_code is None
 
-    @marks_owner
     def run(self) -> None:
         """Run the node in this thread."""
-        owner, part = self.name, self._part
-        code = 1
-        if owner == names.SIMULATOR:
+        with working_for(self.name):
+            self._run()
+
+    def _run(self) -> None:
+        name, part, code = self.name, self._part, 1
+        if name == names.SIMULATOR:
             self._sessions.delivery.deliver_in_this_thread()
         try:
-            code = run_body(owner, lambda: self._sessions.bus(owner), self._body, self._stop, part.clock, part.make)
+            code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else int(error.code is not None)
         except BaseException as error:
@@ -185,12 +188,14 @@ class InProcessRun(TeamRun):
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         since_start: Callable[[], float] | None = None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
-        take_hang: Callable[[UserCall], bool] | None = None,
+        take_hang: Callable[[str, str], None] | None = None,
+        prefix_log: bool = False,
     ) -> None:
         """`nodes` are the bodies of own nodes, by name; tools `outside` find the team.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
-        is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch.
+        is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch,
+        and `prefix_log` the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.parts = parts_of(launch, on_line, nodes)
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)
@@ -198,12 +203,13 @@ class InProcessRun(TeamRun):
         self._outside = outside
         self.endpoint = "" if outside is None else outside.endpoint
         self.sessions = NodeSessions(None if outside is None else outside.bus)
-        self.calls = CallWatch(launch.pace, self.sessions.delivery, take_hang)
+        self.calls = CallWatch(launch.pace, take_hang)
+        self._prefix_log = prefix_log
         self.bus = self.sessions.bus(names.LAUNCHER)
         self._watch_recoveries(self.bus)
 
     def __enter__(self) -> Self:
-        self._ends.enter_context(naming_nodes())
+        self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
         self._ends.enter_context(self.calls.watching())
         return self
 

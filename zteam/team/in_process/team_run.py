@@ -14,7 +14,6 @@ from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
 from zteam.team.in_process.run import Body, InProcessRun, NodeThread, open_outside
-from zteam.team.in_process.user_calls import prefixing_lines
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import with_faults
 from zteam.team.launch.process import exit_text
@@ -76,15 +75,16 @@ def run_team(
     with (
         nullcontext() if bus is None else open_outside(bus, pace) as outside,
         stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
-        InProcessRun(launch, stop, nodes, outside, since_start=lambda: monotonic() - began, on_end=on_end) as run,
-        prefixing_lines(),
+        InProcessRun(
+            launch, stop, nodes, outside, since_start=lambda: monotonic() - began, on_end=on_end, prefix_log=True
+        ) as run,
     ):
         if outside is not None:
             log.info("router at %s", outside.endpoint)
             warn_of_endpoint(outside.endpoint, outside.given)
         report = run.beside_simulator(carry_out)
-    for name in run.calls.hung:
-        raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
+    for text in run.calls.hangs.values():
+        raise ZteamError(text)
     for node in run.failures:
         raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
     if report is None:

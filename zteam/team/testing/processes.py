@@ -31,7 +31,7 @@ from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.chaos.links import Links
 from zteam.team.chaos.signals import Signals
 from zteam.team.in_process.run import InProcessRun
-from zteam.team.in_process.user_calls import UserCall, user_calls
+from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.plan import command_line, is_own, stop_order
 from zteam.team.launch.process import exit_text, zteam_command
 from zteam.team.launch.run import lease_for, start_router, wait_for_endpoint
@@ -486,18 +486,16 @@ class TeamProcesses:
             return
         if self._in_process is not None:
             # The watch on the calls says which one hangs.
-            open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
-            self._wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
+            calls = self._in_process.calls
+            open_now = calls.under_way
+            self._wait(lambda: not open_now & calls.under_way, START_LIMIT)
         else:
             self._wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self._silence_limit))
         self._check()
 
-    def _take_hang(self, call: UserCall) -> bool:
-        """A call of a node's own code in this process lasts too long. Before `run` it may be slow work of a start."""
-        if call.owner not in self._present:
-            return False
-        self._hangs.setdefault(call.owner, f"{call.owner} hangs: after {self._silence_limit:g} s {call.describe()}")
-        return True
+    def _take_hang(self, name: str, text: str) -> None:
+        """A call of a node's own code in this process lasts too long."""
+        self._hangs[name] = text
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
@@ -564,7 +562,6 @@ def _close_in_time(close: Callable[[], None], grace: float) -> None:
         wait([done], grace)
         if done.done():
             break
-        for call in user_calls():
-            call.end()
+        end_user_calls()
     if done.done():
         done.result()
