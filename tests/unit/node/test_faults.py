@@ -1,11 +1,8 @@
 """How an error of a user's own code is shown."""
 
-import subprocess
-import sys
 
 import pytest
 
-from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.errors import UsageError
 from zteam.names import parse_robot_id

@@ -13,17 +13,14 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 from threading import get_ident
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam.bus.memory import HubReceiver
 from zteam.bus.transport import QueryHandler
 from zteam.node.working import CALLS, WORK, Work, working_for
 
 log = logging.getLogger("zteam")
-
-T = TypeVar("T")
 
 
 class Delivery:
@@ -108,17 +105,12 @@ class Delivery:
             self._changed.notify()
 
 
-def call_as(owner: str, function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function as the node `owner`."""
-    with working_for(owner):
-        return function(*arguments)
-
-
 def answering_as(owner: str, handler: QueryHandler) -> QueryHandler:
     """Calls `handler(asked, payload)` as the node `owner`, and what it returns if that takes its time."""
+    as_owner = working_for(owner)
 
     def answer(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
-        made = call_as(owner, handler, asked, payload)
-        return partial(call_as, owner, made) if callable(made) else made
+        made = as_owner(handler)(asked, payload)
+        return as_owner(made) if callable(made) else made
 
     return answer

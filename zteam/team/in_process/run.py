@@ -81,6 +81,20 @@ def parts_of(
     return parts
 
 
+def in_thread(call: Callable[[], R], name: str = "team") -> "Future[R]":
+    """What `call()` returns or raises, from a thread of its own."""
+    done = Future[R]()
+
+    def work() -> None:
+        try:
+            done.set_result(call())
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=work, name=name, daemon=True).start()
+    return done
+
+
 class NodeThread:
     """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
 
@@ -241,18 +255,16 @@ class InProcessRun(TeamRun):
                 refuse_second_team(self.bus, (*self.parts, *self.plan.jobs))
             self._hold_namespace()
             self._open_log(self.bus)
-        simulator, result = self._make(names.SIMULATOR), Future[R]()
+        simulator = self._make(names.SIMULATOR)
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 
-        def run() -> None:
+        def run() -> R:
             try:
-                result.set_result(work())
-            except BaseException as error:
-                result.set_exception(error)
+                return work()
             finally:
                 simulator.terminate()
 
-        Thread(target=run, name="launcher", daemon=True).start()
+        result = in_thread(run, "launcher")
         simulator.run()
         return result.result()
 

@@ -17,6 +17,8 @@ log = logging.getLogger("zteam")
 _PERIOD = 0.5
 """Host seconds between two looks at the threads."""
 
+_UNSEEN = "a call has not returned (faulthandler shows no more than 100 threads)"
+
 Call = tuple[int, str]
 """The number of a call that is under way, and its node."""
 
@@ -66,14 +68,9 @@ class CallWatch:
         """The nodes whose step does not return, or was ended."""
         return {*self.hangs, *(watch.node for watch in hanging() if watch not in self._before)}
 
-    @property
-    def under_way(self) -> set[Call]:
-        """The calls that others wait for now."""
-        return self._calls().keys() - self._calls_before.keys()
-
     def _calls(self) -> dict[Call, int]:
         """The calls that others wait for now, those of other teams too, and their threads."""
-        return {(work.call, work.node): thread for thread, work in [*WORK.items()] if work.node and work.call}
+        return {(work.call, work.node): thread for thread, work in WORK.copy().items() if work.node and work.call}
 
     @contextmanager
     def watching(self) -> Iterator[None]:
@@ -90,14 +87,16 @@ class CallWatch:
         looks = Counter[Call]()
         while not ended.wait(_PERIOD):
             # Looks are counted and not seconds: a process that is frozen does not look.
-            looks = Counter({call: looks[call] + 1 for call in self.under_way})
+            looks = Counter({call: looks[call] + 1 for call in self._calls() if call not in self._calls_before})
             late = {call for call in looks if looks[call] * _PERIOD > self._timeout}
-            found = unreturned_calls(dump_stacks()) if late else {}
+            dump = dump_stacks() if late else ""
+            found = unreturned_calls(dump)
             for call, thread in self._calls().items():
-                if call in late and thread in found:
+                text = found.get(thread) or ("" if f"{thread:x}" in dump else _UNSEEN)
+                if call in late and text:
                     node = call[1]
                     if node not in self.hangs:
-                        self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {found[thread]}"
+                        self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {text}"
                         take(node, self.hangs[node])
                     end_call(thread)
 

@@ -9,14 +9,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from textwrap import dedent
-from threading import Thread
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
@@ -30,7 +29,7 @@ from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.chaos.links import Links
 from zteam.team.chaos.signals import Signals
-from zteam.team.in_process.run import InProcessRun
+from zteam.team.in_process.run import InProcessRun, in_thread
 from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.plan import command_line, is_own, stop_order
 from zteam.team.launch.process import exit_text, zteam_command
@@ -70,8 +69,6 @@ WARM_PARENT = WarmParent()
 
 TEST = "test"
 """The certificate of the test itself, in a secure team."""
-
-R = TypeVar("R")
 
 numbers = itertools.count(1)
 _KEPT_LINES = 50_000
@@ -484,13 +481,7 @@ class TeamProcesses:
         """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
         if self._interval:
             return
-        if self._in_process is not None:
-            # The watch on the calls says which one hangs.
-            calls = self._in_process.calls
-            open_now = calls.under_way
-            self._wait(lambda: not open_now & calls.under_way, START_LIMIT)
-        else:
-            self._wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self._silence_limit))
+        self._wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self._silence_limit))
         self._check()
 
     def _take_hang(self, name: str, text: str) -> None:
@@ -540,28 +531,12 @@ def _last_words(name: str, said: list[str]) -> str:
     return "\n".join(said[-_LAST_LINES:])
 
 
-def in_thread(call: Callable[[], R]) -> "Future[R]":
-    """What `call()` returns or raises, from a thread of its own: a node that hangs may hold what the call waits for."""
-    done = Future[R]()
-
-    def work() -> None:
-        try:
-            done.set_result(call())
-        except BaseException as error:
-            done.set_exception(error)
-
-    Thread(target=work, name="team", daemon=True).start()
-    return done
-
-
 def _close_in_time(close: Callable[[], None], grace: float) -> None:
     """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
     # The locks of a node that hangs would hold this thread for ever.
     done = in_thread(close)
     for _ in range(_TRIES):
-        wait([done], grace)
-        if done.done():
-            break
+        if wait([done], grace).done:
+            done.result()
+            return
         end_user_calls()
-    if done.done():
-        done.result()

@@ -39,7 +39,7 @@ from zteam.team.chaos.links import Links, no_link
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
-from zteam.team.in_process.run import Body, InProcessRun
+from zteam.team.in_process.run import Body, InProcessRun, in_thread
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.run import lease_for
@@ -50,7 +50,7 @@ from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.hangs import LOOK, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
+from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout
 from zteam.team.testing.view import ObservedTeam
 
 log = logging.getLogger("zteam")

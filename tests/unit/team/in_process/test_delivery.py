@@ -8,9 +8,8 @@ import pytest
 from support.limits import LIMIT
 from zteam.bus import Publisher
 from zteam.messages import Bool, Float64
+from zteam.node.working import WORK, working_for
 from zteam.team.in_process.bridge import NodeSessions
-from zteam.node.working import WORK
-from zteam.team.in_process.delivery import call_as
 
 
 @pytest.fixture
@@ -152,5 +151,8 @@ def test_the_innermost_node_owns_what_it_does() -> None:
         return WORK[threading.get_ident()].node
 
     assert owner() == ""
-    assert call_as("sim", owner) == "sim"
-    assert call_as("sim", lambda: (call_as("robot_0", owner), owner())) == ("robot_0", "sim")
+    with working_for("sim"):
+        assert owner() == "sim"
+        with working_for("robot_0"):
+            assert owner() == "robot_0"
+        assert owner() == "sim"
