@@ -1,6 +1,5 @@
 """How an error of a user's own code is shown."""
 
-
 import pytest
 
 from support.log_capture import captured_log

@@ -202,14 +202,14 @@ class InProcessRun(TeamRun):
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         since_start: Callable[[], float] | None = None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
-        take_hang: Callable[[str, str], None] | None = None,
+        ends_calls: bool = False,
         prefix_log: bool = False,
     ) -> None:
         """`nodes` are the bodies of own nodes, by name; tools `outside` find the team.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
-        is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch,
-        and `prefix_log` the `prefix` of `LogKeeper.naming_nodes`.
+        is called when a node has ended for good without being asked to. `ends_calls`: those that do not return, in real
+        time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.parts = parts_of(launch, on_line, nodes)
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)
@@ -217,14 +217,14 @@ class InProcessRun(TeamRun):
         self._outside = outside
         self.endpoint = "" if outside is None else outside.endpoint
         self.sessions = NodeSessions(None if outside is None else outside.bus)
-        self.calls = CallWatch(launch.pace, take_hang)
+        self.calls = CallWatch(launch.pace, in_real_time=ends_calls)
         self._prefix_log = prefix_log
         self.bus = self.sessions.bus(names.LAUNCHER)
         self._watch_recoveries(self.bus)
 
     def __enter__(self) -> Self:
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
-        self._ends.enter_context(self.calls.watching())
+        self._ends.callback(self.calls.start())
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -2,9 +2,7 @@
 
 import ctypes
 import logging
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from threading import Event, Thread
 
 from zteam.node.faults import dump_stacks, unreturned_calls
@@ -51,15 +49,14 @@ def end_user_calls() -> None:
 class CallWatch:
     """Ends the calls of nodes that last longer than the time-out of lock-step, in which other nodes wait for them."""
 
-    def __init__(self, pace: Pace, take: Callable[[str, str], None] | None = None) -> None:
-        """`take(node, text)` gets a call that lasts too long. By default it is logged, and out of lock-step such calls
-        go on."""
+    def __init__(self, pace: Pace, *, in_real_time: bool) -> None:
+        """Out of lock-step such calls go on, unless they are to end `in_real_time` too."""
+        self._ends_calls = pace.lockstep or in_real_time
         self._timeout = pace.timeout
-        self._take = take or (self._log if pace.lockstep else None)
         self.hangs: dict[str, str] = {}
-        """Where the nodes were whose calls were ended, by name."""
+        """The nodes whose calls lasted too long, and where they were then, in words."""
         self._before = {*hanging()}
-        """Left behind by another team of this process."""
+        """Left behind by an earlier team of this process."""
         self._calls_before = self._calls()
         """As well, and of nodes of perhaps the same names."""
 
@@ -72,34 +69,33 @@ class CallWatch:
         """The calls that others wait for now, those of other teams too, and their threads."""
         return {(work.call, work.node): thread for thread, work in WORK.copy().items() if work.node and work.call}
 
-    @contextmanager
-    def watching(self) -> Iterator[None]:
-        """Within, a thread looks at the calls."""
+    def start(self) -> Callable[[], None]:
+        """Have a thread look at the calls; returns a function that ends this."""
         ended = Event()
-        if self._take is not None:
-            Thread(target=self._watch, args=(ended, self._take), name="calls", daemon=True).start()
-        try:
-            yield
-        finally:
-            ended.set()
+        if self._ends_calls:
+            Thread(target=self._watch, args=(ended,), name="calls", daemon=True).start()
+        return ended.set
 
-    def _watch(self, ended: Event, take: Callable[[str, str], None]) -> None:
-        looks = Counter[Call]()
+    def _watch(self, ended: Event) -> None:
+        looks = dict[Call, int]()
         while not ended.wait(_PERIOD):
-            # Looks are counted and not seconds: a process that is frozen does not look.
-            looks = Counter({call: looks[call] + 1 for call in self._calls() if call not in self._calls_before})
-            late = {call for call in looks if looks[call] * _PERIOD > self._timeout}
-            dump = dump_stacks() if late else ""
-            found = unreturned_calls(dump)
-            for call, thread in self._calls().items():
-                text = found.get(thread) or ("" if f"{thread:x}" in dump else _UNSEEN)
-                if call in late and text:
-                    node = call[1]
-                    if node not in self.hangs:
-                        self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {text}"
-                        take(node, self.hangs[node])
-                    end_call(thread)
+            calls = {call: thread for call, thread in self._calls().items() if call not in self._calls_before}
+            # Only calls that were seen before last long enough to be shown.
+            dump = dump_stacks() if looks.keys() & calls.keys() else ""
+            shown = unreturned_calls(dump)
+            texts = {
+                call: shown.get(thread) or ("" if f"{thread:x}" in dump else _UNSEEN) for call, thread in calls.items()
+            }
+            # Looks are counted and not seconds: a frozen process does not look, and the time in a debugger is left out.
+            looks = {call: looks.get(call, 0) + 1 for call, text in texts.items() if text}
+            for call in looks:
+                if looks[call] * _PERIOD > self._timeout:
+                    self._name(call[1], texts[call])
+                    if call in self._calls():
+                        end_call(calls[call])
 
-    def _log(self, node: str, text: str) -> None:
-        with working_for(node):
-            log.error("%s", text)
+    def _name(self, node: str, text: str) -> None:
+        if node not in self.hangs:
+            self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {text}"
+            with working_for(node):
+                log.error("%s", self.hangs[node])

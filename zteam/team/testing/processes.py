@@ -182,6 +182,8 @@ class TeamProcesses:
 
     def _check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
+        if self._in_process is not None:
+            self._hangs.update(self._in_process.calls.hangs)
         for name, text in self._hangs.items():
             if name not in self._may_end:
                 raise TeamFailure(text)
@@ -483,10 +485,6 @@ class TeamProcesses:
             return
         self._wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self._silence_limit))
         self._check()
-
-    def _take_hang(self, name: str, text: str) -> None:
-        """A call of a node's own code in this process lasts too long."""
-        self._hangs[name] = text
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""

@@ -196,7 +196,7 @@ class TeamFixture(TeamProcesses):
             # As a process of the team logs.
             ends.callback(log.setLevel, log.level)
             log.setLevel(logging.INFO)
-            run = ends.enter_context(InProcessRun(launch, Stop(), nodes, take_hang=self._take_hang))
+            run = ends.enter_context(InProcessRun(launch, Stop(), nodes, ends_calls=True))
             ends.callback(KEEPER.pass_to(self._take_log))
             self._in_process_ends = ends.pop_all()
         self._in_process = run

@@ -3,6 +3,7 @@
 import bdb
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import pytest
@@ -62,6 +63,16 @@ def in_thread(work: Callable[[], object]) -> threading.Thread:
     return thread
 
 
+@contextmanager
+def watching(watch: CallWatch) -> Iterator[None]:
+    """Within, the calls are looked at."""
+    end = watch.start()
+    try:
+        yield
+    finally:
+        end()
+
+
 def loop(_news: object = None) -> None:
     """Never returns."""
     while True:
@@ -78,8 +89,8 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
             while not done.is_set():
                 pass
 
-    watch = CallWatch(PACE)
-    with captured_log() as log, watch.watching():
+    watch = CallWatch(PACE, in_real_time=False)
+    with captured_log() as log, watching(watch):
         slow = in_thread(prepare)
         assert begun.wait(LIMIT)
         world = deliver("robot_1", loop)
@@ -95,23 +106,22 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
 
 def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
     """As in real time, for whoever asks for that."""
-    found: dict[str, str] = {}
-    watch = CallWatch(Pace(timeout=0.05), found.__setitem__)
+    watch = CallWatch(Pace(timeout=0.05), in_real_time=True)
 
     def work() -> None:
         with working_for("robot_1"), pytest.raises(SystemExit):
             StepWatch("Loop.step", "", "").run(loop, 0.0, paced=True)
 
-    with watch.watching():
+    with watching(watch):
         thread = in_thread(work)
         thread.join(LIMIT)
     assert not thread.is_alive()
-    assert found["robot_1"].startswith("robot_1 hangs: after 0.05 s loop has not returned (")
+    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.05 s loop has not returned (")
 
 
 def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> None:
     """The user may look at a call for as long as they like."""
-    stopped, done = threading.Event(), threading.Event()
+    stopped, done, returned = threading.Event(), threading.Event(), list[bool]()
 
     class Debugger(bdb.Bdb):
         def user_line(self, frame: object) -> None:
@@ -122,16 +132,17 @@ def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> No
 
     def take(_news: object) -> None:
         Debugger().set_trace()
-        assert stopped.is_set()
+        returned.append(stopped.is_set())
 
-    watch = CallWatch(PACE)
-    with watch.watching():
+    watch = CallWatch(PACE, in_real_time=False)
+    with watching(watch):
         debugged = deliver("robot_0", take)
         assert stopped.wait(LIMIT)
-        # Other calls are looked at meanwhile.
+        # Other calls are ended meanwhile.
         deliver("robot_1", loop).join(LIMIT)
         done.set()
         debugged.join(LIMIT)
+    assert returned == [True]
     assert ended == [*watch.hangs] == ["robot_1"]
 
 
@@ -143,11 +154,11 @@ def test_a_loop_among_many_threads_is_ended(deliver: Callable[..., threading.Thr
         begun.wait(LIMIT)
         loop()
 
-    watch = CallWatch(PACE)
+    watch = CallWatch(PACE, in_real_time=False)
     world = deliver("robot_0", take)
     others = [in_thread(partial(done.wait, LIMIT)) for _ in range(100)]
     begun.set()
-    with watch.watching():
+    with watching(watch):
         world.join(LIMIT)
     done.set()
     for each in others:
@@ -186,7 +197,7 @@ def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.Monkey
             step.look()
 
     hang(old)
-    watch = CallWatch(PACE)
+    watch = CallWatch(PACE, in_real_time=False)
     assert watch.hung == set()
     hang(new)
     assert watch.hung == {new.node}
@@ -196,23 +207,17 @@ def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.Monkey
 
 def test_a_call_that_another_team_left_behind_fails_no_later_one(deliver: Callable[..., threading.Thread]) -> None:
     """It cannot be ended, and its node has the name of one of the later team."""
-    begun, done, taken, seen = threading.Event(), threading.Event(), list[str](), threading.Event()
+    begun, done = threading.Event(), threading.Event()
 
     def sleep(_news: object) -> None:
         begun.set()
         done.wait(LIMIT)
 
-    def take(node: str, _text: str) -> None:
-        taken.append(node)
-        seen.set()
-
     left_behind = deliver("robot_0", sleep)
     assert begun.wait(LIMIT)
-    watch = CallWatch(PACE, take)
-    new = deliver("robot_1", sleep)
-    with watch.watching():
-        assert seen.wait(LIMIT)
+    watch = CallWatch(PACE, in_real_time=False)
+    with watching(watch):
+        deliver("robot_1", loop).join(LIMIT)
     done.set()
-    for each in (left_behind, new):
-        each.join(LIMIT)
-    assert {*taken} == {"robot_1"}
+    left_behind.join(LIMIT)
+    assert ended == [*watch.hangs] == ["robot_1"]
