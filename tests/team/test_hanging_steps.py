@@ -52,6 +52,8 @@ def test_a_hanging_step_fails_the_run(tmp_path: Path, where: tuple[str, ...], pa
     output = done.stdout + done.stderr
     assert done.returncode == 1, output
     assert "robot_0 failed: see the log above" in done.stderr
+    if where:
+        assert f"up: robot_0 hangs: after {pace[-1]} s step has not returned ({tmp_path}/blocks.py:" in done.stderr
     named = [line for line in output.splitlines() if "Blocks.step has not returned for" in line]
     assert len(named) == 1, output
     assert named[0].startswith("[robot_0]")

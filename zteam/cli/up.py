@@ -6,6 +6,7 @@ import logging
 import os
 import shlex
 import sys
+from collections.abc import Iterable
 from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
@@ -349,7 +350,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
                 return 0
         cancel()
         give_back()
-    return _conclude(team_run, report, stop, args.report)
+    return _conclude(team_run, report, stop, args.report, members.hangs.values())
 
 
 def _give_terminal_to_debugger(display: "RunDisplay") -> None:
@@ -396,9 +397,11 @@ def _tool_environment(certificates: Path, endpoint: str) -> str:
     return " ".join(["export", *(f"{name}={shlex.quote(value)}" for name, value in variables.items())])
 
 
-def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None) -> int:
-    """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, or if
-    a robot moved on without commands."""
+def _conclude(
+    team_run: "TeamRun", report: "RunReport | None", stop: "Stop", file: str | None, hangs: Iterable[str] = ()
+) -> int:
+    """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes failed, with
+    the texts of those that hang, or if a robot moved on without commands."""
     import msgspec
 
     from zteam.team.run.report import format_report, write_report
@@ -418,7 +421,7 @@ def _conclude(team_run: "TeamRun", report: "RunReport | None", stop: "Stop", fil
     if chaos is not None and chaos.violations:
         raise ZteamError("a robot moved longer than the watchdog allows: see above")
     if failed := {*team_run.failed, *(report.hung if report is not None else ())}:
-        raise ZteamError(f"{', '.join(sorted(failed))} failed: see the log above")
+        raise ZteamError("\n".join([*hangs, f"{', '.join(sorted(failed))} failed: see the log above"]))
     return 0
 
 

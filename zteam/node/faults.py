@@ -1,15 +1,16 @@
 """How an error of a user's own code is shown: its traceback without the frames of zteam around it; and where code is
 that does not return."""
 
-import gc
+import faulthandler
 import logging
 import os
+import re
 import signal
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
+from traceback import FrameSummary, StackSummary
 
 from zteam.node.launcher import report
 from zteam.node.shutdown import Stop
@@ -36,27 +37,16 @@ STACKS = "ZTEAM_STACKS"
 STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
 """Each has a process write the stacks of its threads to its file in that folder. The second one is for a process that
 does not answer the first one."""
+_THREAD = re.compile(r"^(?:Current thread|Thread) 0x([0-9a-f]+).*$", re.MULTILINE)
+_FRAME = re.compile(r'^  (?:File "(.*)", line (\d+) in (.*)|\.\.\.)$', re.MULTILINE)
+"""As `faulthandler` writes them. Three dots follow the frames of a long stack."""
+_DEBUGGERS = ("bdb.", "pydevd", "_pydevd")
+"""Files of pdb, and of the debuggers of VS Code and PyCharm."""
 
 
 def is_own(file: str) -> bool:
     """Whether the code of this file is zteam's."""
     return file.startswith(_OWN)
-
-
-@contextmanager
-def reading_frames() -> Iterator[None]:
-    """Within, frames of threads that run may be read.
-
-    Before Python 3.12, an allocation can run the garbage collector at once, also while CPython reads a frame. The
-    finalizers let the other threads run, and if the frame ends then, CPython reads memory that was freed.
-    """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 def offer_stacks(name: str, stop: Stop) -> None:
@@ -72,7 +62,6 @@ def offer_stacks(name: str, stop: Stop) -> None:
     folder = os.environ.get(STACKS)
     if not folder:
         return
-    import faulthandler
     import fcntl
 
     path = f"{folder}/{name.replace(os.sep, chr(95))}.{os.getpid()}"
@@ -91,13 +80,54 @@ def is_library(file: str) -> bool:
     return file.startswith("<frozen ") or (file.startswith(_PYTHON) and "-packages" not in file)
 
 
-def unreturned_text(function: str, stack: traceback.StackSummary) -> str:
-    """Of a call that has not returned: the user's line in which it is, and its traceback; the outermost frame first."""
-    of_user = [frame for frame in stack if not (is_own(frame.filename) or is_library(frame.filename))]
+def dump_stacks() -> str:
+    """What `faulthandler` writes of the threads of this process, up to 100."""
+    import tempfile
+
+    with tempfile.TemporaryFile() as file:
+        faulthandler.dump_traceback(file)
+        file.seek(0)
+        return file.read().decode(errors="replace")
+
+
+def stacks_in(dump: str) -> dict[int, StackSummary]:
+    """The stacks in what `faulthandler` wrote, by thread; the outermost frame first."""
+    _, *parts = _THREAD.split(dump)
+    found = {}
+    for thread, frames in zip(parts[::2], parts[1::2], strict=True):
+        # What is left out of a long stack ends in zteam, which calls all code of users.
+        stack = [FrameSummary(_path(file) or _OWN, int(line or 0), name) for file, line, name in _FRAME.findall(frames)]
+        found[int(thread, 16)] = StackSummary.from_list(stack[::-1])
+    return found
+
+
+def unreturned_calls(dump: str) -> dict[int, str]:
+    """The threads in what `faulthandler` wrote that are in a call of user's code by zteam, without those in a debugger:
+    the user's line in which the call is, and its traceback."""
+    found = {}
+    for thread, stack in stacks_in(dump).items():
+        # From the call that waits in zteam or in a library to the user's line, then up to what zteam has called.
+        frames = stack[::-1]
+        while frames and (is_own(frames[0].filename) or is_library(frames[0].filename)):
+            frames.pop(0)
+        call = [*takewhile(lambda frame: not is_own(frame.filename), frames)][::-1]
+        is_debugged = any(Path(frame.filename).name.startswith(_DEBUGGERS) for frame in stack)
+        if call and len(call) < len(frames) and not is_library(call[0].filename) and not is_debugged:
+            found[thread] = _unreturned_text(StackSummary.from_list(call))
+    return found
+
+
+def _path(written: str) -> str:
+    """A path whose characters beyond ASCII are written as in Python."""
+    return re.sub(r"\\x..|\\u.{4}|\\U.{8}", lambda found: chr(int(found[0][2:], 16)), written)
+
+
+def _unreturned_text(stack: StackSummary) -> str:
     # What an environment has installed is not the user's, unless all of it is.
-    now = ([frame for frame in of_user if not frame.filename.startswith(sys.prefix)] or of_user or stack)[-1]
+    of_user = [frame for frame in stack if not is_library(frame.filename)]
+    now = ([frame for frame in of_user if not frame.filename.startswith(sys.prefix)] or of_user)[-1]
     text = "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
-    return f"{function} has not returned ({now.filename}:{now.lineno})\n{text}"
+    return f"{stack[0].name} has not returned ({now.filename}:{now.lineno})\n{text}"
 
 
 def fault_text(error: BaseException) -> str:

@@ -14,6 +14,7 @@ import msgspec
 from zteam.clock import local_time_text, wall_ns
 from zteam.errors import printable, printable_json
 from zteam.node.log_client import KEPT, LogLine
+from zteam.node.working import WORK
 
 LEVELS = ("debug", "info", "warning", "error")
 MAX_TEXT = 8192
@@ -37,8 +38,8 @@ class LogKeeper:
         self._thread = threading.local()
         self._kept: deque[LogLine] = deque(maxlen=KEPT)
         self._last = 0
-        self.owner: Callable[[], str] = lambda: ""
-        """The node whose code logs now, where this process has several; else empty. Each record gets it as `node`."""
+        self._others, self._prefix = "", False
+        """What `naming_nodes` was given."""
         self.reset()
 
     def reset(self) -> None:
@@ -73,8 +74,10 @@ class LogKeeper:
         def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
             record = make(*args, **kwargs)
             if active:
-                record.node = getattr(self._thread, "owner", "") or self.owner()
+                node = record.node = WORK[threading.get_ident()].node or self._others
                 self._take(record)
+                if self._prefix and node != self._others:
+                    record.msg = f"[{node}] {record.msg}"
             return record
 
         def end() -> None:
@@ -88,13 +91,18 @@ class LogKeeper:
         return end
 
     @contextmanager
-    def owned_by(self, node: str) -> Iterator[None]:
-        """Within, the lines of this thread are those of `node`, whose code does not run in it."""
-        self._thread.owner = node
+    def naming_nodes(self, others: str, *, prefix: bool) -> Iterator[None]:
+        """Keep lines within; those of threads that work for no node have the name `others`.
+
+        With `prefix` the text of a node's record begins with the node's name: for programs with a log of their own.
+        """
+        end, before = self.begin(), (self._others, self._prefix)
+        self._others, self._prefix = others, prefix
         try:
             yield
         finally:
-            self._thread.owner = ""
+            self._others, self._prefix = before
+            end()
 
     def kept(self, process: str) -> list[LogLine]:
         """The newest lines of the process, or of the node of this name in it, the oldest first."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from zteam.clock import Every, monotonic, pause, thread_time
-from zteam.node.logs import KEEPER
+from zteam.node.working import CALLS, WORK, working_for
 
 log = logging.getLogger("zteam")
 
@@ -35,7 +35,7 @@ class StepWatch:
     def __init__(self, step: str, rhythm: str, way_out: str) -> None:
         """The log names `step`, its interval after `rhythm`, such as `a scan comes every`, and the `way_out`."""
         self._step, self._rhythm, self._way_out = step, rhythm, way_out
-        self.node = KEEPER.owner()
+        self.node = WORK[threading.get_ident()].node
         """Where this process has several: whose steps they are."""
         self._began: float | None = None
         """Host time at which the step began that is under way."""
@@ -67,6 +67,8 @@ class StepWatch:
     def begin(self, interval: float) -> None:
         """A step begins; the next one is due after `interval` seconds, 0 where that is not known."""
         self._interval, self._looks = interval, 0
+        self._work = WORK[threading.get_ident()]
+        self._outer_call, self._work.call = self._work.call, next(CALLS)
         self._worked, self._began = thread_time(), monotonic()
         _under_way.add(self)
         if _thread is None:
@@ -75,6 +77,7 @@ class StepWatch:
     def end(self, *, paced: bool) -> None:
         """The step is over. Where it is `paced` by a clock, it is too slow if it misses the next one."""
         _under_way.discard(self)
+        self._work.call = self._outer_call
         assert self._began is not None
         seconds, self._began = monotonic() - self._began, None
         is_late = paced and 0.0 < self._interval < seconds
@@ -87,7 +90,7 @@ class StepWatch:
         self._looks += 1
         began = self._began
         if began is not None and self.is_long and self._hangs.due():
-            with KEEPER.owned_by(self.node):
+            with working_for(self.node):
                 log.warning("%s", self._text("has not returned for", monotonic() - began))
 
     def _text(self, verb: str, seconds: float) -> str:

@@ -1,11 +1,7 @@
 """How an error of a user's own code is shown."""
 
-import subprocess
-import sys
-
 import pytest
 
-from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.errors import UsageError
 from zteam.names import parse_robot_id
@@ -104,42 +100,3 @@ def test_too_few_descriptors_are_one_line(text: str) -> None:
 def test_another_error_is_no_shortage() -> None:
     """Its traceback is needed."""
     assert shortage_text(RuntimeError("no way")) == ""
-
-
-LOOKS = """
-import gc, sys, threading, time
-from zteam.node.faults import reading_frames
-
-class Cycle:
-    def __init__(self):
-        self.me = self
-
-    def __del__(self):
-        time.sleep(0)
-
-def call(depth):
-    return call(depth - 1) + 1 if depth else 0
-
-def work():
-    while True:
-        call(12)
-
-sys.setswitchinterval(1e-5)
-gc.set_threshold(15, 1000, 1000)
-for _ in range(2):
-    threading.Thread(target=work, daemon=True).start()
-for _ in range(1000):
-    Cycle(), Cycle()
-    with reading_frames():
-        for frame in sys._current_frames().values():
-            while frame is not None:
-                frame.f_locals
-                frame = frame.f_back
-"""
-
-
-@pytest.mark.gate
-def test_frames_of_running_threads_can_be_read() -> None:
-    """No finalizer lets the other threads end a frame that is being read; without the pause, Python 3.11 crashes."""
-    ended = subprocess.run([sys.executable, "-c", LOOKS], check=False, capture_output=True, text=True, timeout=LIMIT)
-    assert ended.returncode == 0, ended.stderr

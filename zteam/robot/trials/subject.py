@@ -22,7 +22,7 @@ from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist
 from zteam.messages.cdr import encode
-from zteam.node.faults import reading_frames
+from zteam.node.faults import dump_stacks, stacks_in
 from zteam.robot.behaviors.behavior import Behavior, View
 from zteam.robot.behaviors.registry import error_text, is_own, read_params
 from zteam.robot.safety.layer import ask
@@ -194,9 +194,7 @@ class TrialWatch:
         """Note where a slow step is; the fault of one that does not return. Called by the other thread."""
         began = self._began
         seconds = 0.0 if began is None else monotonic() - began
-        with reading_frames():
-            frame = sys._current_frames().get(self._thread) if seconds > TICK else None
-            stack = frame and traceback.extract_stack(frame)
+        stack = stacks_in(dump_stacks()).get(self._thread) if seconds > TICK else None
         if stack is None or self._began != began:
             return None
         place = place_in(stack, self._kind)

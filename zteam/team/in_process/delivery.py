@@ -13,37 +13,14 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 from threading import get_ident
-from types import CodeType, FrameType
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam.bus.memory import HubReceiver
 from zteam.bus.transport import QueryHandler
+from zteam.node.working import CALLS, WORK, Work, working_for
 
 log = logging.getLogger("zteam")
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-T = TypeVar("T")
-
-_MARKED: set[CodeType] = set()
-"""The code of functions whose variable `owner` names the node that works in them."""
-
-
-def marks_owner(function: F) -> F:
-    """Let `current_owner` find the variable `owner` of this function."""
-    _MARKED.add(function.__code__)
-    return function
-
-
-def current_owner(frame: FrameType | None, default: str) -> str:
-    """The node that works in this frame, as the functions below it tell: nothing is noted for each message."""
-    while frame is not None:
-        if frame.f_code in _MARKED and "owner" in frame.f_locals:
-            return str(frame.f_locals["owner"])
-        frame = frame.f_back
-    return default
 
 
 class Delivery:
@@ -52,6 +29,8 @@ class Delivery:
     def __init__(self) -> None:
         self.direct = 0
         """The thread that calls handlers itself; 0 = none."""
+        self._work: Work
+        """Of that thread."""
         self._posted: deque[tuple[Sequence[HubReceiver], Any]] = deque()
         """What the other threads put. The first one is being handled."""
         self._following: deque[tuple[Sequence[HubReceiver], Any]] = deque()
@@ -60,14 +39,14 @@ class Delivery:
         """Whether the direct thread calls handlers."""
         self._changed = threading.Condition()
         self._closed = False
-        self._thread = threading.Thread(target=self._work, name="messages", daemon=True)
+        self._thread = threading.Thread(target=self._handle_posted, name="messages", daemon=True)
         self._thread.start()
 
     def deliver_in_this_thread(self) -> None:
         """From now on this thread calls the handlers of what it puts."""
         self.direct = get_ident()
+        self._work = WORK[self.direct]
 
-    @marks_owner
     def deliver(self, receivers: Sequence[HubReceiver], news: Any) -> None:
         """Call the receivers, or have them called. The hub calls this in the thread that puts a message."""
         following = self._following
@@ -81,14 +60,19 @@ class Delivery:
             following.append((receivers, news))
         else:
             self._delivering = True
+            work = self._work
+            before = work.node
             try:
-                for owner, take in receivers:  # noqa: B007
+                work.call = next(CALLS)
+                for work.node, take in receivers:
                     take(news)
                 while following:
                     receivers, news = following.popleft()
-                    for owner, take in receivers:  # noqa: B007
+                    work.call = next(CALLS)
+                    for work.node, take in receivers:
                         take(news)
             finally:
+                work.node, work.call = before, 0
                 self._delivering = False
 
     def _post(self, news: list[tuple[Sequence[HubReceiver], Any]]) -> None:
@@ -96,19 +80,22 @@ class Delivery:
             self._posted += news
             self._changed.notify()
 
-    def _work(self) -> None:
+    def _handle_posted(self) -> None:
+        work = WORK[get_ident()]
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._posted or self._closed)
                 if self._closed:
                     return
             receivers, news = self._posted[0]
-            for owner, take in receivers:
+            for work.node, take in receivers:
+                work.call = next(CALLS)
                 try:
-                    call_as(owner, take, news)
+                    take(news)
                 except BaseException:
                     # As over Zenoh: it does not end the thread, which serves all nodes.
                     log.exception("error in a callback of the bus")
+            work.node, work.call = "", 0
             self._posted.popleft()
 
     def close(self) -> None:
@@ -118,17 +105,12 @@ class Delivery:
             self._changed.notify()
 
 
-@marks_owner
-def call_as(owner: str, function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function as the node `owner`."""
-    return function(*arguments)
-
-
 def answering_as(owner: str, handler: QueryHandler) -> QueryHandler:
     """Calls `handler(asked, payload)` as the node `owner`, and what it returns if that takes its time."""
+    as_owner = working_for(owner)
 
     def answer(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
-        made = call_as(owner, handler, asked, payload)
-        return partial(call_as, owner, made) if callable(made) else made
+        made = as_owner(handler)(asked, payload)
+        return as_owner(made) if callable(made) else made
 
     return answer

@@ -13,7 +13,6 @@ from zteam.errors import UsageError, ZteamError
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
-from zteam.team.in_process.user_calls import prefixing_lines
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import with_faults
 from zteam.team.launch.process import exit_text
@@ -78,17 +77,19 @@ def run_team(
         nullcontext() if bus is None else open_outside(bus, pace) as outside,
         stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
         TeamRun(
-            members := Threads(nodes, outside, on_end=on_end), launch, stop, since_start=lambda: monotonic() - began
+            members := Threads(nodes, outside, on_end=on_end, prefix_log=True),
+            launch,
+            stop,
+            since_start=lambda: monotonic() - began,
         ) as run,
-        prefixing_lines(),
     ):
         if outside is not None:
             log.info("router at %s", outside.endpoint)
             warn_of_endpoint(outside.endpoint, outside.given)
         run.open()
         report = members.beside_simulator(carry_out)
-    for name in members.hung:
-        raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
+    for text in members.hangs.values():
+        raise ZteamError(text)
     for node in members.failures:
         raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
     if report is None:

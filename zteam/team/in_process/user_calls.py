@@ -1,157 +1,101 @@
-"""Whose code runs in a process of a whole team: a call of a user's that does not return is named, and ended; lines of
-the log have the name of their node."""
+"""Calls of a user's code that do not return, in the process of a whole team: they are named and ended."""
 
 import ctypes
 import logging
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from itertools import takewhile
+from collections.abc import Callable
 from threading import Event, Thread
-from traceback import StackSummary, walk_stack
-from types import FrameType
-from typing import Any, NamedTuple
 
-from zteam import names
-from zteam.node.faults import is_own, reading_frames, unreturned_text
-from zteam.node.logs import KEEPER, node_of
+from zteam.node.faults import dump_stacks, unreturned_calls
 from zteam.node.step_watch import hanging
-from zteam.team.in_process.delivery import Delivery, current_owner
+from zteam.node.working import WORK, working_for
 from zteam.team.launch.team_launch import Pace
 
 log = logging.getLogger("zteam")
 
 _PERIOD = 0.5
 """Host seconds between two looks at the threads."""
-_DEBUGGERS = ("bdb", "pydevd", "_pydevd")
-"""Modules of pdb, and of the debuggers of VS Code and PyCharm."""
 
+_UNSEEN = "a call has not returned (faulthandler shows no more than 100 threads)"
 
-def _is_library(frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__")).partition(".")[0] in sys.stdlib_module_names
-
-
-def _is_debugger(frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__")).startswith(_DEBUGGERS)
+Call = tuple[int, str]
+"""The number of a call that is under way, and its node."""
 
 
 class _Ended(SystemExit):
     """Raised in a call that does not return. An `except Exception` in its loop does not catch it."""
 
-    def __init__(self) -> None:
-        super().__init__(1)
+    code = 1
 
 
-class UserCall(NamedTuple):
-    """A call of a node's user code that has not returned."""
+def end_call(thread: int) -> None:
+    """End what a thread runs, such as an endless loop of a user's code, and the node that runs there.
 
-    owner: str
-    """The node."""
-    thread: int
-    frames: list[FrameType]
-    """From what zteam called to where it is now. The first one is the same object as long as the call lasts."""
-
-    def describe(self) -> str:
-        """Which function it is and in which line, and then its traceback."""
-        stack = StackSummary.extract((frame, frame.f_lineno) for frame in self.frames)
-        return unreturned_text(self.frames[0].f_code.co_qualname, stack)
-
-    def end(self) -> None:
-        """End it and its node. One that waits outside of Python, as in `time.sleep`, goes on until that is over."""
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self.thread), ctypes.py_object(_Ended))
+    This is a hack. Python offers no way to end a thread; CPython's C API can only have the thread raise an exception
+    at its next bytecode, wherever that is. So it can leave data half changed, and code that catches SystemExit goes
+    on. A thread that waits outside of Python, as in `time.sleep`, raises when the wait is over. It is used only on a
+    node that hangs: without it, one such loop takes the interpreter's lock from all that follows in the process, such
+    as the rest of a pytest session.
+    """
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(_Ended))
 
 
-def user_calls() -> list[UserCall]:
-    """The calls that nodes of this process are in now, without those in a debugger."""
-    found = list[UserCall]()
-    with reading_frames():
-        for thread, top in sys._current_frames().items():
-            above = (frame for frame, _ in walk_stack(top))
-            frames = [*takewhile(lambda frame: not is_own(frame.f_code.co_filename), above)][::-1]
-            owner = current_owner(top, "")
-            # What zteam itself calls of the standard library are waits.
-            if owner and frames and not _is_library(frames[0]) and not any(map(_is_debugger, frames)):
-                found.append(UserCall(owner, thread, frames))
-    return found
+def end_user_calls() -> None:
+    """End every node of this process that is in a user's code now."""
+    for thread in unreturned_calls(dump_stacks()):
+        if WORK[thread].node:
+            end_call(thread)
 
 
 class CallWatch:
-    """Ends the calls that last longer than the time-out of lock-step, in which the other nodes share their thread."""
+    """Ends the calls of nodes that last longer than the time-out of lock-step, in which other nodes wait for them."""
 
-    def __init__(self, pace: Pace, delivery: Delivery, take: Callable[[UserCall], bool] | None = None) -> None:
-        """`take(call)` gets a call that lasts too long, and says whether to end it.
-
-        By default one is ended that holds the world of lock-step. A start may take any time.
-        """
-        self._pace, self._delivery = pace, delivery
-        self._take = take or self._name
-        self._named: set[str] = set()
+    def __init__(self, pace: Pace, *, in_real_time: bool) -> None:
+        """Out of lock-step such calls go on, unless they are to end `in_real_time` too."""
+        self._ends_calls = pace.lockstep or in_real_time
+        self._timeout = pace.timeout
+        self.hangs: dict[str, str] = {}
+        """The nodes whose calls lasted too long, and where they were then, in words."""
         self._before = {*hanging()}
-        """Left behind by another team of this process."""
-        self._left_behind = [call.frames[0] for call in user_calls()]
-        """As well, and with nodes of perhaps the same names."""
+        """Left behind by an earlier team of this process."""
+        self._calls_before = self._calls()
+        """As well, and of nodes of perhaps the same names."""
 
     @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return self._named.union(watch.node for watch in hanging() if watch not in self._before)
+        return {*self.hangs, *(watch.node for watch in hanging() if watch not in self._before)}
 
-    @contextmanager
-    def watching(self) -> Iterator[None]:
-        """Within, a thread looks at the calls."""
+    def _calls(self) -> dict[Call, int]:
+        """The calls that others wait for now, those of other teams too, and their threads."""
+        return {(work.call, work.node): thread for thread, work in WORK.copy().items() if work.node and work.call}
+
+    def start(self) -> Callable[[], None]:
+        """Have a thread look at the calls; returns a function that ends this."""
         ended = Event()
-        Thread(target=self._watch, args=(ended,), name="calls", daemon=True).start()
-        try:
-            yield
-        finally:
-            ended.set()
+        if self._ends_calls:
+            Thread(target=self._watch, args=(ended,), name="calls", daemon=True).start()
+        return ended.set
 
     def _watch(self, ended: Event) -> None:
-        looks: dict[FrameType, int] = {}
+        looks = dict[Call, int]()
         while not ended.wait(_PERIOD):
-            calls = [call for call in user_calls() if call.frames[0] not in self._left_behind]
-            # Looks are counted and not seconds: a process that is frozen does not look.
-            looks = {call.frames[0]: looks.get(call.frames[0], 0) + 1 for call in calls}
-            for call in calls:
-                if looks[call.frames[0]] * _PERIOD > self._pace.timeout and self._take(call):
-                    call.end()
+            calls = {call: thread for call, thread in self._calls().items() if call not in self._calls_before}
+            # Only calls that were seen before last long enough to be shown.
+            dump = dump_stacks() if looks.keys() & calls.keys() else ""
+            shown = unreturned_calls(dump)
+            texts = {
+                call: shown.get(thread) or ("" if f"{thread:x}" in dump else _UNSEEN) for call, thread in calls.items()
+            }
+            # Looks are counted and not seconds: a frozen process does not look, and the time in a debugger is left out.
+            looks = {call: looks.get(call, 0) + 1 for call, text in texts.items() if text}
+            for call in looks:
+                if looks[call] * _PERIOD > self._timeout:
+                    self._name(call[1], texts[call])
+                    if call in self._calls():
+                        end_call(calls[call])
 
-    def _name(self, call: UserCall) -> bool:
-        if not self._pace.lockstep or call.thread != self._delivery.direct:
-            return False
-        if call.owner not in self._named:
-            self._named.add(call.owner)
-            with KEEPER.owned_by(call.owner):
-                log.error("%s", call.describe())
-        return True
-
-
-@contextmanager
-def naming_nodes() -> Iterator[None]:
-    """Within, each record of the log has the name of its node as `node`; that of the launcher for all other code."""
-    end, before = KEEPER.begin(), KEEPER.owner
-    KEEPER.owner = lambda: current_owner(sys._getframe(), names.LAUNCHER)
-    try:
-        yield
-    finally:
-        KEEPER.owner = before
-        end()
-
-
-@contextmanager
-def prefixing_lines() -> Iterator[None]:
-    """Within, the text of each record of a node begins with the node's name: for programs with a log of their own."""
-    make = logging.getLogRecordFactory()
-
-    def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
-        record = make(*args, **kwargs)
-        if node_of(record) not in ("", names.LAUNCHER):
-            record.msg = f"[{node_of(record)}] {record.msg}"
-        return record
-
-    logging.setLogRecordFactory(make_record)
-    try:
-        yield
-    finally:
-        if logging.getLogRecordFactory() is make_record:
-            logging.setLogRecordFactory(make)
+    def _name(self, node: str, text: str) -> None:
+        if node not in self.hangs:
+            self.hangs[node] = f"{node} hangs: after {self._timeout:g} s {text}"
+            with working_for(node):
+                log.error("%s", self.hangs[node])

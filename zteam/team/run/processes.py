@@ -154,6 +154,11 @@ class Processes:
         """None: a process that hangs ends with HUNG."""
         return set()
 
+    @property
+    def hangs(self) -> dict[str, str]:
+        """None: the watch of a test finds them."""
+        return {}
+
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Prepare to start this team: issue its certificates. Raises ZteamError."""
         self._launch, self._plan = launch, plan

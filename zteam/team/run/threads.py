@@ -23,16 +23,17 @@ from zteam.bus.router import open_team_router
 from zteam.errors import UsageError, ZteamError
 from zteam.node.faults import user_fault
 from zteam.node.kinds import KINDS
+from zteam.node.logs import KEEPER
 from zteam.node.node import Node, stepping
 from zteam.node.process_node import ProcessNode, run_body
 from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.node.shutdown import Stop
+from zteam.node.working import working_for
 from zteam.robot.process.inputs import TransformInputs
 from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.links import no_link
 from zteam.team.in_process.bridge import NodeSessions
-from zteam.team.in_process.delivery import marks_owner
-from zteam.team.in_process.user_calls import CallWatch, UserCall, naming_nodes
+from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
@@ -78,6 +79,20 @@ def parts_of(
     return parts
 
 
+def in_thread(call: Callable[[], R], name: str = "team") -> "Future[R]":
+    """What `call()` returns or raises, from a thread of its own."""
+    done = Future[R]()
+
+    def work() -> None:
+        try:
+            done.set_result(call())
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=work, name=name, daemon=True).start()
+    return done
+
+
 class NodeThread:
     """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
 
@@ -108,15 +123,17 @@ class NodeThread:
         """The text of that error; empty if there is none, or if zteam has reported it in a line."""
         return "" if self.error is None or isinstance(self.error, (ZteamError, SystemExit)) else user_fault(self.error)
 
-    @marks_owner
     def run(self) -> None:
         """Run the node in this thread."""
-        owner, part = self.name, self._part
-        code = 1
-        if owner == names.SIMULATOR:
+        with working_for(self.name):
+            self._run()
+
+    def _run(self) -> None:
+        name, part, code = self.name, self._part, 1
+        if name == names.SIMULATOR:
             self._sessions.delivery.deliver_in_this_thread()
         try:
-            code = run_body(owner, lambda: self._sessions.bus(owner), self._body, self._stop, part.clock, part.make)
+            code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else int(error.code is not None)
         except BaseException as error:
@@ -189,18 +206,20 @@ class Threads:
         name: str = names.LAUNCHER,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
         on_end: Callable[[NodeThread], None] = lambda _node: None,
-        take_hang: Callable[[UserCall], bool] | None = None,
+        ends_calls: bool = False,
+        prefix_log: bool = False,
     ) -> None:
         """`nodes` are the bodies of own nodes, by name; tools `outside` find the team. `name` is that of the caller.
 
         `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
-        is called when a node has ended for good without being asked to; `take_hang` is that of CallWatch.
+        is called when a node has ended for good without being asked to. `ends_calls`: those that do not return, in real
+        time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
         self.bus: Bus | None = None
         self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
-        self._on_end, self._take_hang = on_end, take_hang
+        self._on_end, self._ends_calls, self._prefix_log = on_end, ends_calls, prefix_log
         self.calls: CallWatch | None = None
         """None before there is a team."""
         self._ends = ExitStack()
@@ -221,6 +240,11 @@ class Threads:
         return set() if self.calls is None else self.calls.hung
 
     @property
+    def hangs(self) -> dict[str, str]:
+        """Where nodes were whose calls lasted too long, in words."""
+        return {} if self.calls is None else self.calls.hangs
+
+    @property
     def failures(self) -> list[NodeThread]:
         """The nodes of this process that ended for good without being asked to."""
         return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
@@ -235,9 +259,9 @@ class Threads:
         self.parts = parts_of(launch, self._on_line, self._nodes)
         self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
         self._ends.callback(self.sessions.close)
-        self.calls = CallWatch(launch.pace, self.sessions.delivery, self._take_hang)
-        self._ends.enter_context(naming_nodes())
-        self._ends.enter_context(self.calls.watching())
+        self.calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
+        self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
+        self._ends.callback(self.calls.start())
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""
@@ -253,15 +277,13 @@ class Threads:
         simulator, result = self._make(names.SIMULATOR), Future[R]()
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 
-        def run() -> None:
+        def run() -> R:
             try:
-                result.set_result(work())
-            except BaseException as error:
-                result.set_exception(error)
+                return work()
             finally:
                 simulator.terminate()
 
-        Thread(target=run, name="launcher", daemon=True).start()
+        result = in_thread(run, "launcher")
         simulator.run()
         return result.result()
 

@@ -3,17 +3,13 @@
 import contextlib
 import fcntl
 import os
-import re
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterator
-from itertools import takewhile
 from pathlib import Path
-from traceback import FrameSummary, StackSummary
 
 from zteam.clock import HOST_FACTOR, monotonic, pause
-from zteam.node.faults import STACK_SIGNALS, STACKS, is_library, is_own, unreturned_text
+from zteam.node.faults import STACK_SIGNALS, STACKS, unreturned_calls
 
 LOOK = 1.0
 """Host seconds between two looks at what is waited for."""
@@ -23,8 +19,6 @@ _ANSWER = 1.0 * HOST_FACTOR
 """Host seconds for a process to write its stacks on a signal; a frozen one writes none."""
 _WHOLE = 0.3 * HOST_FACTOR
 """Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
-_FRAME = re.compile(r'  File "(.*)", line (\d+) in (.*)')
-"""As `faulthandler` writes one."""
 
 
 class Wait:
@@ -67,7 +61,7 @@ class Stacks:
 
     def where(self, name: str) -> str:
         """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none."""
-        return "\n".join(dict.fromkeys(map(_text, _user_calls(self._read(name)))))
+        return "\n".join(dict.fromkeys(unreturned_calls(self._read(name)).values()))
 
     def _read(self, name: str) -> str:
         """What the living process `name` writes now; empty if it has not offered that."""
@@ -106,26 +100,3 @@ def _is_held(path: Path) -> bool:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         return False
     return path.suffix[1:].isdigit()
-
-
-def _user_calls(text: str) -> Iterator[list[FrameSummary]]:
-    """The calls of user's code by zteam in what `faulthandler` wrote of all threads, the outermost frame first."""
-    for thread in re.split(r"^\S.*$", text, flags=re.MULTILINE):
-        found = [_FRAME.fullmatch(line) for line in thread.splitlines()]
-        frames = [FrameSummary(_path(m[1]), int(m[2]), m[3]) for m in found if m is not None]
-        # From the call that waits in zteam or in a library to the user's line, then up to what zteam has called.
-        while frames and (is_own(frames[0].filename) or is_library(frames[0].filename)):
-            frames.pop(0)
-        call = [*takewhile(lambda frame: not is_own(frame.filename), frames)]
-        is_cut = "  ..." in thread.splitlines()
-        if call and (len(call) < len(frames) or is_cut) and not is_library(call[-1].filename):
-            yield call[::-1]
-
-
-def _path(written: str) -> str:
-    """A path whose characters beyond ASCII are written as in Python."""
-    return re.sub(r"\\x..|\\u.{4}|\\U.{8}", lambda found: chr(int(found[0][2:], 16)), written)
-
-
-def _text(call: list[FrameSummary]) -> str:
-    return unreturned_text(call[0].name, StackSummary.from_list(call))

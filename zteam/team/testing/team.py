@@ -49,14 +49,14 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import other_file, other_file_unless_in, search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import RunState, TeamRun
-from zteam.team.run.threads import Body, Threads
+from zteam.team.run.threads import Body, Threads, in_thread
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.errors import TeamTimeout
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
 from zteam.team.testing.view import ObservedTeam, RobotView
-from zteam.team.testing.watch import START_LIMIT, Watch, close_in_time, in_thread
+from zteam.team.testing.watch import START_LIMIT, Watch, close_in_time
 
 log = logging.getLogger("zteam")
 
@@ -410,7 +410,7 @@ class TeamFixture:
         self._ends.callback(log.setLevel, log.level)
         log.setLevel(logging.INFO)
         self._processes.close()
-        self._in_process = Threads(nodes, name=TEST, take_hang=self._watch.take_hang)
+        self._in_process = Threads(nodes, name=TEST, ends_calls=True)
         self._watch.is_in_process = True
         self._use(TeamRun(self._in_process, is_launcher=False))
 

@@ -5,11 +5,10 @@ Waits here count host seconds, because a starting or ending process has no simul
 
 import sys
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from contextlib import suppress
 from functools import partial
-from threading import Thread
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic
@@ -17,9 +16,10 @@ from zteam.errors import BusError, UsageError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
-from zteam.team.in_process.user_calls import UserCall, user_calls
+from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.process import exit_text
 from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.threads import in_thread
 from zteam.team.testing.errors import TeamFailure, TeamTimeout
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.others import RETURN, Others, TeamAccess
@@ -35,8 +35,6 @@ _TRIES = 3
 """How often a team in this process is asked to end."""
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
-
-R = TypeVar("R")
 
 
 class Watch:
@@ -86,6 +84,7 @@ class Watch:
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
+        self.hangs.update(self.run.members.hangs)
         for name, text in self.hangs.items():
             if name not in self.may_end:
                 raise TeamFailure(text)
@@ -247,20 +246,8 @@ class Watch:
         """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
         if self.interval:
             return
-        if self.is_in_process:
-            # The watch on the calls says which one hangs.
-            open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
-            self.wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
-        else:
-            self.wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self.silence_limit))
+        self.wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self.silence_limit))
         self.check()
-
-    def take_hang(self, call: UserCall) -> bool:
-        """A call of a node's own code in this process lasts too long. Before `run` it may be slow work of a start."""
-        if call.owner not in self._present:
-            return False
-        self.hangs.setdefault(call.owner, f"{call.owner} hangs: after {self.silence_limit:g} s {call.describe()}")
-        return True
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
@@ -293,29 +280,12 @@ class Watch:
         self.check()
 
 
-def in_thread(call: Callable[[], R]) -> "Future[R]":
-    """What `call()` returns or raises, from a thread of its own: a node that hangs may hold what the call waits for."""
-    done = Future[R]()
-
-    def work() -> None:
-        try:
-            done.set_result(call())
-        except BaseException as error:
-            done.set_exception(error)
-
-    Thread(target=work, name="team", daemon=True).start()
-    return done
-
-
 def close_in_time(close: Callable[[], None], grace: float) -> None:
     """Call `close()`, which ends the team, and end the calls that hold it up; a node that cannot be ended is left."""
     # The locks of a node that hangs would hold this thread for ever.
     done = in_thread(close)
     for _ in range(_TRIES):
-        wait([done], grace)
-        if done.done():
-            break
-        for call in user_calls():
-            call.end()
-    if done.done():
-        done.result()
+        if wait([done], grace).done:
+            done.result()
+            return
+        end_user_calls()

@@ -8,8 +8,8 @@ import pytest
 from support.limits import LIMIT
 from zteam.bus import Publisher
 from zteam.messages import Bool, Float64
+from zteam.node.working import WORK, working_for
 from zteam.team.in_process.bridge import NodeSessions
-from zteam.team.in_process.delivery import call_as, current_owner
 
 
 @pytest.fixture
@@ -145,12 +145,14 @@ def test_an_error_of_a_handler_ends_no_thread(team_hub: NodeSessions) -> None:
 
 
 def test_the_innermost_node_owns_what_it_does() -> None:
-    """A node that is called by the code of another one is the owner; code of no node has the default."""
-    import sys
+    """A node that is called by the code of another one is the owner; code of no node has none."""
 
     def owner() -> str:
-        return current_owner(sys._getframe(), "up")
+        return WORK[threading.get_ident()].node
 
-    assert owner() == "up"
-    assert call_as("sim", owner) == "sim"
-    assert call_as("sim", lambda: (call_as("robot_0", owner), owner())) == ("robot_0", "sim")
+    assert owner() == ""
+    with working_for("sim"):
+        assert owner() == "sim"
+        with working_for("robot_0"):
+            assert owner() == "robot_0"
+        assert owner() == "sim"

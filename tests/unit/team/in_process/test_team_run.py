@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,10 @@ import pytest
 import zteam
 from support.limits import LIMIT
 from support.log_capture import captured_log
+from zteam.clock import HOST_FACTOR
 from zteam.messages import Bool, LaserScan, RobotStatus
+from zteam.team.in_process import team_run
+from zteam.team.launch.team_launch import Pace
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'
 FAULTY = """
@@ -131,6 +135,25 @@ def test_an_error_of_a_behaviour_is_raised(empty_folder: Path, caplog: pytest.Lo
     assert told[0].startswith("[robot_0] ended by an error:\n")
     assert 'faulty.py", line 8, in step' in told[0]
     assert "zteam/" not in told[0]
+
+
+@pytest.mark.ci
+def test_a_loop_of_an_own_node_is_raised(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The caller gets the frames of a callback that does not return, and the log has them too."""
+
+    def loop(_key: str, _scan: LaserScan) -> None:
+        while True:
+            pass
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("robot_0/base_scan", LaserScan, loop)
+        node.run(lambda _now: None)
+
+    monkeypatch.setattr(team_run, "Pace", partial(Pace, timeout=HOST_FACTOR))
+    with pytest.raises(zteam.ZteamError, match=r"^planner hangs: after .* s loop has not returned \(.*\)\n") as told:
+        zteam.run_team("arena", seconds=10.0, nodes={"planner": main})
+    assert f'File "{__file__}", line ' in str(told.value)
+    assert f"[planner] {told.value}" in caplog.messages
 
 
 def test_an_error_of_an_own_node_is_raised() -> None:

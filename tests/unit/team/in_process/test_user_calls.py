@@ -1,71 +1,191 @@
 """Calls of users' code in one process: which of them are ended, and which count as hanging."""
 
+import bdb
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 
 import pytest
 
 from support.limits import LIMIT
 from support.log_capture import captured_log
+from zteam.bus.memory import HubReceiver
 from zteam.node import step_watch
 from zteam.node.step_watch import StepWatch
+from zteam.node.working import working_for
 from zteam.team.in_process import user_calls
-from zteam.team.in_process.delivery import Delivery, call_as
-from zteam.team.in_process.user_calls import CallWatch, UserCall
+from zteam.team.in_process.delivery import Delivery
+from zteam.team.in_process.user_calls import CallWatch, end_user_calls
 from zteam.team.launch.team_launch import Pace
 
 PACE = Pace(lockstep=True, timeout=0.05)
 
 
-@pytest.fixture
-def delivery(monkeypatch: pytest.MonkeyPatch) -> Iterator[Delivery]:
-    """Of a team whose calls are looked at often."""
+@pytest.fixture(autouse=True)
+def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The calls are looked at often."""
     monkeypatch.setattr(user_calls, "_PERIOD", 0.01)
-    chosen = Delivery()
-    yield chosen
-    chosen.close()
 
 
-def start(work: Callable[[], None]) -> threading.Thread:
+@pytest.fixture
+def deliver() -> Iterator[Callable[..., threading.Thread]]:
+    """`deliver(node, take)`: a thread that has a message handled by it, as the simulator's does."""
+    made = list[Delivery]()
+
+    def start(node: str, take: Callable[[object], object]) -> threading.Thread:
+        delivery = Delivery()
+        made.append(delivery)
+
+        def work() -> None:
+            delivery.deliver_in_this_thread()
+            try:
+                delivery.deliver([HubReceiver(node, take)], None)
+            except SystemExit:
+                ended.append(node)
+
+        return in_thread(work)
+
+    ended.clear()
+    yield start
+    for each in made:
+        each.close()
+
+
+ended: list[str] = []
+"""The nodes whose calls were ended."""
+
+
+def in_thread(work: Callable[[], object]) -> threading.Thread:
     """A thread that does it."""
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
     return thread
 
 
-def test_only_a_call_that_holds_the_world_is_ended(delivery: Delivery) -> None:
+@contextmanager
+def watching(watch: CallWatch) -> Iterator[None]:
+    """Within, the calls are looked at."""
+    end = watch.start()
+    try:
+        yield
+    finally:
+        end()
+
+
+def loop(_news: object = None) -> None:
+    """Never returns."""
+    while True:
+        pass
+
+
+def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., threading.Thread]) -> None:
     """A start in its node's own thread may take any time; a loop in the simulator's thread ends, with its line."""
     begun, done = threading.Event(), threading.Event()
 
     def prepare() -> None:
-        begun.set()
-        while not done.is_set():
-            pass
+        with working_for("robot_0"):
+            begun.set()
+            while not done.is_set():
+                pass
 
-    def loop() -> None:
-        while True:
-            pass
-
-    def work() -> None:
-        delivery.deliver_in_this_thread()
-        with pytest.raises(SystemExit):
-            call_as("robot_1", loop)
-
-    watch = CallWatch(PACE, delivery)
-    with captured_log() as log, watch.watching():
-        slow = start(lambda: call_as("robot_0", prepare))
+    watch = CallWatch(PACE, in_real_time=False)
+    with captured_log() as log, watching(watch):
+        slow = in_thread(prepare)
         assert begun.wait(LIMIT)
-        world = start(work)
+        world = deliver("robot_1", loop)
         world.join(LIMIT)
         assert not world.is_alive()
         assert slow.is_alive()
         done.set()
         slow.join(LIMIT)
-    assert watch.hung == {"robot_1"}
-    assert log.count("loop has not returned") == 1
+    assert ended == [*watch.hung] == ["robot_1"]
+    assert log.count("robot_1 hangs: after 0.05 s loop has not returned") == 1
+    assert f'File "{__file__}"' in watch.hangs["robot_1"]
 
 
-def test_what_another_team_left_behind_does_not_count(delivery: Delivery, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
+    """As in real time, for whoever asks for that."""
+    watch = CallWatch(Pace(timeout=0.05), in_real_time=True)
+
+    def work() -> None:
+        with working_for("robot_1"), pytest.raises(SystemExit):
+            StepWatch("Loop.step", "", "").run(loop, 0.0, paced=True)
+
+    with watching(watch):
+        thread = in_thread(work)
+        thread.join(LIMIT)
+    assert not thread.is_alive()
+    assert watch.hangs["robot_1"].startswith("robot_1 hangs: after 0.05 s loop has not returned (")
+
+
+def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> None:
+    """The user may look at a call for as long as they like."""
+    stopped, done, returned = threading.Event(), threading.Event(), list[bool]()
+
+    class Debugger(bdb.Bdb):
+        def user_line(self, frame: object) -> None:
+            self.set_continue()
+            stopped.set()
+            while not done.is_set():
+                pass
+
+    def take(_news: object) -> None:
+        Debugger().set_trace()
+        returned.append(stopped.is_set())
+
+    watch = CallWatch(PACE, in_real_time=False)
+    with watching(watch):
+        debugged = deliver("robot_0", take)
+        assert stopped.wait(LIMIT)
+        # Other calls are ended meanwhile.
+        deliver("robot_1", loop).join(LIMIT)
+        done.set()
+        debugged.join(LIMIT)
+    assert returned == [True]
+    assert ended == [*watch.hangs] == ["robot_1"]
+
+
+def test_a_loop_among_many_threads_is_ended(deliver: Callable[..., threading.Thread]) -> None:
+    """`faulthandler` shows the newest 100 threads: the call is named without its frames."""
+    begun, done = threading.Event(), threading.Event()
+
+    def take(_news: object) -> None:
+        begun.wait(LIMIT)
+        loop()
+
+    watch = CallWatch(PACE, in_real_time=False)
+    world = deliver("robot_0", take)
+    others = [in_thread(partial(done.wait, LIMIT)) for _ in range(100)]
+    begun.set()
+    with watching(watch):
+        world.join(LIMIT)
+    done.set()
+    for each in others:
+        each.join(LIMIT)
+    assert watch.hangs["robot_0"].startswith("robot_0 hangs: after 0.05 s a call has not returned (")
+    assert not world.is_alive()
+
+
+def test_the_calls_of_nodes_alone_are_ended(deliver: Callable[..., threading.Thread]) -> None:
+    """At the end of a team, at once; a thread of the test's own goes on."""
+    done = threading.Event()
+
+    def wait() -> None:
+        while not done.is_set():
+            pass
+
+    own = in_thread(wait)
+    looping = deliver("robot_0", loop)
+    while looping.is_alive():
+        end_user_calls()
+        looping.join(0.05)
+    assert own.is_alive()
+    done.set()
+    own.join(LIMIT)
+
+
+def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step of an earlier team that never returned fails no later team of the same process."""
     monkeypatch.setattr(step_watch, "_start", lambda: None)
     monkeypatch.setattr(step_watch, "_under_way", set())
@@ -77,33 +197,27 @@ def test_what_another_team_left_behind_does_not_count(delivery: Delivery, monkey
             step.look()
 
     hang(old)
-    watch = CallWatch(PACE, delivery)
+    watch = CallWatch(PACE, in_real_time=False)
     assert watch.hung == set()
     hang(new)
     assert watch.hung == {new.node}
+    new.end(paced=False)
+    old.end(paced=False)
 
 
-def test_a_call_that_another_team_left_behind_fails_no_later_one(delivery: Delivery) -> None:
+def test_a_call_that_another_team_left_behind_fails_no_later_one(deliver: Callable[..., threading.Thread]) -> None:
     """It cannot be ended, and its node has the name of one of the later team."""
-    begun, done, taken, seen = threading.Event(), threading.Event(), list[str](), threading.Event()
+    begun, done = threading.Event(), threading.Event()
 
-    def sleep() -> None:
+    def sleep(_news: object) -> None:
         begun.set()
         done.wait(LIMIT)
 
-    def take(call: UserCall) -> bool:
-        taken.append(call.owner)
-        seen.set()
-        return False
-
-    left_behind = start(lambda: call_as("robot_0", sleep))
+    left_behind = deliver("robot_0", sleep)
     assert begun.wait(LIMIT)
-    watch = CallWatch(PACE, delivery, take)
-    begun.clear()
-    new = start(lambda: call_as("robot_1", sleep))
-    with watch.watching():
-        assert seen.wait(LIMIT)
+    watch = CallWatch(PACE, in_real_time=False)
+    with watching(watch):
+        deliver("robot_1", loop).join(LIMIT)
     done.set()
-    for each in (left_behind, new):
-        each.join(LIMIT)
-    assert {*taken} == {"robot_1"}
+    left_behind.join(LIMIT)
+    assert ended == [*watch.hangs] == ["robot_1"]
