@@ -9,14 +9,14 @@ from concurrent.futures import Future
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
 from zteam.config.fault import Fault
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.team.chaos.means import Means, Stroke
-from zteam.team.chaos.observer import Observer, Violation
+from zteam.team.chaos.watchdog import Violation, Watchdog
 
 log = logging.getLogger("zteam")
 
@@ -61,24 +61,23 @@ class ChaosReport(msgspec.Struct):
 class _Watched:
     """A fault that has begun, and what it takes to see its end."""
 
-    def __init__(self, fault: Fault, observer: Observer, *, planned: bool) -> None:
+    def __init__(self, fault: Fault, watchdog: Watchdog, *, planned: bool) -> None:
         self.fault = fault
         self.stroke: Stroke | None = None
         """None for a fault that the simulator knows already."""
-        self.outcome = Outcome(round(observer.elapsed, 3), fault.fault, fault.name, fault.lasts)
-        self._observer = observer
-        self._before = observer.instances(fault.name)
-        drove = observer.driving()
+        self.outcome = Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts)
+        self._watchdog = watchdog
+        self._before = watchdog.team.instances(fault.name)
+        self._is_robot = names.robot_id_of(fault.name) is not None
         # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
-        is_robot = names.robot_id_of(fault.name) is not None
-        self._drove = [name for name in drove if name == fault.name] if is_robot else drove
+        self._drove = [each for each in watchdog.driving() if each.name == fault.name or not self._is_robot]
         # This process hears of it later than the simulator, whose plan counts from GO.
-        late = observer.elapsed - fault.at if planned else 0.0
-        self._began = observer.now - to_ns(late)
-        self._elapsed_end = observer.elapsed - late + fault.lasts
+        late = watchdog.elapsed - fault.at if planned else 0.0
+        self._began = watchdog.team.now - to_ns(late)
+        self._elapsed_end = watchdog.elapsed - late + fault.lasts
         self._host_end = monotonic() + fault.lasts
         self._end_stamp, self._ended_at = 0, 0.0
-        self._since: dict[str, tuple[int, int]] | None = None
+        self._since: list[tuple[RobotView, int, int]] | None = None
         """World and time after which each of the robots must move; None until the process is back."""
         if fault.fault == "kill":
             self.finish()
@@ -86,7 +85,7 @@ class _Watched:
     @property
     def is_over(self) -> bool:
         """Whether its time is over: simulated time, or the host's where that is first, as when the world stands."""
-        return self._observer.elapsed >= self._elapsed_end or self.host_left <= 0.0
+        return self._watchdog.elapsed >= self._elapsed_end or self.host_left <= 0.0
 
     @property
     def host_left(self) -> float:
@@ -97,7 +96,7 @@ class _Watched:
 
     def finish(self) -> None:
         """It has ended: from here on the recovery counts."""
-        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._observer.now
+        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
         self._ended_at = monotonic()
 
     @property
@@ -108,41 +107,38 @@ class _Watched:
     @property
     def has_recovered(self) -> bool:
         """Whether the process and the robots are back; that is noted. True also when it takes too long."""
-        robots, outcome = self._observer.robots, self.outcome
-        if self.fault.name in self._drove and robots[self.fault.name].halted > self._began:
-            outcome.stood_after = to_seconds(robots[self.fault.name].halted - self._began)
-        if self._since is None and self._is_back:
+        outcome, since = self.outcome, self._since
+        if self._is_robot and self._drove and (halted := self._drove[0].motion.halted) > self._began:
+            outcome.stood_after = to_seconds(halted - self._began)
+        if since is None and self._is_back:
             # Before it was back, a robot may have moved on for the time of its watchdog.
-            now = self._end_stamp if self.in_world else self._observer.now
-            self._since = {name: (robots[name].world, now) for name in self._drove}
-        still = [name for name, since in (self._since or {}).items() if not robots[name].moved_since(*since)]
-        if self._since is not None and not still:
+            now = self._end_stamp if self.in_world else self._watchdog.team.now
+            since = self._since = [(robot, robot.motion.world, now) for robot in self._drove]
+        still = [robot for robot, world, stamp in since or () if not robot.motion.moved_since(world, stamp)]
+        if since is not None and not still:
             outcome.recovery = monotonic() - self._ended_at
-            starts = [robots[name].started for name, (world, _) in self._since.items() if robots[name].world == world]
+            starts = [robot.motion.started for robot, world, _ in since if robot.motion.world == world]
             outcome.recovery_sim = to_seconds(max(0, max(starts) - self._end_stamp)) if starts else None
             return True
-        outcome.last = self.fault.name if self._since is None else ", ".join(map(self._told, still))
+        texts = [f"{robot.name} ({robot.reason})" if robot.reason else robot.name for robot in still]
+        outcome.last = self.fault.name if since is None else ", ".join(texts)
         if monotonic() - self._ended_at < PATIENCE:
             return False
         outcome.problem = f"not back: {outcome.last}"
         return True
-
-    def _told(self, name: str) -> str:
-        reason = self._observer.robots[name].reason
-        return f"{name} ({reason})" if reason else name
 
     @property
     def _is_back(self) -> bool:
         kind = kind_of(self.fault.name)
         if kind is None or not kind.on_bus:
             return True
-        there = self._observer.instances(self.fault.name)
+        there = self._watchdog.team.instances(self.fault.name)
         return bool(there - self._before if self.fault.fault == "kill" else there)
 
 
 def carry_out(
     plan: Sequence[Fault],
-    observer: Observer,
+    watchdog: Watchdog,
     means: Means,
     *,
     planned: Callable[[Fault], bool] = lambda fault: False,
@@ -157,12 +153,12 @@ def carry_out(
     outcomes = list[Outcome]()
     try:
         while (waiting or open_now or recovering) and not stopping():
-            with observer.changed:
+            with watchdog.team.changed:
                 wait_until(
-                    observer.changed,
+                    watchdog.team.changed,
                     lambda: (
                         stopping()
-                        or (bool(waiting) and observer.reaches(waiting[0].at))
+                        or (bool(waiting) and watchdog.reaches(waiting[0].at))
                         or any(each.is_over for each in open_now)
                         or any(each.has_recovered for each in recovering)
                     ),
@@ -175,14 +171,14 @@ def carry_out(
             for each in [each for each in recovering if each.has_recovered]:
                 recovering.remove(each)
                 say(describe(each.outcome))
-            while waiting and observer.reaches(waiting[0].at) and not stopping():
-                begun = _begin(waiting.popleft(), observer, means, planned, say)
+            while waiting and watchdog.reaches(waiting[0].at) and not stopping():
+                begun = _begin(waiting.popleft(), watchdog, means, planned, say)
                 outcomes.append(begun.outcome)
                 if not begun.outcome.problem:
                     (recovering if begun.fault.fault == "kill" else open_now).append(begun)
         # What the simulator has begun meanwhile, in a fast run.
-        missed = [_Watched(fault, observer, planned=True) for fault in waiting if planned(fault)]
-        open_now += [each for each in missed if observer.reaches(each.fault.at)]
+        missed = [_Watched(fault, watchdog, planned=True) for fault in waiting if planned(fault)]
+        open_now += [each for each in missed if watchdog.reaches(each.fault.at)]
         outcomes += [each.outcome for each in missed if each in open_now]
     finally:
         for each in open_now:
@@ -190,22 +186,22 @@ def carry_out(
         for each in (*open_now, *recovering):
             if not each.has_recovered:
                 each.outcome.problem = "the run ended first"
-    return ChaosReport(outcomes, list(observer.violations))
+    return ChaosReport(outcomes, list(watchdog.violations))
 
 
 def _begin(
-    fault: Fault, observer: Observer, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
+    fault: Fault, watchdog: Watchdog, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
 ) -> _Watched:
     told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
     is_planned = planned(fault)
-    watched = _Watched(fault, observer, planned=is_planned)
+    watched = _Watched(fault, watchdog, planned=is_planned)
     try:
         if not is_planned:
             watched.stroke = Stroke(fault, means)
-        say(f"{observer.elapsed:.1f} s: {told}")
+        say(f"{watchdog.elapsed:.1f} s: {told}")
     except ZteamError as error:
         watched.outcome.problem = str(error)
-        say(f"{observer.elapsed:.1f} s: not carried out: {told}: {error}")
+        say(f"{watchdog.elapsed:.1f} s: not carried out: {told}: {error}")
     return watched
 
 
@@ -230,16 +226,22 @@ class ChaosThread:
     """Carries out the plan of a run beside it."""
 
     def __init__(
-        self, plan: Sequence[Fault], bus: Bus, means: Means, planned: Callable[[Fault], bool], *, lockstep: bool
+        self,
+        plan: Sequence[Fault],
+        observer: TeamObserver,
+        means: Means,
+        planned: Callable[[Fault], bool],
+        *,
+        lockstep: bool,
     ) -> None:
         self._stopping = False
-        self._observer = Observer(bus, lockstep=lockstep)
+        self._watchdog = Watchdog(observer, lockstep=lockstep)
         self._result = Future[ChaosReport]()
 
         def run() -> None:
             try:
                 self._result.set_result(
-                    carry_out(plan, self._observer, means, planned=planned, stopping=lambda: self._stopping)
+                    carry_out(plan, self._watchdog, means, planned=planned, stopping=lambda: self._stopping)
                 )
             except BaseException as error:
                 self._result.set_exception(error)
@@ -249,8 +251,8 @@ class ChaosThread:
     def stop(self) -> ChaosReport:
         """End what is open, and report. A second call reports the same."""
         self._stopping = True
-        with self._observer.changed:
-            self._observer.changed.notify_all()
+        with self._watchdog.team.changed:
+            self._watchdog.team.changed.notify_all()
         return self._result.result()
 
 

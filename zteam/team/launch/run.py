@@ -20,6 +20,7 @@ from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, TLS_VARIABLES
 from zteam.bus.presence import Claim, ProcessInfo, find_processes
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER, ROUTER_KIND, kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.process_options import FROM_STDIN
@@ -31,7 +32,7 @@ from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.chaos.signals import Signals
 from zteam.team.launch.plan import plan_team, stop_order
 from zteam.team.launch.process import Process, exit_text, zteam_command
-from zteam.team.launch.progress import Progress, TeamOverview
+from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.report import ProcessReport, RunReport, complete, process_row, read_report, seconds_since_start
 from zteam.team.launch.starts import RobotStarts
@@ -180,6 +181,7 @@ class TeamRun:
         self._since_start = since_start or seconds_since_start
         self._hurry = False
         self._progress: Progress | None = None
+        self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
         """None before there is a bus."""
         self._own: list[ProcessReport] = []
@@ -228,7 +230,7 @@ class TeamRun:
 
     def _begin_progress(self) -> None:
         assert self.bus is not None
-        self._progress = Progress(self.bus, self.launch.has_end, self.supervisor.changed, self._since_start)
+        self._progress = Progress(self._observer, self.launch.has_end, self._wake, self._since_start)
 
     def _start_processes(self, jobs: Mapping[str, Job], environment: Callable[[str], Mapping[str, str]]) -> None:
         """Start processes; `environment(name)` lets one join the team."""
@@ -241,7 +243,7 @@ class TeamRun:
             assert self.bus is not None
             means = Means(self._signals.send, change_link)
             self._faults = ChaosThread(
-                self.launch.faults, self.bus, means, self.launch.is_simulated, lockstep=self.launch.pace.lockstep
+                self.launch.faults, self._observer, means, self.launch.is_simulated, lockstep=self.launch.pace.lockstep
             )
             self._ends.callback(self._faults.stop)
 
@@ -254,13 +256,14 @@ class TeamRun:
         self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
 
     def _watch_recoveries(self, bus: Bus) -> None:
-        self._recoveries = Recoveries(bus, lambda: dict(self.supervisor.restarts.counts))
+        self._observer = TeamObserver(bus)
+        self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts.counts))
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
         assert self.bus is not None
         ids = [robot.id for robot in self.launch.team.robots]
-        return TeamOverview(self.bus, ids, is_simulated=self.launch.world is not None)
+        return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
         """Wait for the end of the run, of all its members, or for the stop request.
@@ -282,7 +285,7 @@ class TeamRun:
         holders = list[str]()
         while not (supervisor.wait(is_over, 1.0) or holders):
             gone = [name for name in self._missing(False) if name in self.plan.nodes]
-            holders = gone if gone and progress.first_tick_is_held else []
+            holders = gone if gone and holders_of_first_tick(self._observer.bus) else []
         if missing or holders:
             told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)
             begun = missing and progress.go_after is not None

@@ -24,6 +24,7 @@ from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.faults import ENDED
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
@@ -43,7 +44,6 @@ from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import files_of
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.others import RETURN, Others, TeamAccess
-from zteam.team.testing.view import ObservedTeam, RobotView
 
 if TYPE_CHECKING:
     from zteam.team.testing.chaos import TeamChaos
@@ -64,6 +64,9 @@ _SITE = str(Path(__file__).parent / "site")
 """A folder with the module that Python imports when it starts."""
 _ROUTERLESS = 10.0 * HOST_FACTOR
 """Host seconds without a router after which a node ends that the test has left behind."""
+
+OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
+"""What a test sees of its team without asking."""
 
 WARM_PARENT = WarmParent()
 """Of all teams of this pytest process."""
@@ -115,7 +118,7 @@ class TeamProcesses:
         """Of the sessions of a team that was started, in host seconds."""
         self._certificates: Path | None = None
         """The folder of a secure team's."""
-        self._seen: ObservedTeam
+        self._seen: TeamObserver
         self._links: Links | None = None
         """Of a team that was started with `chaos=True`."""
         self._in_process: InProcessRun | None = None
@@ -172,7 +175,7 @@ class TeamProcesses:
         options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease, tls=tls)
         self._bus = connect(options, patience=START_LIMIT)
         self._signals.serve(self._bus)
-        self._seen = ObservedTeam(self._bus, self._repeat)
+        self._seen = TeamObserver(self._bus, *OBSERVED, repeat=self._repeat)
         self._others = Others(
             self._bus,
             self._seen,
@@ -238,7 +241,7 @@ class TeamProcesses:
         return self._endpoint
 
     @property
-    def _view(self) -> ObservedTeam:
+    def _view(self) -> TeamObserver:
         self._open()
         return self._seen
 

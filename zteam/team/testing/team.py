@@ -26,6 +26,7 @@ from zteam.config.resources import find_team, find_world
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER, kind_of
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
@@ -50,8 +51,7 @@ from zteam.team.security.certificates import prepare
 from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.hangs import LOOK, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.processes import START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
-from zteam.team.testing.view import ObservedTeam
+from zteam.team.testing.processes import OBSERVED, START_LIMIT, TEST, TeamProcesses, TeamTimeout, in_thread
 
 log = logging.getLogger("zteam")
 
@@ -203,7 +203,7 @@ class TeamFixture(TeamProcesses):
         self._supervisor.close()
         self._supervisor = run.supervisor
         self._bus = run.sessions.bus("test")
-        self._seen = ObservedTeam(self._bus, self._repeat)
+        self._seen = TeamObserver(self._bus, *OBSERVED, repeat=self._repeat)
 
     def _take_log(self, line: LogLine) -> None:
         level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
@@ -222,7 +222,7 @@ class TeamFixture(TeamProcesses):
         if self._chaos is None:
             change = no_link if self._links is None else self._links.change
             means = Means(self._signals.send, change, self.sim.fault if self._interval else None)
-            self._chaos = TeamChaos(self, means, self._restarts, self._interval)
+            self._chaos = TeamChaos(self, self._view, means, self._restarts, self._interval)
         return self._chaos
 
     def wait_for_return(self, name: str) -> None:
@@ -462,7 +462,7 @@ def _need_confirmed(results: Sequence[StopResult]) -> None:
         raise TeamTimeout("; ".join(failed) or "no robot is there")
 
 
-def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
+def _not_true(within: float, now: float, view: TeamObserver) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")

@@ -60,11 +60,11 @@ def test_a_reset_starts_at_zero(driving: Team) -> None:
 def test_a_robot_that_was_away_drove_nothing_meanwhile() -> None:
     """Its first velocity after that holds for one tick, whatever the time between the two."""
     from zteam.bus import MemoryHub
+    from zteam.monitor.observer import TeamObserver
     from zteam.names import CLOCK, GROUND_TRUTH, robot_key
-    from zteam.team.testing.view import ObservedTeam
 
     hub = MemoryHub()
-    sender, seen = hub.bus(), ObservedTeam(hub.bus(), lambda _: None)
+    sender, seen = hub.bus(), TeamObserver(hub.bus(), CLOCK, GROUND_TRUTH)
     clock, truth = sender.publisher(CLOCK, Clock), sender.publisher(robot_key(0, GROUND_TRUTH), Odometry)
 
     def tick(tenths: int, *, shown: bool) -> None:
