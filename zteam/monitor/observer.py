@@ -7,23 +7,12 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from zteam import names
+from zteam import messages, names
 from zteam.bus import Bus
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, wait_until
 from zteam.geometry import Pose2
-from zteam.messages import (
-    Bool,
-    Clock,
-    LaserScan,
-    Message,
-    Odometry,
-    RobotStatus,
-    TeamState,
-    TeamStatus,
-    Twist,
-    ns_from_time,
-)
+from zteam.messages import Clock, LaserScan, Message, Odometry, TeamState, TeamStatus, ns_from_time
 from zteam.messages.planar import pose2_of
 from zteam.messages.topics import is_latched, type_of_key
 from zteam.monitor.motion import Motion
@@ -54,12 +43,12 @@ class RobotView:
     """The newest messages of one robot."""
 
     truth = _Newest(names.GROUND_TRUTH, Odometry)
-    status = _Newest(names.STATUS, RobotStatus)
+    status = _Newest(names.STATUS, messages.RobotStatus)
     odom = _Newest(names.ODOM, Odometry)
     scan = _Newest(names.BASE_SCAN, LaserScan)
     """Of the first laser."""
-    command = _Newest(names.CMD_VEL, Twist)
-    _stall = _Newest(names.STALL, Bool)
+    command = _Newest(names.CMD_VEL, messages.Twist)
+    _stall = _Newest(names.STALL, messages.Bool)
 
     def __init__(self, robot_id: int, team: "TeamObserver") -> None:
         self.id, self.name, self.team = robot_id, names.robot_name(robot_id), team

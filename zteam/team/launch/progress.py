@@ -13,8 +13,6 @@ from zteam.messages import RobotState, TeamState, TeamStatus, ns_from_time
 from zteam.monitor.observer import TeamObserver
 from zteam.simulator.client import FinishReply, SimStatus, WaitRequest, find_status
 
-_ANSWER_LIMIT = 2.0
-"""Host seconds that one look waits for the simulator."""
 _FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""
 
@@ -108,7 +106,7 @@ class TeamOverview:
 
     def look(self) -> Overview:
         """The team now. Waits for the simulator's answer."""
-        simulator = find_status(self._observer.bus, _ANSWER_LIMIT) if self._is_simulated else None
+        simulator = find_status(self._observer.bus) if self._is_simulated else None
         held_by = ""
         if simulator is not None:
             # Every tick waits for participants; it is held only if it was open at the look before.

@@ -1,7 +1,6 @@
 """How long processes that are started again were away."""
 
 import logging
-import threading
 from collections.abc import Callable
 
 from zteam import names
@@ -28,7 +27,6 @@ class Recoveries:
     def __init__(self, observer: TeamObserver, counts: Callable[[], dict[str, int]]) -> None:
         """`counts()` are the restarts so far, by name."""
         self._observer, self._counts = observer, counts
-        self._lock = threading.Lock()
         self._failed: dict[str, float] = {}
         """Host times of the failures of those that are away."""
         self._unready: set[str] = set()
@@ -44,8 +42,7 @@ class Recoveries:
         """The process has failed now and will be started again. One that fails before it is back is away since then."""
         if (robot_id := names.robot_id_of(name)) is not None:
             self._observer.observe(names.STATUS, robot_id=robot_id)
-        with self._lock:
-            self._failed.setdefault(name, monotonic())
+        self._failed.setdefault(name, monotonic())
 
     def restarted(self) -> dict[str, Restarted]:
         """What was started again, by name."""
@@ -63,10 +60,7 @@ class Recoveries:
             self._end(robot.name)
 
     def _end(self, name: str) -> None:
-        with self._lock:
-            failed = self._failed.pop(name, None)
-            if failed is None:
-                return
+        if (failed := self._failed.pop(name, None)) is not None:
             away = monotonic() - failed
             self.seconds[name] = max(away, self.seconds.get(name, 0.0))
-        log.info("%s is back after %.1f s%s", name, away, _MEANINGS.get(name, ""))
+            log.info("%s is back after %.1f s%s", name, away, _MEANINGS.get(name, ""))
