@@ -79,25 +79,46 @@ class _Watched:
         self._end_stamp, self._ended_at = 0, 0.0
         self._since: list[tuple[RobotView, int, int]] | None = None
         """World and time after which each of the robots must move; None until the process is back."""
+        self.has_ended = False
         if fault.fault == "kill":
-            self.finish()
+            self.end()
+
+    def begin(self, means: Means, say: Callable[[str], None], *, planned: bool) -> bool:
+        """Carry it out, unless the simulator knows of it; whether that is possible."""
+        fault, at = self.fault, f"{self._watchdog.elapsed:.1f} s"
+        told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
+        try:
+            self.stroke = None if planned else Stroke(fault, means)
+            say(f"{at}: {told}")
+        except ZteamError as error:
+            self.outcome.problem = str(error)
+            say(f"{at}: not carried out: {told}: {error}")
+        return not self.outcome.problem
 
     @property
-    def is_over(self) -> bool:
-        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands."""
+    def is_due(self) -> bool:
+        """Whether its time is over, simulated or else of the host, as when the world stands; after that, has_recovered."""
+        if self.has_ended:
+            return self.has_recovered
         return self._watchdog.elapsed >= self._elapsed_end or self.host_left <= 0.0
 
     @property
     def host_left(self) -> float:
         """Host seconds until it is over at the latest. A fault in the world ends with simulated time alone."""
-        if self.stroke is None or self.stroke.in_world:
-            return _LOOK
-        return max(0.0, self._host_end - monotonic())
+        return _LOOK if self.has_ended or self.in_world else max(0.0, self._host_end - monotonic())
 
-    def finish(self) -> None:
-        """It has ended: from here on the recovery counts."""
+    def end(self, say: Callable[[str], None] = log.info) -> None:
+        """End it, unless that was done: from here on the recovery counts."""
+        if self.has_ended:
+            return
+        try:
+            if self.stroke is not None:
+                self.stroke.end()
+        except ZteamError as error:
+            # A process that was killed meanwhile.
+            say(f"{self.fault.fault} {self.fault.name} could not be ended: {error}")
         self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
-        self._ended_at = monotonic()
+        self._ended_at, self.has_ended = monotonic(), True
 
     @property
     def in_world(self) -> bool:
@@ -149,70 +170,36 @@ def carry_out(
 
     `planned(fault)` says which faults the simulator knows already. When `stopping()`, it ends early, with all faults.
     """
-    waiting, open_now, recovering = deque(plan), list[_Watched](), list[_Watched]()
-    outcomes = list[Outcome]()
+    waiting, active, outcomes, changed = deque(plan), list[_Watched](), list[Outcome](), watchdog.team.changed
+
+    def is_due() -> bool:
+        return stopping() or (bool(waiting) and watchdog.reaches(waiting[0].at)) or any(each.is_due for each in active)
+
     try:
-        while (waiting or open_now or recovering) and not stopping():
-            with watchdog.team.changed:
-                wait_until(
-                    watchdog.team.changed,
-                    lambda: (
-                        stopping()
-                        or (bool(waiting) and watchdog.reaches(waiting[0].at))
-                        or any(each.is_over for each in open_now)
-                        or any(each.has_recovered for each in recovering)
-                    ),
-                    min([_LOOK, *(each.host_left for each in open_now)]),
-                )
-            for each in [each for each in open_now if each.is_over]:
-                open_now.remove(each)
-                _end(each, say)
-                recovering.append(each)
-            for each in [each for each in recovering if each.has_recovered]:
-                recovering.remove(each)
-                say(describe(each.outcome))
+        while (waiting or active) and not stopping():
+            with changed:
+                wait_until(changed, is_due, min([_LOOK, *(each.host_left for each in active)]))
+            for each in [each for each in active if each.is_due]:
+                if each.has_ended:
+                    active.remove(each)
+                    say(describe(each.outcome))
+                each.end(say)
             while waiting and watchdog.reaches(waiting[0].at) and not stopping():
-                begun = _begin(waiting.popleft(), watchdog, means, planned, say)
+                is_planned = planned(waiting[0])
+                begun = _Watched(waiting.popleft(), watchdog, planned=is_planned)
                 outcomes.append(begun.outcome)
-                if not begun.outcome.problem:
-                    (recovering if begun.fault.fault == "kill" else open_now).append(begun)
+                active += [begun] if begun.begin(means, say, planned=is_planned) else []
         # What the simulator has begun meanwhile, in a fast run.
         missed = [_Watched(fault, watchdog, planned=True) for fault in waiting if planned(fault)]
-        open_now += [each for each in missed if watchdog.reaches(each.fault.at)]
-        outcomes += [each.outcome for each in missed if each in open_now]
+        missed = [each for each in missed if watchdog.reaches(each.fault.at)]
+        active += missed
+        outcomes += [each.outcome for each in missed]
     finally:
-        for each in open_now:
-            _end(each, say)
-        for each in (*open_now, *recovering):
+        for each in active:
+            each.end(say)
             if not each.has_recovered:
                 each.outcome.problem = "the run ended first"
     return ChaosReport(outcomes, list(watchdog.violations))
-
-
-def _begin(
-    fault: Fault, watchdog: Watchdog, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
-) -> _Watched:
-    told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
-    is_planned = planned(fault)
-    watched = _Watched(fault, watchdog, planned=is_planned)
-    try:
-        if not is_planned:
-            watched.stroke = Stroke(fault, means)
-        say(f"{watchdog.elapsed:.1f} s: {told}")
-    except ZteamError as error:
-        watched.outcome.problem = str(error)
-        say(f"{watchdog.elapsed:.1f} s: not carried out: {told}: {error}")
-    return watched
-
-
-def _end(watched: _Watched, say: Callable[[str], None]) -> None:
-    try:
-        if watched.stroke is not None:
-            watched.stroke.end()
-    except ZteamError as error:
-        # A process that was killed meanwhile.
-        say(f"{watched.fault.fault} {watched.fault.name} could not be ended: {error}")
-    watched.finish()
 
 
 def describe(outcome: Outcome) -> str:

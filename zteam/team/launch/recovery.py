@@ -49,10 +49,8 @@ class Recoveries:
         return {name: Restarted(count, self.seconds.get(name)) for name, count in self._counts().items()}
 
     def _on_presence(self, name: str, alive: bool) -> None:
-        if alive and name in self._failed and names.robot_id_of(name) is not None:
-            self._unready.add(name)
-        elif alive:
-            self._end(name)
+        if alive and name in self._failed:
+            (self._end if names.robot_id_of(name) is None else self._unready.add)(name)
 
     def _on_status(self, robot: RobotView, status: RobotStatus) -> None:
         if status.is_ready and robot.name in self._unready:
