@@ -97,7 +97,10 @@ class _Watched:
 
     @property
     def is_due(self) -> bool:
-        """Whether its time is over, simulated or else of the host, as when the world stands; after that, has_recovered."""
+        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands.
+
+        After its end: whether the team has recovered.
+        """
         if self.has_ended:
             return self.has_recovered
         return self._watchdog.elapsed >= self._elapsed_end or self.host_left <= 0.0
