@@ -59,9 +59,9 @@ def test_a_killed_simulator_comes_back(team: TeamFixture) -> None:
     team.wait_for_go()
     team.until(lambda: team.robot(0).speed > 0.02, within=10)
     team.kill(names.SIMULATOR)
-    team.robot(0).truth = None
+    old = team.robot(0).truth
     team.restart(names.SIMULATOR)
-    team.until(lambda: team.robot(0).speed > 0.02, within=20)
+    team.until(lambda: team.robot(0).truth is not old and team.robot(0).speed > 0.02, within=20)
 
 
 def test_an_id_is_held_by_one_process(team: TeamFixture) -> None:
