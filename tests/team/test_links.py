@@ -15,8 +15,9 @@ from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_world
 from zteam.messages import Odometry, ns_from_time
+from zteam.monitor.observer import TeamObserver
 from zteam.team.chaos.forwarder import Link, Wire
-from zteam.team.chaos.observer import Observer
+from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
@@ -74,13 +75,13 @@ def test_a_link_that_is_reset_is_told_in_lock_step(team: TeamFixture) -> None:
     team.wait_for(lambda: team.report.hung == ["robot_1"])
 
 
-def drive_in_line(team: TeamFixture, folder: Path) -> Observer:
+def drive_in_line(team: TeamFixture, folder: Path) -> Watchdog:
     """Start four robots in real time, wait until all drive, and watch that none moves without commands."""
     (folder / "team.toml").write_text(LINE)
     team.launch(folder / "team.toml", lockstep=False, chaos=True)
     team.wait_for_go()
     team.until(lambda: all(team.robot(i).speed > 0.1 for i in range(4)), within=60.0)
-    return Observer(team.bus, lockstep=False)
+    return Watchdog(TeamObserver(team.bus), lockstep=False)
 
 
 def all_drive(team: TeamFixture, *robot_ids: int) -> None:

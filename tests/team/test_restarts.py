@@ -18,6 +18,7 @@ from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, pause
 from zteam.config.resources import find_team
 from zteam.messages import OccupancyGrid, Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
 from zteam.robot.client import StopClient
@@ -29,8 +30,7 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.run import processes as running
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import TeamRun
-from zteam.team.testing.team import WARM_PARENT
-from zteam.team.testing.view import ObservedTeam
+from zteam.team.testing.team import OBSERVED, WARM_PARENT
 from zteam.view.frames import GRID, POSES, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]
@@ -57,7 +57,7 @@ class Line:
 
     def __init__(self, run: TeamRun, lines: list[tuple[str, str]], bus: Bus) -> None:
         self.run, self.lines, self.bus = run, lines, bus
-        self.seen = ObservedTeam(bus, lambda _: None)
+        self.seen = TeamObserver(bus, *OBSERVED)
         self.moved: dict[int, int] = {}
         """By robot: the stamp of the newest truth in which it moved."""
 

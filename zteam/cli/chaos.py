@@ -72,11 +72,12 @@ def _one_fault(args: argparse.Namespace) -> Fault:
 
 
 def _work(args: argparse.Namespace) -> int:
+    from zteam.monitor.observer import TeamObserver
     from zteam.simulator.client import find_status
     from zteam.team.chaos.means import means_on_bus
-    from zteam.team.chaos.observer import Observer
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
     from zteam.team.chaos.run import carry_out
+    from zteam.team.chaos.watchdog import Watchdog
 
     with closing(open_bus(bus_options(args))) as bus:
         status = find_status(bus)
@@ -92,7 +93,7 @@ def _work(args: argparse.Namespace) -> int:
             return 0
         report = carry_out(
             plan,
-            Observer(bus, lockstep=lockstep, simulated=status is not None),
+            Watchdog(TeamObserver(bus), lockstep=lockstep, simulated=status is not None),
             means_on_bus(bus, lockstep=lockstep),
             say=lambda line: print_line(line, file=sys.stderr),
         )

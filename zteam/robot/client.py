@@ -6,7 +6,6 @@ The query that gives a goal up is that of whatever takes a robot's goals: its na
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from functools import partial
 from typing import Any, TypeVar
 
@@ -14,10 +13,10 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.bus.transport import Handle
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
+from zteam.monitor.observer import TeamObserver
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
 from zteam.robot.behaviors.registry import Parameter
 from zteam.simulator.client import find_status
@@ -194,7 +193,8 @@ class StopClient:
 
     def __init__(self, bus: Bus, alive: Callable[[], Iterable[str]] | None = None) -> None:
         """`alive()` are the names of the processes that are there, for callers that know them."""
-        self._bus, self._alive = bus, alive
+        self._bus, self._alive = bus, alive or TeamObserver(bus).process_names
+        self._settled = 0.0 if alive else monotonic() + SETTLE
 
     def engage(self, robots: Collection[int] | None = None) -> list[StopResult]:
         """Stop robots; for each, which processes have confirmed it. One query asks all: none has to be found first."""
@@ -214,17 +214,13 @@ class StopClient:
     def _ask(
         self, robots: Collection[int] | None, keys: Sequence[str], request: Change, *, stopped: bool
     ) -> list[StopResult]:
-        alive, begin = set[str](), monotonic()
-        watch = self._bus.watch_tokens([names.tokens_key()], partial(_take, alive)) if self._alive is None else []
-        with closing(Handle(*(each.close for each in watch))), ThreadPoolExecutor(_ASKED_AT_ONCE, "stop") as pool:
+        with ThreadPoolExecutor(_ASKED_AT_ONCE, "stop") as pool:
             asked = pool.map(partial(self._query, request), keys)
             status = pool.submit(find_status, self._bus, CONFIRM_LIMIT)
             answers = list(asked)
-            if self._alive is None:
-                pause(max(0.0, begin + SETTLE - monotonic()))
-            else:
-                alive = set(self._alive())
             world = status.result()
+        pause(max(0.0, self._settled - monotonic()))
+        alive = set(self._alive())
         replies = [reply for found, _ in answers for reply in found]
         expected = _expected(alive, None if world is None else world.robots)
         if names.SIMULATOR in alive and world is None:
@@ -249,12 +245,6 @@ class StopClient:
             return [], error.why
         except BusError as error:
             return [], str(error)
-
-
-def _take(alive: set[str], key: str, is_there: bool) -> None:
-    token = names.split_token_key(key)
-    if token is not None and is_there:
-        alive.add(token[0])
 
 
 def _expected(alive: Iterable[str], world: Iterable[int] | None) -> dict[int, set[str]]:

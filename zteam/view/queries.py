@@ -10,14 +10,14 @@ import msgspec
 from zteam import names
 from zteam.bus import Change
 from zteam.bus.receiving import KeyCount
-from zteam.bus.transport import Closeable, Declaration, matches
+from zteam.bus.transport import Declaration, matches
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.messages.topics import type_of_key
+from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import LogLine, kept_lines
 from zteam.node.process_node import ProcessNode
-from zteam.node.tokens import TokenSet
 from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.goal_lists import find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
@@ -94,9 +94,9 @@ class TeamQueries:
 
     def __init__(self, node: ProcessNode, received: Received, on_news: Callable[[], None]) -> None:
         self._node, self._bus, self._received, self._on_news = node, node.bus, received, on_news
-        self._tokens = TokenSet()
-        self._watch: list[Closeable] = []
-        self.link_up = True
+        self.team = TeamObserver(self._bus)
+        self.alive, self.names = self.team.alive, self.team.process_names
+        self._is_wanted = False
         self.sim: SimStatus | None = None
         self.shapes: ShapesReply | None = None
         self.obstacles: ObstaclesReply | None = None
@@ -119,56 +119,33 @@ class TeamQueries:
         self._opened = 0
         self._begun = 0.0
         """Host time at which the first page came."""
-        node.bus.watch_link(self._on_link)
+        for event in (LINK, PRESENCE):
+            self.team.on(event, self._on_change)
 
-    def _on_link(self, up: bool) -> None:
-        self.link_up = up
+    def _on_change(self, *_: object) -> None:
+        with self._node.changed:
+            self._node.changed.notify_all()
         self._on_news()
 
     def watch(self, wanted: bool) -> None:
-        """Hear which processes are there, or hear it no more."""
-        if wanted and not self._watch:
+        """Whether some page is open."""
+        if wanted and not self._is_wanted:
             self._begun = monotonic()
-            self._watch = self._bus.watch_tokens([names.tokens_key()], self._on_token)
-        elif not wanted and self._watch:
-            for watch in self._watch:
-                watch.close()
-            self._watch = []
-            self._tokens, self.sim = TokenSet(), None
-
-    def _on_token(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        if token is not None:
-            with self._node.changed:
-                self._tokens.take(*token, alive)
-                self._node.changed.notify_all()
-            self._on_news()
+        self._is_wanted, self.sim = wanted, self.sim if wanted else None
 
     @property
     def loading(self) -> bool:
         """Whether it is too early to say that there is no team: its processes may not have answered yet."""
         return self.sim is None and monotonic() < self._begun + PATIENCE
 
-    def alive(self, name: str) -> bool:
-        """Whether a process holds this name."""
-        return name in self._tokens
-
-    def names(self) -> list[str]:
-        """The names that processes hold."""
-        with self._node.changed:
-            return [*self._tokens]
-
     def robots(self) -> set[int]:
         """The robots that have a process."""
-        with self._node.changed:
-            return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
+        return {i for i in map(names.robot_id_of, self.names()) if i is not None}
 
     def processes(self) -> dict[int, list[str]]:
         """By robot: the names of its processes, which are its behaviour, its navigation and its base."""
         found: dict[int, list[str]] = {}
-        with self._node.changed:
-            tokens = sorted(self._tokens)
-        for name in tokens:
+        for name in sorted(self.names()):
             for robot_of in (names.robot_id_of, names.navigated_robot_of, names.base_robot_of):
                 if (robot_id := robot_of(name)) is not None:
                     found.setdefault(robot_id, []).append(name)

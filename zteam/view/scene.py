@@ -402,7 +402,7 @@ class Scene:
             outlines=[msgspec.Raw(outline) for outline in outlines],
             gate=gate_row(team[1] if team and queries.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
-            router=queries.link_up,
+            router=queries.team.link_up,
             viewers=len(state.viewers),
             behaviors=startable(),
             launcher=queries.alive(names.LAUNCHER),

@@ -20,10 +20,11 @@ from zteam.config.fault import KINDS
 from zteam.config.resources import find_team
 from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
-from zteam.team.chaos.observer import Observer, Violation
 from zteam.team.chaos.plan import plan_text, random_plan
 from zteam.team.chaos.run import Outcome
+from zteam.team.chaos.watchdog import Violation, Watchdog
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, zteam_command
 from zteam.team.run.report import RunReport
@@ -166,12 +167,12 @@ def _watch(
         raise ZteamError(f"the team did not start: {up.last}")
     options = BusOptions(connect=up.endpoint, namespace=mark)
     with closing(connect(options, patience=_PATIENCE)) as bus:
-        observer = Observer(bus, lockstep=lockstep)
+        watchdog = Watchdog(TeamObserver(bus), lockstep=lockstep)
         found = []
         for look in range(1, _LOOKS):
-            while (seen := observer.elapsed) < look * seconds / _LOOKS and not up.ended.is_set():
+            while (seen := watchdog.elapsed) < look * seconds / _LOOKS and not up.ended.is_set():
                 say(f"{seen:.0f} of {seconds:.0f} simulated seconds")
-                if not _waits(observer, seen, up):
+                if not _waits(watchdog, seen, up):
                     raise ZteamError(f"simulated time stands still at {seen:.1f} s: {up.last}")
             found.append(_footprints(_pids(bus, options), [*processes, names.LAUNCHER]))
     # A process that is being started again in the last look is that of the one before.
@@ -179,14 +180,14 @@ def _watch(
     return {k: v for each in early for k, v in each.items()}, {k: v for each in late for k, v in each.items()}
 
 
-def _waits(observer: Observer, seen: float, up: _Up) -> bool:
+def _waits(watchdog: Watchdog, seen: float, up: _Up) -> bool:
     """Whether simulated time goes on, or the run has ended."""
     deadline = monotonic() + _PATIENCE
-    while observer.elapsed == seen and not up.ended.is_set() and monotonic() < deadline:
-        with observer.changed:
+    while watchdog.elapsed == seen and not up.ended.is_set() and monotonic() < deadline:
+        with watchdog.team.changed:
             # The end of the run is no news on the bus.
-            observer.changed.wait_for(lambda: observer.elapsed > seen, 1.0)
-    return observer.elapsed > seen or up.ended.is_set()
+            watchdog.team.changed.wait_for(lambda: watchdog.elapsed > seen, 1.0)
+    return watchdog.elapsed > seen or up.ended.is_set()
 
 
 def _pids(bus: Bus, options: BusOptions) -> dict[str, int]:

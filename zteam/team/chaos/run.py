@@ -9,14 +9,14 @@ from concurrent.futures import Future
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
 from zteam.config.fault import Fault
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.team.chaos.means import Means, Stroke
-from zteam.team.chaos.observer import Observer, Violation
+from zteam.team.chaos.watchdog import Violation, Watchdog
 
 log = logging.getLogger("zteam")
 
@@ -61,44 +61,67 @@ class ChaosReport(msgspec.Struct):
 class _Watched:
     """A fault that has begun, and what it takes to see its end."""
 
-    def __init__(self, fault: Fault, observer: Observer, *, planned: bool) -> None:
+    def __init__(self, fault: Fault, watchdog: Watchdog, *, planned: bool) -> None:
         self.fault = fault
         self.stroke: Stroke | None = None
         """None for a fault that the simulator knows already."""
-        self.outcome = Outcome(round(observer.elapsed, 3), fault.fault, fault.name, fault.lasts)
-        self._observer = observer
-        self._before = observer.instances(fault.name)
-        drove = observer.driving()
+        self.outcome = Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts)
+        self._watchdog = watchdog
+        self._before = watchdog.team.instances(fault.name)
+        self._is_robot = names.robot_id_of(fault.name) is not None
         # A robot's fault concerns that robot, and others that wait for it stand for good reasons.
-        is_robot = names.robot_id_of(fault.name) is not None
-        self._drove = [name for name in drove if name == fault.name] if is_robot else drove
+        self._drove = [each for each in watchdog.driving() if each.name == fault.name or not self._is_robot]
         # This process hears of it later than the simulator, whose plan counts from GO.
-        late = observer.elapsed - fault.at if planned else 0.0
-        self._began = observer.now - to_ns(late)
-        self._elapsed_end = observer.elapsed - late + fault.lasts
+        late = watchdog.elapsed - fault.at if planned else 0.0
+        self._began = watchdog.team.now - to_ns(late)
+        self._elapsed_end = watchdog.elapsed - late + fault.lasts
         self._host_end = monotonic() + fault.lasts
         self._end_stamp, self._ended_at = 0, 0.0
-        self._since: dict[str, tuple[int, int]] | None = None
+        self._since: list[tuple[RobotView, int, int]] | None = None
         """World and time after which each of the robots must move; None until the process is back."""
+        self.has_ended = False
         if fault.fault == "kill":
-            self.finish()
+            self.end()
+
+    def begin(self, means: Means, say: Callable[[str], None], *, planned: bool) -> bool:
+        """Carry it out, unless the simulator knows of it; whether that is possible."""
+        fault, at = self.fault, f"{self._watchdog.elapsed:.1f} s"
+        told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
+        try:
+            self.stroke = None if planned else Stroke(fault, means)
+            say(f"{at}: {told}")
+        except ZteamError as error:
+            self.outcome.problem = str(error)
+            say(f"{at}: not carried out: {told}: {error}")
+        return not self.outcome.problem
 
     @property
-    def is_over(self) -> bool:
-        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands."""
-        return self._observer.elapsed >= self._elapsed_end or self.host_left <= 0.0
+    def is_due(self) -> bool:
+        """Whether its time is over: simulated time, or the host's where that is first, as when the world stands.
+
+        After its end: whether the team has recovered.
+        """
+        if self.has_ended:
+            return self.has_recovered
+        return self._watchdog.elapsed >= self._elapsed_end or self.host_left <= 0.0
 
     @property
     def host_left(self) -> float:
         """Host seconds until it is over at the latest. A fault in the world ends with simulated time alone."""
-        if self.stroke is None or self.stroke.in_world:
-            return _LOOK
-        return max(0.0, self._host_end - monotonic())
+        return _LOOK if self.has_ended or self.in_world else max(0.0, self._host_end - monotonic())
 
-    def finish(self) -> None:
-        """It has ended: from here on the recovery counts."""
-        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._observer.now
-        self._ended_at = monotonic()
+    def end(self, say: Callable[[str], None] = log.info) -> None:
+        """End it, unless that was done: from here on the recovery counts."""
+        if self.has_ended:
+            return
+        try:
+            if self.stroke is not None:
+                self.stroke.end()
+        except ZteamError as error:
+            # A process that was killed meanwhile.
+            say(f"{self.fault.fault} {self.fault.name} could not be ended: {error}")
+        self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
+        self._ended_at, self.has_ended = monotonic(), True
 
     @property
     def in_world(self) -> bool:
@@ -108,41 +131,38 @@ class _Watched:
     @property
     def has_recovered(self) -> bool:
         """Whether the process and the robots are back; that is noted. True also when it takes too long."""
-        robots, outcome = self._observer.robots, self.outcome
-        if self.fault.name in self._drove and robots[self.fault.name].halted > self._began:
-            outcome.stood_after = to_seconds(robots[self.fault.name].halted - self._began)
-        if self._since is None and self._is_back:
+        outcome, since = self.outcome, self._since
+        if self._is_robot and self._drove and (halted := self._drove[0].motion.halted) > self._began:
+            outcome.stood_after = to_seconds(halted - self._began)
+        if since is None and self._is_back:
             # Before it was back, a robot may have moved on for the time of its watchdog.
-            now = self._end_stamp if self.in_world else self._observer.now
-            self._since = {name: (robots[name].world, now) for name in self._drove}
-        still = [name for name, since in (self._since or {}).items() if not robots[name].moved_since(*since)]
-        if self._since is not None and not still:
+            now = self._end_stamp if self.in_world else self._watchdog.team.now
+            since = self._since = [(robot, robot.motion.world, now) for robot in self._drove]
+        still = [robot for robot, world, stamp in since or () if not robot.motion.moved_since(world, stamp)]
+        if since is not None and not still:
             outcome.recovery = monotonic() - self._ended_at
-            starts = [robots[name].started for name, (world, _) in self._since.items() if robots[name].world == world]
+            starts = [robot.motion.started for robot, world, _ in since if robot.motion.world == world]
             outcome.recovery_sim = to_seconds(max(0, max(starts) - self._end_stamp)) if starts else None
             return True
-        outcome.last = self.fault.name if self._since is None else ", ".join(map(self._told, still))
+        texts = [f"{robot.name} ({robot.reason})" if robot.reason else robot.name for robot in still]
+        outcome.last = self.fault.name if since is None else ", ".join(texts)
         if monotonic() - self._ended_at < PATIENCE:
             return False
         outcome.problem = f"not back: {outcome.last}"
         return True
-
-    def _told(self, name: str) -> str:
-        reason = self._observer.robots[name].reason
-        return f"{name} ({reason})" if reason else name
 
     @property
     def _is_back(self) -> bool:
         kind = kind_of(self.fault.name)
         if kind is None or not kind.on_bus:
             return True
-        there = self._observer.instances(self.fault.name)
+        there = self._watchdog.team.instances(self.fault.name)
         return bool(there - self._before if self.fault.fault == "kill" else there)
 
 
 def carry_out(
     plan: Sequence[Fault],
-    observer: Observer,
+    watchdog: Watchdog,
     means: Means,
     *,
     planned: Callable[[Fault], bool] = lambda fault: False,
@@ -153,70 +173,36 @@ def carry_out(
 
     `planned(fault)` says which faults the simulator knows already. When `stopping()`, it ends early, with all faults.
     """
-    waiting, open_now, recovering = deque(plan), list[_Watched](), list[_Watched]()
-    outcomes = list[Outcome]()
+    waiting, active, outcomes, changed = deque(plan), list[_Watched](), list[Outcome](), watchdog.team.changed
+
+    def is_due() -> bool:
+        return stopping() or (bool(waiting) and watchdog.reaches(waiting[0].at)) or any(each.is_due for each in active)
+
     try:
-        while (waiting or open_now or recovering) and not stopping():
-            with observer.changed:
-                wait_until(
-                    observer.changed,
-                    lambda: (
-                        stopping()
-                        or (bool(waiting) and observer.reaches(waiting[0].at))
-                        or any(each.is_over for each in open_now)
-                        or any(each.has_recovered for each in recovering)
-                    ),
-                    min([_LOOK, *(each.host_left for each in open_now)]),
-                )
-            for each in [each for each in open_now if each.is_over]:
-                open_now.remove(each)
-                _end(each, say)
-                recovering.append(each)
-            for each in [each for each in recovering if each.has_recovered]:
-                recovering.remove(each)
-                say(describe(each.outcome))
-            while waiting and observer.reaches(waiting[0].at) and not stopping():
-                begun = _begin(waiting.popleft(), observer, means, planned, say)
+        while (waiting or active) and not stopping():
+            with changed:
+                wait_until(changed, is_due, min([_LOOK, *(each.host_left for each in active)]))
+            for each in [each for each in active if each.is_due]:
+                if each.has_ended:
+                    active.remove(each)
+                    say(describe(each.outcome))
+                each.end(say)
+            while waiting and watchdog.reaches(waiting[0].at) and not stopping():
+                is_planned = planned(waiting[0])
+                begun = _Watched(waiting.popleft(), watchdog, planned=is_planned)
                 outcomes.append(begun.outcome)
-                if not begun.outcome.problem:
-                    (recovering if begun.fault.fault == "kill" else open_now).append(begun)
+                active += [begun] if begun.begin(means, say, planned=is_planned) else []
         # What the simulator has begun meanwhile, in a fast run.
-        missed = [_Watched(fault, observer, planned=True) for fault in waiting if planned(fault)]
-        open_now += [each for each in missed if observer.reaches(each.fault.at)]
-        outcomes += [each.outcome for each in missed if each in open_now]
+        missed = [_Watched(fault, watchdog, planned=True) for fault in waiting if planned(fault)]
+        missed = [each for each in missed if watchdog.reaches(each.fault.at)]
+        active += missed
+        outcomes += [each.outcome for each in missed]
     finally:
-        for each in open_now:
-            _end(each, say)
-        for each in (*open_now, *recovering):
+        for each in active:
+            each.end(say)
             if not each.has_recovered:
                 each.outcome.problem = "the run ended first"
-    return ChaosReport(outcomes, list(observer.violations))
-
-
-def _begin(
-    fault: Fault, observer: Observer, means: Means, planned: Callable[[Fault], bool], say: Callable[[str], None]
-) -> _Watched:
-    told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
-    is_planned = planned(fault)
-    watched = _Watched(fault, observer, planned=is_planned)
-    try:
-        if not is_planned:
-            watched.stroke = Stroke(fault, means)
-        say(f"{observer.elapsed:.1f} s: {told}")
-    except ZteamError as error:
-        watched.outcome.problem = str(error)
-        say(f"{observer.elapsed:.1f} s: not carried out: {told}: {error}")
-    return watched
-
-
-def _end(watched: _Watched, say: Callable[[str], None]) -> None:
-    try:
-        if watched.stroke is not None:
-            watched.stroke.end()
-    except ZteamError as error:
-        # A process that was killed meanwhile.
-        say(f"{watched.fault.fault} {watched.fault.name} could not be ended: {error}")
-    watched.finish()
+    return ChaosReport(outcomes, list(watchdog.violations))
 
 
 def describe(outcome: Outcome) -> str:
@@ -230,16 +216,22 @@ class ChaosThread:
     """Carries out the plan of a run beside it."""
 
     def __init__(
-        self, plan: Sequence[Fault], bus: Bus, means: Means, planned: Callable[[Fault], bool], *, lockstep: bool
+        self,
+        plan: Sequence[Fault],
+        observer: TeamObserver,
+        means: Means,
+        planned: Callable[[Fault], bool],
+        *,
+        lockstep: bool,
     ) -> None:
         self._stopping = False
-        self._observer = Observer(bus, lockstep=lockstep)
+        self._watchdog = Watchdog(observer, lockstep=lockstep)
         self._result = Future[ChaosReport]()
 
         def run() -> None:
             try:
                 self._result.set_result(
-                    carry_out(plan, self._observer, means, planned=planned, stopping=lambda: self._stopping)
+                    carry_out(plan, self._watchdog, means, planned=planned, stopping=lambda: self._stopping)
                 )
             except BaseException as error:
                 self._result.set_exception(error)
@@ -249,8 +241,8 @@ class ChaosThread:
     def stop(self) -> ChaosReport:
         """End what is open, and report. A second call reports the same."""
         self._stopping = True
-        with self._observer.changed:
-            self._observer.changed.notify_all()
+        with self._watchdog.team.changed:
+            self._watchdog.team.changed.notify_all()
         return self._result.result()
 
 

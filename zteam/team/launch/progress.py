@@ -1,59 +1,49 @@
-"""The progress of a run and the team at a glance, heard and asked on the bus by the launcher."""
+"""The progress of a run and the team at a glance, for the launcher."""
 
 import threading
 from collections.abc import Callable, Collection
-from threading import Condition
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.clock import HOST_FACTOR, pause, to_seconds
+from zteam.clock import HOST_FACTOR, monotonic, pause, to_seconds
 from zteam.errors import ZteamError
-from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
+from zteam.messages import RobotState, TeamState, TeamStatus, ns_from_time
+from zteam.monitor.observer import TeamObserver
 from zteam.simulator.client import FinishReply, SimStatus, WaitRequest, find_status
 
-_ANSWER_LIMIT = 2.0
-"""Host seconds that one look waits for the simulator."""
 _FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""
 
 
 class Progress:
-    """When GO was given and when the run ended, in host seconds since the launcher's start; None before.
+    """When GO was given and when the run ended, in host seconds since the launcher's start; None before."""
 
-    It notifies `changed`.
-    """
-
-    def __init__(self, bus: Bus, has_end: bool, changed: Condition, since_start: Callable[[], float]) -> None:
-        self.go_after: float | None = None
+    def __init__(
+        self, observer: TeamObserver, has_end: bool, on_end: Callable[[], None], since_start: Callable[[], float]
+    ) -> None:
         self.wall: float | None = None
-        self._bus = bus
-        self._changed = changed
-        self._since_start = since_start
-        self._waiting_for = "the monitor's first message"
-        """What GO waits for, in the monitor's words."""
+        self._observer, self._on_end, self._since_start = observer, on_end, since_start
         self._closed = False
-        bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        observer.observe(names.TEAM_STATUS)
         if has_end:
             # The simulator is asked for the end, because subscribing to its clock would slow a fast run down.
             threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
 
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        self._waiting_for = status.waiting_for
-        if status.state == TeamState.GO and self.go_after is None:
-            with self._changed:
-                self.go_after = self._since_start()
-                self._changed.notify_all()
+    @property
+    def go_after(self) -> float | None:
+        """When the first GO was given."""
+        go_at = self._observer.go_at
+        return None if go_at is None else self._since_start() - (monotonic() - go_at)
 
     def _watch_end(self) -> None:
         key, request = names.service_key(names.SIMULATOR, "finish"), WaitRequest(timeout=_FINISH_WAIT)
         while not self._closed:
-            answers = self._bus.find(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
+            answers = self._observer.bus.find(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
             if any(answer.finished for _, answer in answers):
-                with self._changed:
-                    self.wall = self._since_start()
-                    self._changed.notify_all()
+                self.wall = self._since_start()
+                self._on_end()
                 return
             if not answers:
                 # No simulator yet, and nothing notifies when its query is there.
@@ -65,21 +55,18 @@ class Progress:
 
     def check_begun(self, seconds: float) -> None:
         """Raise ZteamError without GO, or if lock-step still holds its first tick: it waits for nodes too."""
-        if self.go_after is None:
-            raise ZteamError(f"no GO within {seconds:g} s: waiting for {self._waiting_for}")
-        if holders := self._holders_of_first_tick():
+        if self._observer.go_at is None:
+            status = self._observer.team_status
+            lack = "the monitor's first message" if status is None else status.waiting_for
+            raise ZteamError(f"no GO within {seconds:g} s: waiting for {lack}")
+        if holders := holders_of_first_tick(self._observer.bus):
             raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {holders}")
 
-    @property
-    def first_tick_is_held(self) -> bool:
-        """Whether lock-step still holds its first tick, by a question to the simulator."""
-        return bool(self._holders_of_first_tick())
 
-    def _holders_of_first_tick(self) -> str:
-        status = find_status(self._bus)
-        if status is None or not status.lockstep or status.tick > 1:
-            return ""
-        return status.waiting_for
+def holders_of_first_tick(bus: Bus) -> str:
+    """What lock-step waits for, if it still holds its first tick; empty if it does not. Asks the simulator."""
+    status = find_status(bus)
+    return "" if status is None or not status.lockstep or status.tick > 1 else status.waiting_for
 
 
 class Overview(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,45 +97,29 @@ class Overview(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TeamOverview:
-    """Listens to the monitor and to the robots `ids`, and asks the simulator, if there is one, at each look."""
+    """Observes the robots `ids`, and asks the simulator, if there is one, at each look."""
 
-    def __init__(self, bus: Bus, ids: Collection[int], is_simulated: bool) -> None:
-        self._bus = bus
-        self._ids = frozenset(ids)
-        self._is_simulated = is_simulated
-        self._lock = threading.Lock()
-        self._team: TeamStatus | None = None
-        self._robots: dict[int, RobotStatus] = {}
+    def __init__(self, observer: TeamObserver, ids: Collection[int], is_simulated: bool) -> None:
+        self._observer, self._ids, self._is_simulated = observer, frozenset(ids), is_simulated
         self._tick = -1
-        bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_robot_status)
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        with self._lock:
-            self._team = status
-
-    def _on_robot_status(self, key: str, status: RobotStatus) -> None:
-        target = names.split_robot_key(key)
-        if target is not None and target[0] in self._ids:
-            with self._lock:
-                self._robots[target[0]] = status
+        observer.observe(names.TEAM_STATUS, names.STATUS)
 
     def look(self) -> Overview:
         """The team now. Waits for the simulator's answer."""
-        simulator = find_status(self._bus, _ANSWER_LIMIT) if self._is_simulated else None
+        simulator = find_status(self._observer.bus) if self._is_simulated else None
         held_by = ""
         if simulator is not None:
             # Every tick waits for participants; it is held only if it was open at the look before.
             held_by = simulator.waiting_for if simulator.tick == self._tick and not simulator.paused else ""
             self._tick = simulator.tick
-        with self._lock:
-            lost = set() if self._team is None else set(self._team.lost.tolist())
-            present = [status for i, status in self._robots.items() if i not in lost]
-            return Overview(
-                robots=len(self._ids),
-                driving=sum(status.state == RobotState.RUNNING and not status.reason for status in present),
-                team=self._team,
-                simulator=simulator,
-                is_simulated=self._is_simulated,
-                held_by=held_by,
-            )
+        team = self._observer.team_status
+        present = self._ids.difference([] if team is None else team.lost.tolist())
+        statuses = [status for i in present if (status := self._observer.robot(i).status) is not None]
+        return Overview(
+            robots=len(self._ids),
+            driving=sum(status.state == RobotState.RUNNING and not status.reason for status in statuses),
+            team=team,
+            simulator=simulator,
+            is_simulated=self._is_simulated,
+            held_by=held_by,
+        )

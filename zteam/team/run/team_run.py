@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 from zteam import names
 from zteam.errors import ZteamError
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
@@ -21,7 +22,7 @@ from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.chaos.signals import Signals
 from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.progress import Progress, TeamOverview
+from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
 from zteam.team.launch.recovery import Recoveries
 from zteam.team.launch.starts import RobotStarts
 from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
@@ -84,6 +85,7 @@ class TeamRun:
         self._hurry = False
         self._progress: Progress | None = None
         """None before there is a bus, and in a test."""
+        self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
         self._faults: ChaosThread | None = None
         self._starts: RobotStarts | None = None
@@ -137,11 +139,10 @@ class TeamRun:
             new = self.members.environment_of_new
             self._starts = RobotStarts(self.launch, self.plan, self.supervisor, tools, new)
         if self.launch.faults:
-            assert self.members.bus is not None
             # The simulator of lock-step knows its own already.
             self._faults = ChaosThread(
                 self.launch.faults,
-                self.members.bus,
+                self._observer,
                 Means(self.signals.send, self.members.change_link),
                 self.launch.is_simulated,
                 lockstep=self.launch.pace.lockstep,
@@ -156,9 +157,10 @@ class TeamRun:
         bus, tools = self.members.bus, self.members.tools_bus
         assert bus is not None
         if self._is_launcher:
-            self._progress = Progress(bus, self.launch.has_end, self.supervisor.changed, self._since_start)
+            self._observer = TeamObserver(bus)
+            self._progress = Progress(self._observer, self.launch.has_end, self._wake, self._since_start)
             self._ends.callback(self._progress.close)
-            self._recoveries = Recoveries(bus, lambda: dict(self.supervisor.restarts.counts))
+            self._recoveries = Recoveries(self._observer, lambda: dict(self.supervisor.restarts.counts))
             if tools is not None:
                 self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
                 self._ends.callback(claim_namespace(bus, self._stop).release)
@@ -181,9 +183,8 @@ class TeamRun:
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
-        assert self.members.bus is not None
         ids = [robot.id for robot in self.launch.team.robots]
-        return TeamOverview(self.members.bus, ids, is_simulated=self.launch.world is not None)
+        return TeamOverview(self._observer, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
         """Wait for the end of the run, of all its members, or for the stop request.
@@ -205,7 +206,7 @@ class TeamRun:
         holders = list[str]()
         while not (supervisor.wait(is_over, 1.0) or holders):
             gone = [name for name in self._missing(False) if name in self.plan.nodes]
-            holders = gone if gone and progress.first_tick_is_held else []
+            holders = gone if gone and holders_of_first_tick(self._observer.bus) else []
         if missing or holders:
             told = "; ".join(f"{name} ended ({self._last_words(name)})" for name in missing or holders)
             begun = missing and progress.go_after is not None

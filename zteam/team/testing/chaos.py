@@ -2,18 +2,20 @@
 
 import threading
 from collections.abc import Container
+from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.clock import monotonic, to_ns
 from zteam.config.fault import Fault
 from zteam.errors import UsageError
+from zteam.monitor.motion import Motion
+from zteam.monitor.observer import TeamObserver
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.means import Means, Stroke
-from zteam.team.chaos.observer import SLOWEST, Observer
 from zteam.team.chaos.run import Outcome, carry_out
+from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.testing.errors import TeamFailure
-from zteam.team.testing.view import RobotView
 
 if TYPE_CHECKING:
     from zteam.team.testing.team import TeamFixture
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
 class TeamChaos:
     """Each call raises TeamFailure if the team does not recover, or if a robot moves on without commands."""
 
-    def __init__(self, team: "TeamFixture", means: Means, restarting: Container[str], tick: int) -> None:
+    def __init__(
+        self, team: "TeamFixture", observer: TeamObserver, means: Means, restarting: Container[str], tick: int
+    ) -> None:
         """`restarting` are those that are started again; `tick` is simulated ns in lock-step, 0 in real time."""
         self._team, self._means, self._restarting, self._tick = team, means, restarting, tick
-        self._observer = Observer(team.bus, lockstep=tick > 0)
+        self._watchdog = Watchdog(observer, lockstep=tick > 0)
 
     def kill(self, name: str, *, within: float = 10.0) -> Outcome:
         """End a process at once (SIGKILL). If its team file starts it again, wait until it is back."""
@@ -57,12 +61,12 @@ class TeamChaos:
             team.expect_end(fault.name)
             ends = fault.fault == "kill" and fault.name not in self._restarting
             outcome = self._in_lockstep(fault) if self._tick or ends else self._in_real_time(fault)
-        for found in self._observer.violations:
+        for found in self._watchdog.violations:
             raise TeamFailure(f"{found.name} moved on for {found.silent:.2f} s without a command, at {found.at:.1f} s")
         return outcome
 
     def _in_real_time(self, fault: Fault) -> Outcome:
-        outcome = carry_out([fault], self._observer, self._means).faults[0]
+        outcome = carry_out([fault], self._watchdog, self._means).faults[0]
         if outcome.problem:
             raise TeamFailure(f"{fault.fault} {fault.name}: {outcome.problem}")
         return outcome
@@ -71,17 +75,17 @@ class TeamChaos:
         """The simulator carries it out, tick by tick: what the test sees depends on the seed alone."""
         team = self._team
         robot_id = names.robot_id_of(fault.name)
-        robot = None if robot_id is None else team.robot(robot_id)
-        outcome, drove = Outcome(team.now, fault.fault, fault.name, fault.lasts), _moves(robot)
+        motion = Motion() if robot_id is None else team.robot(robot_id).motion
+        outcome, drove = Outcome(team.now, fault.fault, fault.name, fault.lasts), motion.moves
         Stroke(fault, self._means)
         ticks = -(-to_ns(fault.seconds) // self._tick)
         for k in range(1, ticks + 1):
             team.run(self._tick / 1e9)
-            if drove and outcome.stood_after is None and not _moves(robot):
+            if drove and outcome.stood_after is None and not motion.moves:
                 outcome.stood_after = k * self._tick / 1e9
         end = team.now
         if drove and outcome.stood_after is not None:
-            team.until(lambda: _moves(robot), within)
+            team.until(lambda: motion.moves, within)
         outcome.recovery_sim = team.now - end
         return outcome
 
@@ -89,12 +93,12 @@ class TeamChaos:
         """It happens to the process, and the world waits for it: by the host's clock."""
         team = self._team
         outcome = Outcome(team.now, fault.fault, fault.name, fault.lasts)
-        team.wait_for(lambda: self._observer.alive(fault.name) == team.alive(fault.name))
-        before = self._observer.instances(fault.name)
+        instances = partial(self._watchdog.team.instances, fault.name)
+        before = instances()
         stroke = Stroke(fault, self._means)
         if fault.fault == "kill":
             ended = monotonic()
-            team.wait_for(lambda: not before & self._observer.instances(fault.name))
+            team.wait_for(lambda: not before & instances())
             if fault.name not in self._restarting:
                 return outcome
             team.wait_for_return(fault.name)
@@ -106,14 +110,6 @@ class TeamChaos:
             team.run(fault.seconds)
             end.join()
             ended = monotonic()
-            team.wait_for(lambda: bool(self._observer.instances(fault.name)) or not before)
+            team.wait_for(lambda: bool(instances()) or not before)
         outcome.recovery = monotonic() - ended
         return outcome
-
-
-def _moves(robot: RobotView | None) -> bool:
-    """Whether it moves, by the simulator's truth."""
-    if robot is None or robot.truth is None:
-        return False
-    twist = robot.truth.twist.twist
-    return max(abs(twist.linear.x), abs(twist.linear.y), abs(twist.angular.z)) >= SLOWEST

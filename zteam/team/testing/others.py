@@ -13,8 +13,8 @@ from zteam.bus import Bus
 from zteam.bus.presence import find_processes
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.messages import Log
+from zteam.monitor.observer import TeamObserver
 from zteam.team.launch.process import exit_text
-from zteam.team.testing.view import ObservedTeam
 
 RETURN = 2.5 * HOST_FACTOR
 """Host seconds for a process to be there again whose token is gone: the test may start it again."""
@@ -69,7 +69,7 @@ class TeamAccess(NamedTuple):
 class Others:
     """Those that are watched."""
 
-    def __init__(self, bus: Bus, seen: ObservedTeam, team: TeamAccess) -> None:
+    def __init__(self, bus: Bus, seen: TeamObserver, team: TeamAccess) -> None:
         self._bus, self._seen, self._team = bus, seen, team
         self._watched: set[str] = set()
         self._expected: set[str] = set()

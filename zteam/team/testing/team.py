@@ -28,6 +28,7 @@ from zteam.config.resources import find_team, find_world
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
@@ -55,7 +56,6 @@ from zteam.team.testing.chaos import TeamChaos
 from zteam.team.testing.errors import TeamTimeout
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.view import ObservedTeam, RobotView
 from zteam.team.testing.watch import START_LIMIT, Watch, close_in_time
 
 log = logging.getLogger("zteam")
@@ -72,6 +72,8 @@ _SITE = str(Path(__file__).parent / "site")
 """A folder with the module that Python imports when it starts."""
 _ROUTERLESS = 10.0 * HOST_FACTOR
 """Host seconds without a router after which a node ends that the test has left behind."""
+OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
+"""What a test sees of its team without asking."""
 WARM_PARENT = WarmParent()
 """Of all teams of this pytest process."""
 TEST = "test"
@@ -125,7 +127,7 @@ class TeamFixture:
     def _observe(self) -> None:
         """Watch the team on a session that was opened."""
         assert self._run.members.bus is not None
-        self._watch.observe(ObservedTeam(self._run.members.bus, self._repeat))
+        self._watch.observe(TeamObserver(self._run.members.bus, *OBSERVED, repeat=self._repeat))
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
@@ -158,7 +160,7 @@ class TeamFixture:
         return self._processes.endpoint
 
     @property
-    def _view(self) -> ObservedTeam:
+    def _view(self) -> TeamObserver:
         self._open()
         return self._watch.seen
 
@@ -431,7 +433,7 @@ class TeamFixture:
         if self._chaos is None:
             change, simulate = self._run.members.change_link, self.sim.fault if self._watch.interval else None
             means = Means(self._run.signals.send, change, simulate)
-            self._chaos = TeamChaos(self, means, self._watch.restarts, self._watch.interval)
+            self._chaos = TeamChaos(self, self._view, means, self._watch.restarts, self._watch.interval)
         return self._chaos
 
     def wait_for_return(self, name: str) -> None:
@@ -676,7 +678,7 @@ def _need_confirmed(results: Sequence[StopResult]) -> None:
         raise TeamTimeout("; ".join(failed) or "no robot is there")
 
 
-def _not_true(within: float, now: float, view: ObservedTeam) -> TeamTimeout:
+def _not_true(within: float, now: float, view: TeamObserver) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")

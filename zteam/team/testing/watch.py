@@ -13,6 +13,7 @@ from typing import Any
 from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
@@ -23,7 +24,6 @@ from zteam.team.run.threads import in_thread
 from zteam.team.testing.errors import TeamFailure, TeamTimeout
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
 from zteam.team.testing.others import RETURN, Others, TeamAccess
-from zteam.team.testing.view import ObservedTeam
 
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
@@ -41,7 +41,7 @@ class Watch:
     """The lines of the members, and how they fail. `run` is the team that is watched."""
 
     run: TeamRun
-    seen: ObservedTeam
+    seen: TeamObserver
 
     def __init__(self, stacks: Stacks, *, live: bool) -> None:
         self._stacks, self._live = stacks, live
@@ -70,7 +70,7 @@ class Watch:
         self.participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
-    def observe(self, seen: ObservedTeam) -> None:
+    def observe(self, seen: TeamObserver) -> None:
         """Watch the team on a session that was opened."""
         self.seen = seen
         bus = self.run.members.bus

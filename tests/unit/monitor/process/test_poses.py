@@ -10,6 +10,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import display as module
 from zteam.monitor.process.display import Poses
 from zteam.node.process_node import ProcessNode
@@ -66,7 +67,7 @@ def test_restarts_come_from_the_launcher(hub: MemoryHub, monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "PERIOD", 0.01)
     stop, launcher, counts = Stop(), hub.bus(), {"robot_1": 1}
     node = ProcessNode(names.MONITOR, hub.bus(), stop)
-    Recoveries(launcher, lambda: dict(counts))
+    Recoveries(TeamObserver(launcher), lambda: dict(counts))
     found = Poses(node, list)
     try:
         wait_for(node, lambda: found.restarts == {"robot_1": Restarted(1)})

@@ -9,6 +9,7 @@ from zteam import names
 from zteam.bus import Bus, NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
+from zteam.monitor.observer import TeamObserver
 from zteam.simulator.client import SimStatus
 from zteam.team.launch.progress import TeamOverview
 
@@ -26,7 +27,7 @@ def put_status(bus: Bus, robot_id: int, **values: object) -> None:
 
 def test_a_robot_drives_if_it_runs_without_a_reason_to_stand(hub: MemoryHub) -> None:
     """Robots that are ready, that stand, that are lost and that are not of the team do not count."""
-    watch, bus = TeamOverview(hub.bus(), range(5), is_simulated=False), hub.bus()
+    watch, bus = TeamOverview(TeamObserver(hub.bus()), range(5), is_simulated=False), hub.bus()
     put_status(bus, 0, state=RobotState.READY)
     put_status(bus, 1, state=RobotState.RUNNING)
     put_status(bus, 2, state=RobotState.RUNNING, reason="obstacle 0.3 m ahead")
@@ -39,7 +40,7 @@ def test_a_robot_drives_if_it_runs_without_a_reason_to_stand(hub: MemoryHub) -> 
 
 def test_the_time_counts_from_go(hub: MemoryHub) -> None:
     """It is unknown before GO and without a simulator."""
-    watch, voice = TeamOverview(hub.bus(), [0], is_simulated=True), ScriptedMonitor(hub)
+    watch, voice = TeamOverview(TeamObserver(hub.bus()), [0], is_simulated=True), ScriptedMonitor(hub)
     assert (watch.look().begun, watch.look().elapsed) == (False, None)
     voice.say(TeamState.WAITING)
     assert not watch.look().begun
@@ -54,7 +55,7 @@ def test_a_tick_that_is_open_at_two_looks_is_held(hub: MemoryHub) -> None:
     """Every tick waits for participants; it is held if it is still the same one at the next look, and not paused."""
     status = SimStatus("w", [0], 100_000_000, 1, 0, 5, 1.0, lockstep=True, waiting_for="robot_1")
     serve_status(hub.bus(), lambda: status)
-    watch = TeamOverview(hub.bus(), [0], is_simulated=True)
+    watch = TeamOverview(TeamObserver(hub.bus()), [0], is_simulated=True)
     assert watch.look().held_by == ""
     assert watch.look().held_by == "robot_1"
     status.paused = True
@@ -72,5 +73,5 @@ def test_a_team_without_a_simulator_asks_for_none(hub: MemoryHub) -> None:
         return SimStatus("w", [0], 1, 1, 0, 5, 1.0)
 
     serve_status(hub.bus(), answer)
-    seen = TeamOverview(hub.bus(), [0], is_simulated=False).look()
+    seen = TeamOverview(TeamObserver(hub.bus()), [0], is_simulated=False).look()
     assert (seen.simulator, seen.is_simulated, asked) == (None, False, [])

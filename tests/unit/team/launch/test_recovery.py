@@ -7,6 +7,7 @@ from support.log_capture import captured_log
 from zteam import names
 from zteam.bus.memory import MemoryHub
 from zteam.messages import RobotState, RobotStatus
+from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.restarts import Restarted, restarts_text
 from zteam.team.launch import recovery
@@ -22,7 +23,7 @@ class Watched:
         self.counts: dict[str, int] = {}
         hub = MemoryHub()
         bus, self.link = cut_bus(hub)
-        self.recoveries = Recoveries(bus, lambda: self.counts)
+        self.recoveries = Recoveries(TeamObserver(bus), lambda: self.counts)
         self._others = hub
 
     def fail(self, name: str) -> None:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from zteam.messages import Clock, Odometry, Twist, Vector3, time_from_ns
 from zteam.testing import Team
 
 SPEED = 0.3
@@ -55,25 +54,3 @@ def test_a_reset_starts_at_zero(driving: Team) -> None:
     driving.run(SECONDS)
     assert driving.robot(0).distance_travelled == driven
     assert driving.report.robots[0].distance_m == pytest.approx(driven, abs=1e-6)
-
-
-def test_a_robot_that_was_away_drove_nothing_meanwhile() -> None:
-    """Its first velocity after that holds for one tick, whatever the time between the two."""
-    from zteam.bus import MemoryHub
-    from zteam.names import CLOCK, GROUND_TRUTH, robot_key
-    from zteam.team.testing.view import ObservedTeam
-
-    hub = MemoryHub()
-    sender, seen = hub.bus(), ObservedTeam(hub.bus(), lambda _: None)
-    clock, truth = sender.publisher(CLOCK, Clock), sender.publisher(robot_key(0, GROUND_TRUTH), Odometry)
-
-    def tick(tenths: int, *, shown: bool) -> None:
-        clock.put(Clock(time_from_ns(tenths * 10**8)))
-        message = Odometry()
-        message.header.stamp, message.twist.twist = time_from_ns(tenths * 10**8), Twist(Vector3(1.0))
-        if shown:
-            truth.put(message)
-
-    for tenths in range(1, 60):
-        tick(tenths, shown=tenths in (1, 2, 50, 51))
-    assert seen.robot(0).distance_travelled == pytest.approx(0.3)
