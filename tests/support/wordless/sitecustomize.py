@@ -12,6 +12,7 @@ from typing import Any
 
 KEPT = {
     "messages/cdr.py": "the source of the codec, which Python compiles",
+    "config/toml_values.py": "TOML",
     "bus/options.py": "Zenoh's settings",
     "simulator/world/builder.py": "models in Stage's language",
     "simulator/world/text.py": "names of the tokens of Stage's language, which are an Enum's values",
