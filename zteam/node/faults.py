@@ -89,7 +89,7 @@ def offer_stacks(name: str, stop: Stop) -> None:
 
 def is_library(file: str) -> bool:
     """Whether the code of this file is Python's own library."""
-    return file.startswith("<frozen ") or (file.startswith(_PYTHON) and "-packages" not in file)
+    return file.startswith("<frozen") or (file.startswith(_PYTHON) and "-packages" not in file)
 
 
 def unreturned_text(function: str, stack: traceback.StackSummary) -> str:
