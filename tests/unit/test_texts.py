@@ -1,6 +1,7 @@
 """No sentence is a protocol: nothing in the package compares a text for people or searches it."""
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -25,7 +26,12 @@ KNOWN = {
 """Files that still go by a text of ours: to be emptied."""
 FORMER = {"last", "before", "former", "shown", "logged", "told"}
 """Names of what was published before: whether a text has changed since may be asked."""
-FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+IN_SCRIPT = re.compile(
+    r"""(?:[!=]==|\bcase|(?:includes|startsWith|endsWith|indexOf|match)\()\s*["'`/][^"'`\n]*\w\s\w"""
+    r"""|["'`][^"'`\n]*\w\s\w[^"'`\n]*["'`][^\][{}()\n]*\]\.(?:includes|indexOf)"""
+    r"""|\.(?:reason|text|detail)(?:\s*[!=]==\s*["'`]\w|\.(?:includes|startsWith|endsWith|indexOf|match|split)\b)"""
+)
+"""A line of the page's JavaScript that goes by a text."""
 
 
 def parts(node: ast.AST) -> Iterator[ast.AST]:
@@ -96,21 +102,26 @@ def goes_by_text(node: ast.AST, known: set[str]) -> bool:
     return False
 
 
-def nodes_of(scope: ast.AST) -> list[ast.AST]:
-    """All nodes of a module or function, without those of the functions in it."""
-    found = [scope]
-    for node in found:
-        found += [child for child in ast.iter_child_nodes(node) if not isinstance(child, FUNCTIONS)]
-    return found[1:]
+def scopes_of(tree: ast.Module) -> list[list[ast.AST]]:
+    """The nodes of a module and of each function, without those of the functions in it."""
+    found: list[list[ast.AST]] = [[tree]]
+    for nodes in found:
+        for node in nodes:
+            for child in ast.iter_child_nodes(node):
+                if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                    found.append([child])
+                else:
+                    nodes.append(child)
+    return found
 
 
 def uses(tree: ast.Module, known: set[str]) -> Iterator[str]:
     """`line: expression` of all that goes by a text; `known` are names of constants."""
-    everything = list(ast.walk(tree))
-    errors = {node.name for node in everything if isinstance(node, ast.ExceptHandler) and node.name}
-    for scope in (tree, *(node for node in everything if isinstance(node, FUNCTIONS))):
-        mine, nodes = known | errors, nodes_of(scope)
-        for node in nodes if scope is not tree else ():
+    scopes = scopes_of(tree)
+    errors = {node.name or "" for nodes in scopes for node in nodes if isinstance(node, ast.ExceptHandler)}
+    for nodes in scopes:
+        mine = known | errors
+        for node in nodes:
             match node:
                 case ast.Assign(targets=[ast.Name() as to], value=value) | ast.NamedExpr(target=to, value=value):
                     mine = mine | names_in(to) if has_text(value, mine) else mine
@@ -170,3 +181,22 @@ def test_what_goes_by_a_text_is_found(line: str) -> None:
 def test_what_does_not_go_by_a_text_is_not_found(line: str) -> None:
     """Emptiness, a change since the last time, and codes may be asked for."""
     assert not list(uses(ast.parse(f"def f():\n try: g()\n except E as error:\n  {line}"), {"TEXT"}))
+
+
+def test_the_page_goes_by_no_text() -> None:
+    """No line of the view's JavaScript compares a text or searches it."""
+    scripts = list((PACKAGE / "view" / "page" / "js").rglob("*.js"))
+    assert len(scripts) > 50
+    assert not [line for path in scripts for line in path.read_text().splitlines() if IN_SCRIPT.search(line)]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'robot.state === "no behaviour"', '["no behaviour", "lost"].includes(state)', '["lost", "not in"].includes(a)',
+        'error.startsWith("the world")', 'case "is lost": return', 'goal.text === "lost"', "robot.reason.match(/waits/)",
+    ],
+)  # fmt: skip
+def test_what_goes_by_a_text_in_the_page_is_found(line: str) -> None:
+    """Each way to compare a text or search it in JavaScript is found."""
+    assert IN_SCRIPT.search(line)

@@ -19,7 +19,7 @@ KEPT = {
     "team/launch/process.py": "a shell's script",
 }
 """Files of which strings with a space are no texts: what they are."""
-FIELDS = {"reason", "why", "text", "detail"}
+FIELDS = {"reason", "why", "text", "detail", "waiting_for"}
 """Names of arguments and attributes that are texts."""
 LOGS = {"debug", "info", "warning", "error", "exception", "critical"}
 READS = {"partition", "rpartition", "startswith", "endswith", "removeprefix", "removesuffix", "split", "index", "find"}
