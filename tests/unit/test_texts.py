@@ -194,7 +194,8 @@ def test_the_page_goes_by_no_text() -> None:
     "line",
     [
         'robot.state === "no behaviour"', '["no behaviour", "lost"].includes(state)', '["lost", "not in"].includes(a)',
-        'error.startsWith("the world")', 'case "is lost": return', 'goal.text === "lost"', "robot.reason.match(/waits/)",
+        'error.startsWith("the world")', 'case "is lost": return', 'goal.text === "lost"',
+        "robot.reason.match(/waits/)",
     ],
 )  # fmt: skip
 def test_what_goes_by_a_text_in_the_page_is_found(line: str) -> None:
