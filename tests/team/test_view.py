@@ -51,9 +51,7 @@ def test_a_page_sees_the_team(team: TeamFixture) -> None:
         look(page, "scans", "tf", docs=("tf", "topics", "log"))
         wanted = {(POSES, TEAM), (SCAN, 0), (SCAN, 1), (GRID, TEAM), (DOC, TEAM)}
         page.wait(lambda: wanted <= page.blocks.keys())
-        page.wait(
-            lambda: [row["state"] for row in robots(page).values()] == ["running", "running", *2 * ["no behaviour"]]
-        )
+        page.wait(lambda: [row["state"] for row in robots(page).values()] == ["running", "running", *2 * ["undriven"]])
         page.wait(lambda: page.docs["team"]["outlines"])
         row = robots(page)[1]
         assert (row["behavior"], row["leader"], row["model"]) == ("follow", 0, "erratic")

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 import msgspec
 
 from zteam.config.numbers import MAX_SECONDS
+from zteam.config.problems import KeyValueError
 
 FaultKind = Literal["kill", "pause", "cut", "slow"]
 KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
@@ -30,9 +31,9 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def __post_init__(self) -> None:
         for name, value, low in (("at", self.at, 0.0), ("for", self.seconds, 1e-3), ("delay", self.delay, 0.0)):
             if not low <= value <= MAX_SECONDS:
-                raise ValueError(f"{name} must be from {low:g} to {MAX_SECONDS:g} s, not {value:g}")
+                raise KeyValueError(name, f"must be from {low:g} to {MAX_SECONDS:g} s, not {value:g}")
         if self.rate is not None and not 1.0 <= self.rate < math.inf:
-            raise ValueError(f"rate must be 1 byte a second or more, not {self.rate:g}")
+            raise KeyValueError("rate", f"must be 1 byte a second or more, not {self.rate:g}")
 
     @property
     def lasts(self) -> float:

@@ -23,6 +23,13 @@ _BOUNDS = {"<=": "of at most", ">=": "of at least", "<": "below", ">": "above"}
 _UNITS = {"str": " characters", "array": " values"}
 
 
+class KeyValueError(ValueError):
+    """What a struct's own check finds: a key, and what is wrong with its value."""
+
+    def __str__(self) -> str:
+        return " ".join(self.args)
+
+
 class Problem(NamedTuple):
     """One mistake: the path of the key, what is wrong with its value, and what is allowed."""
 
@@ -60,7 +67,7 @@ def problems_of(
     for name, field in fields.items():
         if field.required and name not in table:
             found.append(Problem(path, f"the key {name} is missing"))
-    return found or [_at_its_key(problem, fields) for problem in _problem(table, kind, path)]
+    return found or _problem(table, kind, path)
 
 
 @cache
@@ -77,12 +84,6 @@ def _is_table(kind: Any) -> bool:
     return config.tag is None and not config.array_like
 
 
-def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
-    """The problem moved to the key that its text begins with: a struct's own check names the key in this way."""
-    first, _, rest = problem.text.partition(" ")
-    return Problem((*problem.path, first), rest) if first in keys else problem
-
-
 def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
     try:
         msgspec.convert(value, kind)
@@ -91,6 +92,8 @@ def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
         inner = [int(index) if index else name for name, index in _STEP.findall(place)] if at else []
         for step in inner:
             value = value[step]
+        if isinstance(error.__cause__, KeyValueError):
+            return [Problem((*path, *inner, error.__cause__.args[0]), error.__cause__.args[1])]
         return [Problem((*path, *inner), _in_words(text if at else place, value) + _choices(place, kind))]
     return []
 

@@ -5,6 +5,8 @@ from typing import Literal
 
 import msgspec
 
+from zteam.config.problems import KeyValueError
+
 PHYSICS = ("dynamic", "stage", "kinematic")
 """Values of `Options.physics`."""
 
@@ -46,4 +48,4 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         ):
             for value in values:
                 if not 0.0 <= value <= high:
-                    raise ValueError(f"{name} must be from 0 to {high:g}, not {value:g}")
+                    raise KeyValueError(name, f"must be from 0 to {high:g}, not {value:g}")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from zteam.config.problems import problems_of
+from zteam.config.problems import KeyValueError, problems_of
 from zteam.geometry import Point2
 from zteam.messages import BaseInfo
 
@@ -54,7 +54,7 @@ class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     def __post_init__(self) -> None:
         if self.footprint is not None and not _is_outline(self.footprint):
-            raise ValueError(f"footprint must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
+            raise KeyValueError("footprint", f"must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
 
 
 LIMITS = tuple(name for name in BaseOverride.__struct_fields__ if name != "footprint")

@@ -77,7 +77,7 @@ def offer_stacks(name: str, stop: Stop) -> None:
 
 def is_library(file: str) -> bool:
     """Whether the code of this file is Python's own library."""
-    return file.startswith("<frozen ") or (file.startswith(_PYTHON) and "-packages" not in file)
+    return file.startswith("<frozen") or (file.startswith(_PYTHON) and "-packages" not in file)
 
 
 def dump_stacks() -> str:

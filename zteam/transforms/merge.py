@@ -16,7 +16,7 @@ from zteam.transforms.buffer import Buffer
 from zteam.transforms.static_transforms import Rank, Static, StaticTransforms, is_start_pose
 from zteam.transforms.tree import Rejection
 
-TEAM_FILE = "team file"
+TEAM_FILE = "team_file"
 
 MAX_APART = 10_000_000_000
 """Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""

@@ -153,7 +153,6 @@ POSITION_VARIANCE, YAW_VARIANCE = 0.25, (math.pi / 12) ** 2
 """m² and rad² of an initial pose, as RViz sends them."""
 CANCELS = 16
 """Robots that are asked at the same time to give up their goals."""
-_HINT = " (--force puts it there)"
 
 
 class Commands:
@@ -182,7 +181,7 @@ class Commands:
         try:
             self._act(request)
         except ZteamError as error:
-            return str(error).removesuffix(_HINT)
+            return str(error)
         finally:
             self._state.ask_soon()
         return ""

@@ -36,9 +36,6 @@ from zteam.view.team_view import TeamView, shown
 SILENT_AFTER = 3.0
 """Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
 
-NO_BEHAVIOR = "no behaviour"
-"""The state of a robot of the world that has never had a process."""
-
 Outlines = dict[bytes, int]
 """The place in a list of each different outline, as JSON: robots of a kind have one, and a page reads it once."""
 
@@ -147,7 +144,7 @@ def robot_row(
         row.outline = outlines.setdefault(msgspec.json.encode(outline), len(outlines))
     if status is None:
         if present and not alive:
-            row.state, row.reason = NO_BEHAVIOR, "drive it, or start one"
+            row.state, row.reason = "undriven", "drive it, or start one"
         else:
             row.reason = "no status yet" if alive else "no process"
         return row
@@ -208,7 +205,7 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateR
     if status.state == TeamState.GO:
         return GateRow("go", "GO is out")
     missing = status.missing.tolist()
-    started = {i for i in missing if i in robots and robots[i].state != NO_BEHAVIOR}
+    started = {i for i in missing if i in robots and robots[i].state != "undriven"}
     reasons = {i: robots[i].reason if i in started else "no process yet" for i in missing}
     ready = f"{status.ready.size} of {status.team_size} ready"
     waits = short(status.waiting_for, 10_000) or ", ".join(map(names.robot_name, missing))

@@ -33,7 +33,7 @@ def test_a_second_authority_is_refused_and_named() -> None:
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
     merger.take_static(0, TFMessage([stamped("base_link", "camera", 0, 0.2)]))
     (conflict,) = merger.take_conflicts()
-    assert "team file" in conflict
+    assert "team_file" in conflict
     assert "robot_0" in conflict
     assert merger.statics.message().transforms[0].transform.translation.x == 0.1
 

@@ -88,7 +88,7 @@ def test_moving_data_for_a_frame_of_the_team_file_is_a_conflict() -> None:
     merger.take(0, TFMessage([stamped("base_link", "camera", S, 0.5)]))
     assert merger.take_pending() == []
     (conflict,) = merger.take_conflicts()
-    assert "team file" in conflict
+    assert "team_file" in conflict
     assert "robot_0" in conflict
     assert merger.buffer.lookup_pose2("robot_0/base_link", "robot_0/camera", 0)[0].x == 0.1
 

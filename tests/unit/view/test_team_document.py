@@ -62,7 +62,7 @@ def test_states_are_those_of_the_monitor() -> None:
         row_of(status=RUNNING),
         row_of(status=stopped),
     ]
-    assert [row.state for row in rows] == ["no behaviour", "absent", "running", "silent", "lost", "stopped"]
+    assert [row.state for row in rows] == ["undriven", "absent", "running", "silent", "lost", "stopped"]
     assert [row.reason for row in rows[:2]] == ["drive it, or start one", "no status yet"]
     assert (rows[2].speed, rows[2].leader, rows[2].behavior, rows[2].age) == (0.4, 0, "follow", 0.5)
 

@@ -110,6 +110,8 @@ class TableLine(NamedTuple):
     text: str
     state: str = ""
     """The state in it, which a terminal shows in a colour; empty in other lines."""
+    column: int = 0
+    """Where the state begins."""
 
 
 def make_rows(
@@ -172,13 +174,12 @@ def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     form = (" " * _GAP).join(f"{{:{'<' if column < _LEFT else '>'}{size}}}" for column, size in enumerate(widths))
     head, *texts = (form.format(*line).rstrip() for line in cells)
-    lines = [TableLine(head)]
+    lines, column = [TableLine(head)], widths[0] + _GAP
     for row, text in zip(rows, texts, strict=True):
-        if row.reason and len(text) + _GAP + len(row.reason) <= width:
-            lines.append(TableLine(f"{text}{' ' * _GAP}{row.reason}", row.state))
-            continue
-        lines.append(TableLine(text, row.state))
-        lines += [TableLine(part) for part in _wrap(row.reason, width, " " * (widths[0] + _GAP))]
+        whole = f"{text}{' ' * _GAP}{row.reason}" if row.reason else text
+        fits = len(whole) <= width
+        lines.append(TableLine(whole if fits else text, row.state, column))
+        lines += [TableLine(part) for part in _wrap("" if fits else row.reason, width, " " * column)]
     return lines + [TableLine(part) for note in notes for part in _wrap(short(note, 10_000), width, "")]
 
 

@@ -42,6 +42,5 @@ class LiveTable(Lines):
 def _colored(line: TableLine, *, bold: bool) -> Text:
     text = Text(line.text, "bold" if bold else "")
     if line.state:
-        start = line.text.index(line.state)
-        text.stylize(_COLORS.get(line.state, ""), start, start + len(line.state))
+        text.stylize(_COLORS.get(line.state, ""), line.column, line.column + len(line.state))
     return text

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
+from zteam.config.problems import KeyValueError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
@@ -41,7 +42,7 @@ class PathParams(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if all(math.dist(place, self.waypoints[0]) < _APART for place in self.waypoints):
-            raise ValueError(f"waypoints must be at least two places, {_APART:g} m apart")
+            raise KeyValueError("waypoints", f"must be at least two places, {_APART:g} m apart")
 
 
 class FollowPath(Behavior):

@@ -135,7 +135,7 @@ def _place(error: BaseException) -> str:
 
 def is_own(filename: str) -> bool:
     """Whether a file of code is the user's own, and neither zteam's, Python's nor an installed package's."""
-    return not filename.startswith(("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix))
+    return not filename.startswith(("<frozen", _ZTEAM, sys.prefix, sys.base_prefix))
 
 
 def _way_out(error: BaseException) -> str:

@@ -241,8 +241,8 @@ class TickProfile:
 
     def last_text(self) -> str:
         """The last tick in words, without its idle time."""
-        parts = [f"{phase} {1e3 * seconds:.1f} ms" for phase, seconds in self._last.items() if phase != IDLE]
-        return ", ".join(part for part in parts if not part.endswith(" 0.0 ms"))
+        parts = [(phase, s) for phase, s in self._last.items() if phase != IDLE and s >= 5e-5]
+        return ", ".join(f"{phase} {1e3 * s:.1f} ms" for phase, s in parts)
 
 
 def _no_time() -> dict[str, float]:

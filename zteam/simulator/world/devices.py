@@ -187,7 +187,7 @@ class DeviceKind(NamedTuple):
     """The robot's devices of this kind, in file order; a message each, unless they are `joined`."""
     link: str = ""
     """Stem of the devices' own frames, children of `base_link`; empty where they have none."""
-    numbers: Literal["from 1", "from 0", "joined"] = "from 1"
+    numbers: Literal["from_1", "from_0", "joined"] = "from_1"
     """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
     title: str = ""
     """What reports call one of them; empty for what every robot measures."""
@@ -215,7 +215,7 @@ class DeviceKind(NamedTuple):
         return names.robot_frame(robot_id, self._numbered(self.link, index) if self.link else names.BASE_LINK)
 
     def _numbered(self, stem: str, index: int) -> str:
-        return names.numbered(stem, index, always=self.numbers == "from 0")
+        return names.numbered(stem, index, always=self.numbers == "from_0")
 
 
 def _base(robot: Robot) -> Sequence[Robot]:
@@ -246,7 +246,7 @@ KINDS: dict[str, DeviceKind] = {
             names.SONAR,
             lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
             link="sonar",
-            numbers="from 0",
+            numbers="from_0",
             title="sonar",
         ),
         DeviceKind(

@@ -235,9 +235,9 @@ def test_a_place_without_room_is_refused_unless_forced(ticked: SimulatorParts) -
     """A wall, another robot, outside of the world: the error has the reason. With force the robot stands there."""
     x, y, _ = ticked.engine.truth(1)
     for pose, why in (((-4.95, 0.0), "'west'"), ((x, y), "in robot 1"), ((40.0, 0.0), "outside of the world")):
-        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+        with pytest.raises(UsageError, match=f"no room.*{why}.*free place"):
             ticked.move(MoveRequest(0, *pose))
-        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+        with pytest.raises(UsageError, match=f"no room.*{why}.*free place"):
             ticked.spawn(SpawnRequest(*pose))
     assert list(ticked.outputs) == [0, 1, 2]
     assert ticked.spawn(SpawnRequest(-4.95, 3.0, force=True)) == 3

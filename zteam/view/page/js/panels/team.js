@@ -123,7 +123,7 @@ function updateLook(store, { cells, classList }, robot) {
 }
 
 /** Whether a behaviour may be started for it: it is there, and no process holds its name. @param {Robot} robot */
-const lacksProcess = (robot) => robot.present && ["no behaviour", "lost", "stopped"].includes(robot.state);
+const lacksProcess = (robot) => robot.present && ["undriven", "lost", "stopped"].includes(robot.state);
 
 /** The way to a behaviour for a robot without a process: a button where `zteam up` runs the team, else a command.
  * @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
