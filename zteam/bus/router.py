@@ -448,15 +448,13 @@ def spawn_router(endpoint: str, lease: float = LEASE) -> None:
     """
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
-    command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
-    command += ["--lease", str(max(lease, LEASE))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab") as output:
             # The child forks before it imports zenoh and its first half ends at once: no zombie stays here, and
             # no folder named zteam or zenoh in the user's directory can shadow the packages (cwd, -P).
             subprocess.run(
-                [command[0], "-P", *command[1:]],
+                [sys.executable, "-P", "-m", "zteam.node.router", endpoint, str(max(lease, LEASE))],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

@@ -1,9 +1,14 @@
-"""The router process."""
+"""The router process. `python -m zteam.node.router ENDPOINT LEASE` is the one on demand (`spawn_router`)."""
 
 import logging
+import os
+import sys
 
 from zteam.bus.options import RouterOptions
-from zteam.bus.router import Router, detach, open_team_router
+from zteam.bus.router import IDLE_EXIT, Router, detach, open_team_router
+from zteam.errors import ZteamError
+from zteam.node.logs import start_logging
+from zteam.node.ps_name import show_name
 from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
@@ -29,3 +34,15 @@ def run_router(options: RouterOptions, *, for_team: str | None = None, announce:
     finally:
         router.close()
     return 0
+
+
+if __name__ == "__main__":
+    show_name("zteam-router")
+    start_logging("router")
+    try:
+        run_router(RouterOptions((sys.argv[1],), lease=float(sys.argv[2]), idle_exit=IDLE_EXIT))
+    except ZteamError as error:
+        log.error("%s", error)
+    logging.shutdown()
+    # A thread of Zenoh's may still run, and would abort a process that takes its interpreter apart.
+    os._exit(0)
