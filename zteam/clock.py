@@ -187,6 +187,11 @@ def local_time_text(moment: int | None = None) -> str:
     return time.strftime("%H:%M:%S", time.localtime(None if moment is None else moment / NS_PER_S))
 
 
+def utc_text(seconds: float) -> str:
+    """A moment in seconds since the Unix epoch, for people on any machine: `2026-11-29 01:30 UTC`."""
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(seconds))
+
+
 def to_ns(seconds: float) -> int:
     """Seconds as integer nanoseconds."""
     return round(seconds * NS_PER_S)

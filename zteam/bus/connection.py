@@ -330,12 +330,12 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
 
 
 def _why_no_trust(options: BusOptions, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
-    from zteam.bus.tls import common_name, own_fault, refusal
+    from zteam.bus.tls import own_fault, own_identity, refusal
 
     endpoint = options.endpoint
     if fault := own_fault(tls) or refusal(address, tls):
         return f"the router at {endpoint} and this process do not trust each other", fault
-    no_rights = f"the router at {endpoint} gives the certificate {common_name(tls)} no rights"
+    no_rights = f"the router at {endpoint} gives the certificate {own_identity(tls)[0]} no rights"
     if read_admin(options) is None:
         return no_rights, "it was revoked or replaced, or is not of this team ('zteam certs list')"
     place = f"in the namespace {options.namespace}" if options.namespace else "without a namespace"

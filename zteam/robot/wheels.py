@@ -8,8 +8,8 @@ import threading
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.bus.graph import describe_sessions
 from zteam.bus.presence import Claim
-from zteam.bus.sessions import describe_sessions
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import DuplicateNameError, ZteamError

@@ -3,7 +3,7 @@
 The answer to `tf/frames` is a `zteam.tf.FrameInfo` for each child frame.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import msgspec
@@ -11,8 +11,8 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.errors import BusError
-from zteam.messages import Time, TransformStamped, time_from_ns
-from zteam.transforms import errors
+from zteam.messages import Clock, TFMessage, Time, TransformStamped, ns_from_time, time_from_ns
+from zteam.transforms import Buffer, FrameInfo, errors
 from zteam.transforms.rigid import stamped_transform
 
 MAX_LOOKUPS = 10_000
@@ -162,3 +162,33 @@ def _result(lookup: Lookup, reply: LookupReply) -> TransformStamped | errors.Tra
         return kind(reply.text)
     floats = (*reply.translation, *reply.rotation)
     return stamped_transform(time_from_ns(reply.stamp), lookup.target, lookup.source, floats)
+
+
+def find_frames(bus: Bus, timeout: float = 2.0) -> dict[str, FrameInfo] | None:
+    """The aggregator's own data on every frame; None without an aggregator."""
+    try:
+        return bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], timeout=timeout)
+    except BusError:
+        return None
+
+
+class TreeListener:
+    """A buffer of a session's own, filled from the aggregator's tree."""
+
+    def __init__(self, bus: Bus, on_news: Callable[[], None] = lambda: None) -> None:
+        self.buffer, self.now, self._on_news = Buffer(), 0, on_news
+        bus.subscribe(names.CLOCK, Clock, self._on_clock)
+        bus.subscribe(names.TF, TFMessage, self._on_tf)
+        bus.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self.now = ns_from_time(message.clock)
+        self.buffer.take_time(self.now)
+
+    def _on_tf(self, _key: str, message: TFMessage) -> None:
+        self.buffer.set_transforms(message.transforms, names.TF, self.now)
+        self._on_news()
+
+    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
+        self.buffer.set_all_static(message.transforms, names.TF)
+        self._on_news()
