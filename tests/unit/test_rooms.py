@@ -48,5 +48,7 @@ def test_files_import_each_other_in_no_circle() -> None:
     size = 0
     while len(graph) != size:
         size, imported = len(graph), set().union(*graph.values())
-        graph = {each: found & graph.keys() for each, found in graph.items() if each in imported and found & graph.keys()}
+        graph = {
+            each: found & graph.keys() for each, found in graph.items() if each in imported and found & graph.keys()
+        }
     assert graph == {}

@@ -28,8 +28,8 @@ from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
-from zteam.monitor.process.display import JsonLines, Lines
 from zteam.monitor.process.members import Event
+from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.log_client import LogLine
 from zteam.node.logs import start_logging
 from zteam.robot.behaviors.registry import Parameter

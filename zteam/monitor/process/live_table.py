@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from zteam.monitor.process.display import Lines, Row, TableLine, format_table
 from zteam.monitor.process.members import Event
+from zteam.monitor.process.table import Lines, Row, TableLine, format_table
 
 _COLORS = {
     "ready": "cyan", "running": "green", "stopped": "yellow", "fault": "red", "lost": "bold red", "silent": "red",

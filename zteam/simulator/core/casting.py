@@ -118,7 +118,7 @@ def _convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
         if shape.obstacle and is_convex(shape.points):
             parts.append(shape)
         elif shape.obstacle:
-            from zteam.simulator.core.dynamic import convex_parts  # pymunk: imported only for such a shape
+            from zteam.simulator.core.convex import convex_parts  # pymunk: imported only for such a shape
 
             parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
     return parts

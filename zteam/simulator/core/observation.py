@@ -1,7 +1,7 @@
 """What an engine observes at a tick's end."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Blob, Fiducial
-from zteam.simulator.core.devices import Detections
 from zteam.simulator.core.lasers import Reading, Scans
 from zteam.simulator.core.motion import WheelJoints
 from zteam.simulator.world.model import Robot
 
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
 Rows = list[list[float]]
 """Plain numbers: each row is read several times a tick."""
 
