@@ -139,12 +139,10 @@ class Freezes:
         self._frozen = 0.0
 
     def begin(self) -> None:
-        """Watch from now on."""
         with self._lock:
             self._last, self._frozen = (self._now(), self._worked()), 0.0
 
     def end(self) -> None:
-        """Watch no more."""
         self._last = None
 
     def look(self) -> float:
@@ -268,7 +266,6 @@ class AutoClock:
 
     @property
     def decided(self) -> bool:
-        """Whether this clock is decided."""
         return self.simulated or self._wall
 
     def now(self) -> int:

@@ -106,7 +106,6 @@ class Graph:
 
 
 def robots_of(keys: Iterable[str]) -> set[int]:
-    """The ids of the robots of these keys."""
     return {target[0] for target in map(names.split_robot_key, keys) if target is not None}
 
 

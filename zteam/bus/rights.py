@@ -166,7 +166,6 @@ class RightCheck:
         return f"the router drops {use.key}: this process's certificate may not publish it: {way_out}"
 
     def close(self) -> None:
-        """Look no more: the session ends."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

@@ -315,12 +315,10 @@ class Router:
             wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
-        """Let `run` look at `stopping` again."""
         with self._changed:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Stop routing."""
         try:
             self._note.unlink(missing_ok=True)
             for folder in self._made:

@@ -60,7 +60,6 @@ class RivalLog:
         self._told: dict[str, float] = {}
 
     def take(self, key: str, rivals: Sequence[str]) -> None:
-        """Others publish on this key of this session's."""
         now = monotonic()
         if now - self._told.get(key, -_QUIET) >= _QUIET and (key in self._told or len(self._told) < _MOST_KEYS):
             self._told[key] = now

@@ -25,7 +25,6 @@ _SINGLE = {
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam behaviors", description=__doc__)
     parser.add_argument(
         "name",
@@ -85,7 +84,6 @@ def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any]
 
 
 def default_text(parameter: Parameter) -> str:
-    """Its default value, or `required`."""
     return "required" if parameter.required else value_text(parameter.default)
 
 

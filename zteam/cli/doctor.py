@@ -36,7 +36,6 @@ def check_authority(tls: TlsFiles) -> list[Finding]:
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam doctor", description=__doc__)
     parser.add_argument("--map", metavar="FILE.yaml", help="also compare this map_server file with the running world")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")

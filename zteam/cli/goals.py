@@ -44,7 +44,6 @@ _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "g
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(
         prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -76,7 +75,6 @@ def build_parser() -> Parser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
     args = build_parser().parse_args(argv)
     checked(args, lambda: _read(args))
     act = _send if args.pause is None and args.resume is None else _pause

@@ -32,7 +32,6 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam log", description=__doc__)
     parser.add_argument(
         "names",

@@ -21,7 +21,6 @@ from zteam.simulator.world.images import Mode
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam map", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="save")
     save = verbs.add_parser("save", help="write FILE.yaml and its picture", description=__doc__)

@@ -14,7 +14,6 @@ from zteam.cli.tables import format_table
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam node", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
     listing = verbs.add_parser("list", help="list the processes that are alive")

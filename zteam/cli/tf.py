@@ -43,7 +43,6 @@ _Verb = Callable[[argparse.Namespace], int]
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam tf", description=__doc__)
     parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")

@@ -55,7 +55,6 @@ class _Words:
         return Time()
 
     def message(self, clock: AutoClock | None) -> Message:
-        """The message to publish now."""
         if not self.hold_time or clock is None:
             return self._message
         return from_words(self._kind, self._words, lambda: time_from_ns(clock.now()))
@@ -82,7 +81,6 @@ class _Audience:
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        """Tell again if the subscribers have changed."""
         if self._publisher.find_subscribers() == self._matching:
             return
         self._matching = not self._matching
@@ -172,7 +170,6 @@ def _heard_encoding(bus: Bus, key: str) -> str:
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam topic", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
 
@@ -330,7 +327,6 @@ def _rate(row: KeyRow) -> str:
 
 
 def _list(args: argparse.Namespace) -> int:
-    """Print a table of all keys."""
     with closing(open_bus(bus_options(args))) as bus:
         rows, _ = find_rows(bus, "**")
     if args.json:

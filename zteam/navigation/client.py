@@ -95,7 +95,6 @@ class GoalWatch:
 
     @property
     def ended(self) -> bool:
-        """Whether there is a result."""
         return self.result != TaskResult.UNKNOWN
 
     def take(self, status: NavigationStatus) -> None:

@@ -139,7 +139,6 @@ class Rounds:
         return next(self._next[robot_id], None)
 
     def put_back(self, robot_id: int, goal: FileGoal) -> None:
-        """It is the robot's next one again."""
         self._next[robot_id] = chain((goal,), self._next[robot_id])
 
 
@@ -236,11 +235,9 @@ class Dispatcher:
 
     @property
     def all_reached(self) -> bool:
-        """Whether every goal that has ended was reached."""
         return not any(errand.failed for errand in self.errands.values())
 
     def take_ended(self) -> list[Ended]:
-        """The goals that have ended since the last call."""
         with self._node.changed:
             ended, self._ended = self._ended, []
             return ended

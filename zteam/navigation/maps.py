@@ -52,6 +52,5 @@ def planar(pose: Pose) -> Pose2 | None:
 
 
 def is_finite(pose: Pose) -> bool:
-    """Whether all of its numbers are."""
     p, q = pose.position, pose.orientation
     return all(map(math.isfinite, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)))

@@ -275,7 +275,6 @@ def _expected(alive: Iterable[str], world: Iterable[int] | None) -> dict[int, se
 def _result(
     robot_id: int, expected: set[str], replies: Answers, problems: dict[str, str], *, stopped: bool
 ) -> StopResult:
-    """What became of one robot."""
     mine = {names.robot_key(robot_id, service) for service in (names.ENGAGE, names.RELEASE)}
     confirmed = {reply.by for key, reply in replies if key in mine and reply.is_stopped == stopped}
     asked = {*mine, EngageRequest.wildcard}

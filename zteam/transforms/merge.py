@@ -169,7 +169,6 @@ class Merger:
         return list(self._conflicts.values())
 
     def take_conflicts(self) -> list[str]:
-        """The conflicts since the last call."""
         new = self.conflicts()[self._read_conflicts :]
         self._read_conflicts += len(new)
         return new

@@ -108,7 +108,6 @@ class TimeCache:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether it has samples with different parents."""
         return any(parent != self.parent for _, parent, _ in self.samples)
 
     def info(self) -> FrameInfo:

@@ -50,7 +50,6 @@ class Diagnosis:
 
     @property
     def document(self) -> bytes:
-        """`doctor`."""
         return msgspec.json.encode(self._found)
 
     def want(self, wanted: bool) -> None:

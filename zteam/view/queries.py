@@ -44,7 +44,6 @@ class Counts(msgspec.Struct, frozen=True):
 
 
 def rates(before: Counts | None, after: Counts) -> dict[str, float]:
-    """Messages a second by key."""
     if before is None or after.time <= before.time:
         return {}
     found: dict[str, float] = {}
@@ -143,16 +142,13 @@ class TeamQueries:
         return self.sim is None and monotonic() < self._begun + PATIENCE
 
     def alive(self, name: str) -> bool:
-        """Whether a process holds this name."""
         return name in self._tokens
 
     def names(self) -> list[str]:
-        """The names that processes hold."""
         with self._node.changed:
             return [*self._tokens]
 
     def robots(self) -> set[int]:
-        """The robots that have a process."""
         with self._node.changed:
             return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
 

@@ -202,7 +202,6 @@ def is_stopped(robot_id: int, sim: SimStatus | None, status: RobotStatus | None)
 
 
 def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
-    """The start gate, in the monitor's words."""
     if status is None:
         return GateRow(text="no monitor")
     if status.state == TeamState.GO:
@@ -216,7 +215,6 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateR
 
 
 def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
-    """The simulator's state."""
     if status is None:
         return SimRow()
     state = "finished" if status.finished else "paused" if status.paused else "running"

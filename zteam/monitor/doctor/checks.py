@@ -18,7 +18,6 @@ from zteam.node import kinds
 
 
 def check_world(facts: Facts) -> Iterator[Finding]:
-    """Whether the world stands still, and why."""
     sim = facts.sim
     if sim is None:
         return

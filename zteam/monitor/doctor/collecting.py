@@ -118,14 +118,12 @@ class _Survey:
         self._seconds = 0.0
 
     def take(self, sample: RawSample) -> None:
-        """A message has come."""
         self._newest[sample.key][sample.source] = sample
         self._counts[sample.source][sample.key] += 1
         self._sizes[sample.source] += len(sample.payload)
         self._seconds = monotonic() - self._begin
 
     def has(self, keys: Set[str]) -> bool:
-        """Whether something came on all these keys."""
         return keys <= self._newest.keys()
 
     @property

@@ -44,7 +44,6 @@ def check_versions() -> Finding:
 
 
 def check_router(options: BusOptions) -> Finding:
-    """Whether a Zenoh router answers."""
     endpoint = options.endpoint
     if not port_accepts(endpoint):
         return problem("router", f"nothing listens at {endpoint}", kinds.ROUTER_KIND.hint)

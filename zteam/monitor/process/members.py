@@ -44,7 +44,6 @@ class Event(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """As a line for a user."""
         return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
 
 
@@ -109,7 +108,6 @@ class KnownRobot(msgspec.Struct):
 
     @property
     def why_not_ready(self) -> str:
-        """What is known of why it is not ready."""
         if self.absence:
             return self.absence
         if not self.alive:
@@ -213,12 +211,10 @@ class WatchedTeam:
         return self.members.setdefault(robot_id, KnownRobot())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
-        """Add an event."""
         self._events.append(Event(kind, robot, short(text)))
 
     @property
     def has_events(self) -> bool:
-        """Whether there is anything to tell."""
         return bool(self._events)
 
     def take_events(self) -> list[Event]:

@@ -157,11 +157,9 @@ class Lines:
         self._write = write
 
     def show(self, event: Event) -> None:
-        """Print one line for a user."""
         self._write(printable(event.sentence))
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
-        """Print the table, and the notes below it."""
         self._write("\n".join(line.text for line in format_table(rows, notes, _PIPE_WIDTH)))
 
 

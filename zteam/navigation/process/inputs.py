@@ -111,7 +111,6 @@ class Inputs:
 
     @property
     def base(self) -> Base:
-        """The robot's base."""
         return self._bases.get(self.robot_id, DEFAULT_BASE)
 
     def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:

@@ -249,7 +249,6 @@ class Formation(Behavior):
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
-        """The own slot now."""
         params, assignment = self.params, self._assignment
         slots = slots_of(params.shape, len(members), params.spacing)
         is_due = assignment.is_due(view.now, members)

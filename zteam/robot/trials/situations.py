@@ -51,7 +51,6 @@ def lookup_in(poses: Mapping[int, tuple[float, float, float]], stamp: int) -> Fi
 
 
 def laser_frame(robot_id: int) -> str:
-    """The frame of a robot's laser."""
     return names.robot_frame(robot_id, names.BASE_LASER_LINK)
 
 

@@ -56,7 +56,6 @@ def place_in(stack: traceback.StackSummary, kind: type[Behavior]) -> str:
 
 
 def place_of_step(kind: type[Behavior], method: str = "step") -> str:
-    """Where its `step`, or another method, begins."""
     code = getattr(inspect.unwrap(getattr(kind, method)), "__code__", None)
     return "" if code is None else _line_text(code.co_filename, code.co_firstlineno)
 
@@ -342,7 +341,6 @@ class Subject:
 
 
 def velocity_text(motion: Motion) -> str:
-    """A velocity, for people."""
     return f"{motion.x:.3g} m/s, {motion.turn:.3g} rad/s"
 
 

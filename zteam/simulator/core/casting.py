@@ -66,7 +66,6 @@ def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
 
 
 def solid_bitmaps(plans: Plans) -> Bitmaps:
-    """The floor plans that are obstacles."""
     return Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
 
 
@@ -209,12 +208,10 @@ class SensedWorld:
 
     @cached_property
     def visible(self) -> Caster:
-        """Casts against what lasers see."""
         return self._caster(lambda surface: surface.ranger_return >= 0.0)
 
     @cached_property
     def solid(self) -> Caster:
-        """Casts against what collides."""
         return self._caster(lambda surface: surface.obstacle)
 
     def move(self, poses: Floats) -> None:

@@ -267,7 +267,6 @@ class DynamicBodies:
         self._anchored[:] = self._cores.in_wall
 
     def place(self, index: int, pose: Pose2) -> None:
-        """Put a mover somewhere, at rest."""
         body = self._bodies[index]
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)

@@ -53,7 +53,6 @@ class RobotObservation:
 
     @property
     def robot(self) -> Robot:
-        """What it is."""
         return self._snapshot.robots[self._index]
 
     @property
@@ -62,7 +61,6 @@ class RobotObservation:
         return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
 
     def reading(self, place: int) -> Reading:
-        """Of one of its rangers."""
         return self._snapshot.scans.reading(self._index, place)
 
     @property
@@ -88,7 +86,6 @@ class RobotObservation:
 
     @property
     def joints(self) -> Joints:
-        """Its wheels."""
         wheels, i = self._snapshot.wheels, self._index
         own = slice(wheels.first[i], wheels.first[i + 1])
         return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
@@ -100,7 +97,6 @@ class RobotObservation:
 
     @property
     def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
-        """Of its fiducial finders."""
         return self.detections.get(names.FIDUCIALS, ())
 
     @property

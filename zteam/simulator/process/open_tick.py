@@ -148,7 +148,6 @@ class OpenTick:
 
     @property
     def complete(self) -> bool:
-        """Whether every participant has answered."""
         return all(map(self.answers.__contains__, self.members))
 
     @property

@@ -77,7 +77,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
         self.scan_counts = {robot_id: len(output.scans) for robot_id, output in self.items()}
 
     def put_statics(self, robot_id: int) -> None:
-        """Send a robot's fixed frames."""
         output, origin = self[robot_id], self._engine.odom_origin(robot_id)
         output.tf_static.put(to_messages.static_transforms(robot_id, output.robot, origin))
 

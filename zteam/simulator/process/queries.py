@@ -127,7 +127,6 @@ def _robot_shape(robot: Robot) -> RobotShape:
 
 
 def _obstacle_shape(obstacle: Obstacle) -> ObstacleShape:
-    """An obstacle from above."""
     pose = obstacle.pose
     movable = obstacle.mass is not None
     return ObstacleShape(obstacle.name, pose.x, pose.y, pose.yaw, _outline(obstacle.shapes), movable)

@@ -258,7 +258,6 @@ class Simulation:
         return robot_id
 
     def remove(self, robot_id: int) -> None:
-        """Take a robot out of the world. Raises UsageError."""
         self.engine.remove(robot_id)
         self.match_robots()
         self.statistics.add_external_command()
@@ -282,7 +281,6 @@ class Simulation:
         self.statistics.add_external_command()
 
     def status(self) -> SimStatus:
-        """The answer to `sim/status`."""
         lockstep = self.lockstep
         return SimStatus(
             world=self.world.name,
@@ -307,7 +305,6 @@ class Simulation:
         )
 
     def report(self) -> SimReport:
-        """The answer to `sim/report`."""
         lockstep, run = self.lockstep, self.statistics
         go_stamp, ticks, wall = run.go_stamp, run.ticks, run.wall_seconds
         elapsed = (ticks - 1) * self.world.interval / NS_PER_S

@@ -61,7 +61,6 @@ class RunStatistics:
         self.start_anew()
 
     def start_anew(self) -> None:
-        """Forget the run."""
         self.go_stamp: int | None = None
         """Simulated time (ns) from which GO holds; None before `start`."""
         self.ticks = 0
@@ -158,7 +157,6 @@ class RunStatistics:
             self._measured = place + 1
 
     def add_external_command(self) -> None:
-        """Count a command that did not come from the process that holds the robot's name."""
         self.external_commands += self.go_stamp is not None
 
     @property
@@ -173,7 +171,6 @@ class RunStatistics:
             return self._trajectory.hexdigest()
 
     def robots(self) -> list[RobotReport]:
-        """What each robot did, by id."""
         with self._lock:
             sums, rows = self._sums.copy(), sorted(self._rows.items())
         return [
@@ -230,7 +227,6 @@ class TickProfile:
         self._since = now
 
     def end_tick(self) -> None:
-        """End the tick."""
         self._last, self._open = self._open, _no_time()
         self._sums = {phase: seconds + self._last[phase] for phase, seconds in self._sums.items()}
         self._ticks += 1

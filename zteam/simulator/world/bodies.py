@@ -88,7 +88,6 @@ def boundary_slabs(size: Size3) -> list[Block]:
 
 
 def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
-    """A block over a rectangle."""
     return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
 
 
@@ -199,7 +198,6 @@ class Body(NamedTuple):
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
-    """A model's body; raises WorldError."""
     reader = settings.reader(entity)
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
     found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]

@@ -104,7 +104,6 @@ class Chassis(msgspec.Struct):
     markers: list[FiducialMarker] = msgspec.field(default_factory=list)
 
     def robot(self) -> Robot:
-        """As a robot."""
         assert isinstance(self.base, Robot)
         return msgspec.structs.replace(
             self.base,
@@ -115,7 +114,6 @@ class Chassis(msgspec.Struct):
         )
 
     def obstacle(self) -> Obstacle:
-        """As something that can be pushed."""
         assert isinstance(self.base, Obstacle)
         return msgspec.structs.replace(self.base, shapes=tuple(self.shapes), markers=tuple(self.markers))
 
@@ -179,7 +177,6 @@ class Builder:
         self.pushed: list[Chassis] = []
 
     def add_model(self, entity: Entity, mount: Mount) -> None:
-        """Add a model and everything on it."""
         if entity.type == "window":  # Stage's own window on the screen
             return
         reader = self._settings.reader(entity)

@@ -118,7 +118,6 @@ class Pose3(NamedTuple):
 
     @property
     def planar(self) -> Pose2:
-        """Without the height."""
         return Pose2(self.x, self.y, self.yaw)
 
 
@@ -152,7 +151,6 @@ class Reader:
                 self._remarks.add(found.place, text)
 
     def has(self, name: str) -> bool:
-        """Whether the property is set."""
         return name in self.entity.properties
 
     def place(self, name: str) -> TextPlace:
@@ -213,7 +211,6 @@ class Reader:
         return found.written if found else ()
 
     def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
-        """One of a few strings."""
         value = self.text(name, default)
         if value not in choices:
             self.fail(name, f"{name} must be one of {', '.join(choices)}, not {value!r:.60}")
