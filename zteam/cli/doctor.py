@@ -13,6 +13,7 @@ from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.output import Clean, painted, print_block, print_json
 from zteam.cli.tables import terminal_width
+from zteam.config.map_files import read_floor_map
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError, printable
 from zteam.monitor.doctor.examination import examine
@@ -56,8 +57,6 @@ def _examine(args: argparse.Namespace) -> int:
 
 
 def _read_map(path: Path) -> MapInfo:
-    from zteam.simulator.world.images import read_floor_map
-
     found = read_floor_map(path)
     rows, columns = found.occupied.shape
     x, y, yaw = found.map_from_corner

@@ -12,10 +12,9 @@ from zteam import names
 from zteam.clock import monotonic, to_seconds
 from zteam.config.resources import read_file
 from zteam.errors import ConfigError, UsageError, did_you_mean
-from zteam.geometry import Pose2, turn_problem
+from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
-from zteam.navigation.maps import FAR
 from zteam.node.node import Node
 from zteam.robot.goal_lists import serve_list
 

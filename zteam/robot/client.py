@@ -19,7 +19,7 @@ from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
-from zteam.robot.behaviors.registry import Parameter
+from zteam.robot.parameters import Parameter
 from zteam.simulator.client import find_status
 
 DESCRIBE = "describe_parameters"

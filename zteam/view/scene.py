@@ -26,7 +26,8 @@ from zteam.messages import (
     TeamStatus,
     ns_from_time,
 )
-from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, parameters_of
+from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names
+from zteam.robot.parameters import parameters_of
 from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames
 from zteam.view.commands import Tile, make_tiles

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 
 from zteam import names
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages import (
     Header,
     LaserScan,
@@ -36,12 +36,9 @@ from zteam.view.received import (
     topics_of,
 )
 
-_FAR = 1e6
-"""Metres from the origin of the map: what is further away is not shown."""
-
 
 def shown(pose: Pose2 | None) -> Pose2 | None:
-    return pose if pose is not None and abs(pose.x) <= _FAR and abs(pose.y) <= _FAR else None
+    return pose if pose is not None and abs(pose.x) <= FAR and abs(pose.y) <= FAR else None
 
 
 class Places:

@@ -32,8 +32,8 @@ from zteam.monitor.process.members import Event
 from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.log_client import LogLine
 from zteam.node.logs import start_logging
-from zteam.robot.behaviors.registry import Parameter
 from zteam.robot.client import DESCRIBE, DescribeReply
+from zteam.robot.parameters import Parameter
 from zteam.simulator.client import SimStatus
 from zteam.transforms import FrameInfo
 

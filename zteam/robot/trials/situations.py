@@ -14,7 +14,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.behaviors.behavior import Behavior, FindPose, View, declared_inputs
-from zteam.robot.behaviors.registry import parameters_of
+from zteam.robot.parameters import parameters_of
 
 RANGE_MAX = 30.0
 """Metres."""

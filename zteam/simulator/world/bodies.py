@@ -9,21 +9,12 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import (
-    MAX_PIXELS,
-    Box,
-    FloorMap,
-    Grid,
-    is_floor_map,
-    occupied_box,
-    read_bitmap,
-    read_floor_map,
-    rectangles,
-)
+from zteam.simulator.world.images import Box, occupied_box, read_bitmap, rectangles
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.parser import Entity
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units

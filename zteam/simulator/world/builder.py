@@ -10,12 +10,12 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
 from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import is_floor_map
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
 from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units

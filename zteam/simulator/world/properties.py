@@ -13,7 +13,7 @@ from collections.abc import Iterable, Set
 from typing import NamedTuple, NoReturn
 
 from zteam.errors import did_you_mean
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.simulator.world.parser import Entity, Property, Value
 from zteam.simulator.world.text import Remarks, TextPlace
 
@@ -93,9 +93,6 @@ def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str
         return None if is_harmless else f"{name} is ignored: {reason}"
     return f"unknown property {name!r:.60} is ignored{did_you_mean(plain, sorted(read), form=MEANT)}"
 
-
-MAX_LENGTH = 1e6
-"""Metres: anything farther is a mistake, and would overflow somewhere."""
 
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
@@ -244,8 +241,8 @@ class Reader:
             value *= self._units.angle
         elif kind == "l":
             value *= self._units.length
-            if abs(value) > MAX_LENGTH:
-                raise found.place.error(f"{found.name}: {value:g} m is too large (at most {MAX_LENGTH:g} m)")
+            if abs(value) > FAR:
+                raise found.place.error(f"{found.name}: {value:g} m is too large (at most {FAR:g} m)")
         if not math.isfinite(value):
             raise found.place.error(f"{found.name} overflows")
         return value
