@@ -243,7 +243,9 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
             continue
         session = try_open(options)
         if session is not None:
-            _refuse_foreign_router(session, options)
+            if foreign := why_foreign(read_admin(options), options.endpoint):
+                session.close()  # type: ignore[no-untyped-call]
+                raise BusError(": ".join(foreign))
             return session
         # The published port of a container is open before the router in it is.
         refused_until = min(refused_until, monotonic() + _OPENS_WITHIN)
@@ -254,12 +256,6 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
     )
-
-
-def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
-    if foreign := why_foreign(read_admin(options), options.endpoint):
-        session.close()  # type: ignore[no-untyped-call]
-        raise BusError(": ".join(foreign))
 
 
 def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:

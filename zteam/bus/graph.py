@@ -101,7 +101,6 @@ class Graph:
         return sorted({key for expr in {key for key, _ in self._users} for key in names.keys_in(expr, ids)})
 
     def robots(self) -> set[int]:
-        """The ids of the robots that have a key of their own."""
         return robots_of(key for key, _ in self._users)
 
 

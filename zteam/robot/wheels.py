@@ -138,7 +138,6 @@ class Wheels:
         self.driven = command
 
     def _on_other(self, _key: str, command: Twist, session: str) -> None:
-        """A command of another teleop or page."""
         if session == self._bus.instance:
             return
         with self._lock:

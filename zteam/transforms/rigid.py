@@ -113,7 +113,6 @@ def apply_to_points(target_from_source: Transform, points: Array) -> Array:
 
 
 def _matrix(rotation: Sequence[float]) -> Array:
-    """The rotation matrix of a unit quaternion."""
     i, j, k, w = rotation
     axes = np.eye(3).tolist()
     return np.array([compose((0.0, 0.0, 0.0, i, j, k, w), (x, y, z, 0.0, 0.0, 0.0, 1.0))[:3] for x, y, z in axes]).T

@@ -68,13 +68,11 @@ class Connections:
             self._end(transport)
 
     def begin(self, transport: asyncio.Transport | None) -> None:
-        """It has brought a request."""
         if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
             timer.cancel()
             self._busy[transport] = None
 
     def rest(self, transport: asyncio.Transport | None) -> None:
-        """Its request is answered."""
         if transport is not None and transport in self._busy:
             del self._busy[transport]
             self._wait(transport)

@@ -108,7 +108,6 @@ class MarkerBoard:
         self._markers = {place: marker for place, marker in self._markers.items() if place[0] in kept}
 
     def drawn(self, pose_of: PoseOf, now: float) -> list[dict[str, Any]]:
-        """The markers whose frames are known."""
         self._markers = {place: marker for place, marker in self._markers.items() if now < marker[1]}
         return [
             drawn_marker(key, marker, frame)

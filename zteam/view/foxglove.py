@@ -142,7 +142,6 @@ class FoxgloveServer:
     # What clients ask for, by names that the SDK gives
 
     def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:
-        """A client looks at a topic from now on."""
         key = names.strip_slash(channel.topic)
         with self._node.changed:
             shown = self._shown.get(key)

@@ -34,12 +34,10 @@ class _Side(asyncio.Protocol):
             self.other.transport.write(data)
 
     def pause_writing(self) -> None:
-        """The reader is slow: the writer waits."""
         if self.other is not None and self.other.transport is not None:
             self.other.transport.pause_reading()
 
     def resume_writing(self) -> None:
-        """The reader has caught up."""
         if self.other is not None and self.other.transport is not None:
             self.other.transport.resume_reading()
 

@@ -149,7 +149,6 @@ class Received:
             return [*newer][::-1]
 
     def forget(self, topic: str) -> None:
-        """Keep no messages of this topic."""
         with self._lock:
             self._kept.pop(topic, None)
 
@@ -280,7 +279,6 @@ class Viewer:
 
     @property
     def layers(self) -> set[str]:
-        """The layers whose content it needs."""
         return {*self.look.layers, *(() if self.inspected is None else ("goals",))}
 
     @property

@@ -131,7 +131,6 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def robots(self) -> list[int]:
-        """Ids of the robots that have a process."""
         return sorted({i for i in map(names.robot_id_of, self.alive) if i is not None})
 
     def lacks(self, robot_id: int) -> bool:

@@ -138,7 +138,6 @@ class Navigator:
         return STOP
 
     def step(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
-        """The velocity for a robot on its way."""
         assert self.goal is not None
         if self._held_since is not None:
             self._held_since, self.text = None, ""

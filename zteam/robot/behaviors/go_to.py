@@ -245,7 +245,6 @@ class GoTo(Behavior):
         self._escape.rest()
 
     def cancel_goal(self) -> bool:
-        """See Behavior."""
         self._is_canceled = self.navigation.state == NavigationState.DRIVING
         return self._is_canceled
 

@@ -17,7 +17,6 @@ class Idle(Behavior):
         return Twist()
 
     def why_it_rests(self) -> str:
-        """It never drives."""
         return "idle: only teleop or navigation drives it"
 
 

@@ -284,7 +284,6 @@ class Subject:
             self._blame(Fault("raises", text, _hint(error), place, is_remark=True))
 
     def step(self, view: View) -> StepAnswer:
-        """Ask for a velocity."""
         before = _bytes_of(view)
         with self._watch.step():
             answer = self._guarded("step", lambda: StepAnswer(*ask(self._behavior, view)))

@@ -61,7 +61,6 @@ class _Target(NamedTuple):
 
 
 def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
-    """Rays outward along a bumper."""
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
     cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)

@@ -33,7 +33,6 @@ def _hold_text(options: SimOptions) -> str:
 
 
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    """Run the simulator until it is asked to stop."""
     for pair in options.follows.items():
         if not set(pair) <= robots.keys():
             log.warning(

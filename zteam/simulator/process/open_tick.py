@@ -143,7 +143,6 @@ class OpenTick:
         return tick
 
     def missing(self) -> list[str]:
-        """Participants that have not answered the open tick."""
         return [name for name in self.members if name not in self.answers]
 
     @property

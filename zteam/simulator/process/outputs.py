@@ -51,7 +51,6 @@ class RobotOutputs:
         self.rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
-        """The robot is removed from the world."""
         for publisher in self._publishers:
             publisher.close()
 

@@ -163,7 +163,6 @@ class Settings(msgspec.Struct, frozen=True):
     bounds: Bounds = msgspec.field(default_factory=Bounds)
 
     def reader(self, entity: Entity) -> Reader:
-        """Reads an entity's properties."""
         return Reader(entity, self.units, self.remarks)
 
 

@@ -156,7 +156,6 @@ class Reader:
         return found.place if found else self.entity.place
 
     def fail(self, name: str, text: str) -> NoReturn:
-        """Raise what is wrong with a property."""
         raise self.place(name).error(text)
 
     def remark(self, name: str, text: str) -> None:
