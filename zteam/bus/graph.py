@@ -2,8 +2,10 @@
 
 import difflib
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import closing
+from itertools import chain
 
 import msgspec
 
@@ -114,6 +116,48 @@ def find_graph(bus: Bus) -> Graph:
     return Graph(declarations, find_processes(bus, timeout=_PATIENCE))
 
 
+class Survey:
+    """What comes on the keys of `key_expr` until it is closed, latched messages included."""
+
+    def __init__(self, bus: Bus, key_expr: str) -> None:
+        self.newest: dict[str, dict[str, RawSample]] = defaultdict(dict)
+        """By key and session: the newest sample, the sessions in order of their first ones."""
+        self.times: dict[tuple[str, str], list[float]] = defaultdict(list)
+        """By session and key: the host times of live messages."""
+        self.sizes = Counter[str]()
+        """By session: bytes of live messages."""
+        self.changed = threading.Condition()
+        self.seconds = 0.0
+        """Host time from begin to end; 0 before."""
+        self._begin = monotonic()
+        # The second one receives live samples too.
+        self._subscriptions = (
+            bus.subscribe_raw(key_expr, self._take_live),
+            bus.subscribe_raw(key_expr, self._take, latched=True),
+        )
+
+    def _take(self, sample: RawSample) -> None:
+        with self.changed:
+            # A sample may still be on its way when it is closed.
+            if not self.seconds:
+                self.newest[sample.key][sample.source] = sample
+                self.changed.notify_all()
+
+    def _take_live(self, sample: RawSample) -> None:
+        with self.changed:
+            if not self.seconds:
+                self.times[sample.source, sample.key].append(monotonic())
+                self.sizes[sample.source] += len(sample.payload)
+        self._take(sample)
+
+    def close(self) -> None:
+        """Take no further message."""
+        with self.changed:
+            self.seconds = monotonic() - self._begin
+        for each in self._subscriptions:
+            each.close()
+
+
 class KeyRow(msgspec.Struct):
     """A key, the messages received on it during a survey, and its users."""
 
@@ -136,48 +180,26 @@ class KeyRow(msgspec.Struct):
 
 def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], Graph]:
     """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
-    graph, rows = find_graph(bus), _survey(bus, key_expr)
-    for key in graph.known_keys(robots_of(rows)):
-        if key not in rows and matches(key_expr, key):
-            rows[key] = KeyRow(key, ros_type_of(key))
-    for key, row in rows.items():
-        # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
-        row.publishers = sorted({*graph.publishers(key), *graph.name_sessions(row.sources, key)})
-        row.subscribers = graph.subscribers(key)
-    return [rows[key] for key in sorted(rows)], graph
+    graph = find_graph(bus)
+    with closing(Survey(bus, key_expr)) as survey:
+        pause(SURVEY)
+    keys = {key for key in graph.known_keys(robots_of(survey.newest)) if matches(key_expr, key)}
+    return [_row(key, graph, survey) for key in sorted(keys | survey.newest.keys())], graph
 
 
-def _survey(bus: Bus, key_expr: str) -> dict[str, KeyRow]:
-    """Listen to `key_expr` for a while: every key that carries data, latched ones included."""
-    rows: dict[str, KeyRow] = {}
-    times: dict[str, list[float]] = defaultdict(list)
-    lock = threading.Lock()
-
-    def take(sample: RawSample) -> None:
+def _row(key: str, graph: Graph, survey: Survey) -> KeyRow:
+    heard = survey.newest.get(key, {})
+    times = sorted(chain.from_iterable(survey.times.get((source, key), ()) for source in heard))
+    row = KeyRow(key, ros_type_of(key), len(times), latched=bool(heard) and not times, sources=[*heard])
+    if heard:
+        sample = max(heard.values(), key=lambda sample: sample.timestamp)
         kind = kind_of(sample)
-        with lock:
-            row = rows.setdefault(sample.key, KeyRow(sample.key, kind.ros_type if kind else sample.encoding))
-            row.bytes = len(sample.payload)
-            if sample.source not in row.sources:
-                row.sources.append(sample.source)
-
-    def take_live(sample: RawSample) -> None:
-        with lock:
-            times[sample.key].append(monotonic())
-        take(sample)
-
-    start, live = monotonic(), bus.subscribe_raw(key_expr, take_live)
-    # It receives live samples too.
-    latched = bus.subscribe_raw(key_expr, take, latched=True)
-    pause(SURVEY)
-    latched.close()
-    live.close()
-    with lock:
-        for key, row in rows.items():
-            row.count, row.rate = len(times[key]), rate_of(times[key], monotonic() - start)
-            row.latched = row.count == 0
-        # A sample may still be on its way.
-        return dict(rows)
+        row.type, row.bytes = kind.ros_type if kind else sample.encoding, len(sample.payload)
+        row.rate = rate_of(times, survey.seconds)
+    # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+    row.publishers = sorted({*graph.publishers(key), *graph.name_sessions(row.sources, key)})
+    row.subscribers = graph.subscribers(key)
+    return row
 
 
 def rate_of(times: Sequence[float], elapsed: float) -> float:

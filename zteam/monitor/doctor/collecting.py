@@ -1,8 +1,7 @@
 """Everything that the checks of a team need, learned from the bus within a moment."""
 
-import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from itertools import chain
@@ -11,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.graph import SURVEY, Graph, describe_sessions, find_names, find_nodes
+from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_names, find_nodes
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
@@ -57,7 +56,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
     strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
-    heard = survey.samples
+    heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
 
@@ -68,7 +67,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         return graph.name_sessions([sample.source], sample.key)[0]
 
     places = describe_sessions(bus, _rivals(heard, graph.declarations))
-    loads = survey.loads(name_of, {node.instance for node in nodes})
+    loads = _loads(survey, name_of, {node.instance for node in nodes})
     tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
@@ -105,51 +104,26 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     )
 
 
-class _Survey:
-    """What was heard on all keys within a while. The bus's thread calls `take`."""
-
-    def __init__(self) -> None:
-        self._newest: dict[str, dict[str, RawSample]] = defaultdict(dict)
-        self._counts: dict[str, Counter[str]] = defaultdict(Counter)
-        """Messages by key, of each session."""
-        self._sizes = Counter[str]()
-        """Bytes of each session."""
-        self._begin = monotonic()
-        self._seconds = 0.0
-
-    def take(self, sample: RawSample) -> None:
-        self._newest[sample.key][sample.source] = sample
-        self._counts[sample.source][sample.key] += 1
-        self._sizes[sample.source] += len(sample.payload)
-        self._seconds = monotonic() - self._begin
-
-    def has(self, keys: Set[str]) -> bool:
-        return keys <= self._newest.keys()
-
-    @property
-    def samples(self) -> dict[str, list[RawSample]]:
-        """The newest sample of each session, by key."""
-        return {key: list(by.values()) for key, by in sorted(self._newest.items())}
-
-    def loads(self, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
-        """What each session sends; `known` are those of the team's processes."""
-        found = []
-        for session, counts in self._counts.items():
-            key, most = counts.most_common(1)[0]
-            # A latched message came at once, and is one that was sent long ago.
-            per_second = 1.0 / max(SURVEY, self._seconds)
-            found.append(
-                Load(
-                    writer=name_of(self._newest[key][session]),
-                    known=session in known,
-                    key=key,
-                    rate=most * per_second,
-                    total_rate=counts.total() * per_second,
-                    keys=len(counts),
-                    bytes_rate=self._sizes[session] * per_second,
-                )
+def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
+    """What each session sends; `known` are those of the team's processes."""
+    counts = defaultdict[str, Counter[str]](Counter)
+    for (session, key), times in survey.times.items():
+        counts[session][key] = len(times)
+    found = []
+    for session, own in counts.items():
+        key, most = own.most_common(1)[0]
+        found.append(
+            Load(
+                writer=name_of(survey.newest[key][session]),
+                known=session in known,
+                key=key,
+                rate=most / survey.seconds,
+                total_rate=own.total() / survey.seconds,
+                keys=len(own),
+                bytes_rate=survey.sizes[session] / survey.seconds,
             )
-        return found
+        )
+    return found
 
 
 def _stands(sim: SimStatus) -> bool:
@@ -157,26 +131,17 @@ def _stands(sim: SimStatus) -> bool:
     return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
 
 
-def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> _Survey:
-    """Listen to all keys, latched ones included, until every robot that answers has published its status and all that
-    is measured has come, as far as these declarations have it: a slow world takes its time for a tick."""
-    survey, changed = _Survey(), threading.Condition()
+def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> Survey:
+    """Listen to all keys until every robot that answers has published its status and all that is measured has come, as
+    far as these declarations have it: a slow world takes its time for a tick."""
     robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
     due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
     due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
-
-    def take(sample: RawSample) -> None:
-        with changed:
-            survey.take(sample)
-            changed.notify_all()
-
-    with closing(bus.subscribe_raw("**", take, latched=True)):
+    with closing(Survey(bus, "**")) as survey:
         pause(SURVEY)
-        with changed:
-            wait_until(changed, lambda: survey.has(due), LONGER)
-    with changed:
-        # A sample may still be on its way.
-        return survey
+        with survey.changed:
+            wait_until(survey.changed, lambda: due <= survey.newest.keys(), LONGER)
+    return survey
 
 
 def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
