@@ -18,7 +18,7 @@ from zteam.node.process_options import SimOptions
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.process.queries import Queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation
-from zteam.simulator.process.statistics import IDLE, WAIT
+from zteam.simulator.process.tick_profile import IDLE, WAIT
 from zteam.simulator.world import Robot, World
 
 log = logging.getLogger("zteam")

@@ -32,7 +32,8 @@ from zteam.simulator.process.holds import Holds
 from zteam.simulator.process.lockstep import LockStep
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
-from zteam.simulator.process.statistics import PHYSICS, PUBLISH, SENSORS, WAIT, RunStatistics, TickProfile
+from zteam.simulator.process.statistics import RunStatistics
+from zteam.simulator.process.tick_profile import PHYSICS, PUBLISH, SENSORS, WAIT, TickProfile
 from zteam.simulator.world import Robot, World, add_robot
 
 log = logging.getLogger("zteam")

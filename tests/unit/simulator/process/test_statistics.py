@@ -11,7 +11,8 @@ import pytest
 from zteam.geometry import Pose2, normalize_angle
 from zteam.simulator.client import Gap, Latency, Timing
 from zteam.simulator.process import statistics as statistics_module
-from zteam.simulator.process.statistics import IDLE, PHYSICS, SENSORS, RunStatistics, TickProfile, percentile
+from zteam.simulator.process.statistics import RunStatistics, percentile
+from zteam.simulator.process.tick_profile import IDLE, PHYSICS, SENSORS, TickProfile
 
 START = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(0.0, 2.0, 0.0)}
 
