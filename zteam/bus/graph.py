@@ -32,19 +32,14 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     """Every process that answers or has a presence token; one that does not answer has pid 0."""
     # By name too: one process may hold several, as a navigation of several robots does. `zteam tf static` holds a
     # token for the aggregator alone.
-    held = {token for token in _tokens(bus, names.tokens_key()) if token[1] != names.STATIC_CALLER}
+    held = {token for token in find_tokens(bus, names.tokens_key()) if token[1] != names.STATIC_CALLER}
     infos = {(info.name, info.instance): info for info in find_processes(bus)}
     silent = [ProcessInfo(name, "does not answer", 0, 0, i) for _, name, i in held if (name, i) not in infos]
     # On a crowded machine an answer is there before its process's token.
     return sorted([*infos.values(), *silent], key=lambda info: (info.name, info.instance))
 
 
-def find_names(bus: Bus) -> set[tuple[str, str]]:
-    """(namespace, name) of every process at the router, where the bus itself has no namespace."""
-    return {token[:2] for token in _tokens(bus, names.all_tokens_key())}
-
-
-def _tokens(bus: Bus, key_expr: str) -> set[tuple[str, str, str]]:
+def find_tokens(bus: Bus, key_expr: str) -> set[tuple[str, str, str]]:
     """(namespace, name, session) of each presence token."""
     alive = set[tuple[str, str, str]]()
 

@@ -3,7 +3,8 @@
 The answer to `tf/frames` is a `zteam.tf.FrameInfo` for each child frame.
 """
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
 import msgspec
@@ -11,9 +12,12 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.errors import BusError
+from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Clock, TFMessage, Time, TransformStamped, ns_from_time, time_from_ns
 from zteam.transforms import Buffer, FrameInfo, errors
 from zteam.transforms.rigid import stamped_transform
+
+log = logging.getLogger("zteam")
 
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""
@@ -147,6 +151,21 @@ class TransformClient:
         if len(replies) != len(lookups):
             raise BusError(f"{key}: {len(replies)} answers to {len(lookups)} look-ups")
         return [_result(lookup, reply) for lookup, reply in zip(lookups, replies, strict=True)]
+
+    def find_poses(self, lookups: Mapping[int, Lookup]) -> dict[int, Pose2]:
+        """The planar poses that are known, by the same numbers; none if no aggregator answers."""
+        try:
+            found = self.lookup_many([*lookups.values()]) if lookups else []
+        except BusError as error:
+            # The session may also be closed.
+            log.debug("%s", error)
+            return {}
+        return {
+            number: Pose2(place.x, place.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+            for number, each in zip(lookups, found, strict=True)
+            if isinstance(each, TransformStamped)
+            for place, turn in [(each.transform.translation, each.transform.rotation)]
+        }
 
     def history(self, request: HistoryRequest) -> HistoryReply:
         """One pair of frames over a span of time. Raises BusError if no aggregator answers, or if it refuses."""

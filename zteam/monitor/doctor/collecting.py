@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_names, find_nodes
+from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
@@ -283,4 +283,4 @@ def _processes_at(options: BusOptions) -> set[tuple[str, str]]:
     namespace = None if options.tls is None else options.namespace
     everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
     with closing(connect(everywhere, patience=1.0)) as bus:
-        return find_names(bus)
+        return {token[:2] for token in find_tokens(bus, names.all_tokens_key())}

@@ -28,8 +28,6 @@ _PATIENCE = 5.0
 _DAY = 86_400.0
 _SOON = 14 * _DAY
 """Seconds before its end in which a certificate is warned of."""
-_FOLDER = "certs"
-"""Where `zteam certs` looks unless it is told otherwise."""
 
 
 def check_versions() -> Finding:
@@ -79,7 +77,8 @@ def check_certificate(tls: TlsFiles) -> Finding:
     if left > _SOON:
         return ok("certificate", f"{name}, valid for {left // _DAY:.0f} days")
     text = f"the certificate {name} {'expires' if left > 0.0 else 'has expired'} on {utc_text(expires)}"
-    option = "" if folder == Path(_FOLDER) else f" --folder {folder}"
+    # `certs` is where `zteam certs` looks by itself.
+    option = "" if folder == Path("certs") else f" --folder {folder}"
     step = f"zteam certs renew {name.rpartition('.')[0]}{option}"
     return (note if left > 0.0 else problem)("certificate", text, step)
 

@@ -10,9 +10,8 @@ from contextlib import contextmanager
 
 from zteam import names
 from zteam.clock import Every, monotonic
-from zteam.errors import BusError, ZteamError
-from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import TransformStamped
+from zteam.errors import ZteamError
+from zteam.geometry import Pose2
 from zteam.monitor.process.members import EventLimit, WatchedTeam
 from zteam.monitor.process.table import JsonLines, make_rows, team_notes
 from zteam.monitor.process.table import Lines as Lines
@@ -46,30 +45,14 @@ class Poses:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self.newest = self._ask(self._robots())
+            frames = {i: names.robot_frame(i, names.BASE_FOOTPRINT) for i in self._robots()}
+            self.newest = self._client.find_poses({i: Lookup(names.MAP_FRAME, frame) for i, frame in frames.items()})
             self.restarts = self._ask_launcher()
             self._stop.wait(PERIOD)
 
     def _ask_launcher(self) -> dict[str, Restarted]:
         answers = self._bus.find(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
         return dict(answers[0][1]) if answers else {}
-
-    def _ask(self, robots: list[int]) -> dict[int, Pose2]:
-        if not robots:
-            return {}
-        lookups = [Lookup(names.MAP_FRAME, names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
-        try:
-            found = self._client.lookup_many(lookups)
-        except BusError as error:
-            # No aggregator, or none that answers; the session may also be closed.
-            log.debug("%s", error)
-            return {}
-        return {i: _pose(f) for i, f in zip(robots, found, strict=True) if isinstance(f, TransformStamped)}
-
-
-def _pose(found: TransformStamped) -> Pose2:
-    place, turn = found.transform.translation, found.transform.rotation
-    return Pose2(place.x, place.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
 
 
 _event_log = logging.getLogger("zteam.monitor.events")
