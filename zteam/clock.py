@@ -139,12 +139,10 @@ class Freezes:
         self._frozen = 0.0
 
     def begin(self) -> None:
-        """Watch from now on."""
         with self._lock:
             self._last, self._frozen = (self._now(), self._worked()), 0.0
 
     def end(self) -> None:
-        """Watch no more."""
         self._last = None
 
     def look(self) -> float:
@@ -185,6 +183,11 @@ def pause(seconds: float) -> None:
 def local_time_text(moment: int | None = None) -> str:
     """The host's local time of day, now or at `moment` (ns since the Unix epoch), for log lines: HH:MM:SS."""
     return time.strftime("%H:%M:%S", time.localtime(None if moment is None else moment / NS_PER_S))
+
+
+def utc_text(seconds: float) -> str:
+    """A moment in seconds since the Unix epoch, for people on any machine: `2026-11-29 01:30 UTC`."""
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(seconds))
 
 
 def to_ns(seconds: float) -> int:
@@ -263,7 +266,6 @@ class AutoClock:
 
     @property
     def decided(self) -> bool:
-        """Whether this clock is decided."""
         return self.simulated or self._wall
 
     def now(self) -> int:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Point2 = tuple[float, float]
 """Metres."""
+FAR = 1e6
+"""Metres: what is longer, or further from the origin of the map, is a mistake and would overflow somewhere."""
 
 
 class Pose2(NamedTuple):

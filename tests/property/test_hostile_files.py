@@ -19,15 +19,15 @@ from support.hostile import damaged
 from support.limits import LIMIT
 from support.pages import ROOT
 from zteam.clock import monotonic
+from zteam.config.map_files import read_floor_map
 from zteam.config.resources import teams_folder, worlds_folder
 from zteam.errors import UsageError
 from zteam.messages import JointState
-from zteam.navigation.goals import read_goals
+from zteam.navigation.goal_file import read_goals
 from zteam.navigation.planning.map_files import read_map
 from zteam.navigation.planning.parameters import navigation_of_robot
 from zteam.simulator.core import Engine
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.world.images import read_floor_map
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team
 from zteam.transforms.urdf import read_description

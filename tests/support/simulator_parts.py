@@ -7,7 +7,7 @@ from zteam.messages import Message
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
 from zteam.node.shutdown import Stop
-from zteam.simulator.process.node import Simulation
+from zteam.simulator.process.simulation import Simulation
 
 
 class SimulatorParts(Simulation):

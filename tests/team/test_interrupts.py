@@ -81,7 +81,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "return", "zteam.bus.options.open_session", "topic list"),
         ("start", "call", "zteam.bus.zenoh_session.close", "topic list"),
         ("start", "return", "zteam.bus.zenoh_session.close", "topic list"),
-        ("start", "call", "zteam.cli.doctor.collect_facts", "doctor"),
+        ("start", "call", "zteam.monitor.doctor.collecting.collect_facts", "doctor"),
         ("start", "call", "zteam.simulator.client._ask", "sim status"),
         ("start", "import", "zteam.simulator.world", "world check arena"),
         ("start", "import", "zteam.team.run.team_run", "up"),

@@ -22,7 +22,6 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, Change, NoRequest, connect
 from zteam.bus.options import client_config
 from zteam.bus.presence import Claim
-from zteam.cli.doctor import collect_facts
 from zteam.errors import BusError
 from zteam.messages import (
     Clock,
@@ -41,6 +40,7 @@ from zteam.messages import (
     encode,
 )
 from zteam.messages.message import encoding_of
+from zteam.monitor.doctor.collecting import collect_facts
 from zteam.team.file.reading import read_team_tables
 from zteam.team.security.access import rights_of
 from zteam.team.security.certificates import ACCESS, files_of, open_authority

@@ -8,8 +8,8 @@ import pytest
 
 from support.transports import wait_until_true
 from zteam import names
-from zteam.cli.tf import ask_frames
 from zteam.team.testing.team import TeamFixture
+from zteam.transforms.client import find_frames
 
 pytestmark = pytest.mark.team
 
@@ -149,7 +149,7 @@ def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> No
     assert seen["transform"]["translation"]["x"] == -0.1
     team.stop("static")
     # The aggregator waits a moment before it drops a vanished caller.
-    wait_until_true(lambda: "table" not in (ask_frames(team.bus) or {}))
+    wait_until_true(lambda: "table" not in (find_frames(team.bus) or {}))
     gone = team.command("tf", "echo", "map", "table", "--once", "--timeout", "1")
     assert gone.returncode == 1
     assert "does not exist" in gone.stderr

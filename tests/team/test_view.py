@@ -44,11 +44,11 @@ def robots(page: Page) -> dict[int, dict[str, object]]:
 
 @pytest.mark.real_time
 def test_a_page_sees_the_team(team: TeamFixture) -> None:
-    """Map, poses, scans, and the state of each robot, with its outline."""
+    """Map, poses, scans, the state of each robot, with its outline, and what the doctor finds."""
     team.start("office", 2, follow={1: 0}, lockstep=False)
     port = start_view(team)
     with open_page(port) as page:
-        look(page, "scans", "tf", docs=("tf", "topics", "log"))
+        look(page, "scans", "tf", docs=("tf", "topics", "log", "doctor"))
         wanted = {(POSES, TEAM), (SCAN, 0), (SCAN, 1), (GRID, TEAM), (DOC, TEAM)}
         page.wait(lambda: wanted <= page.blocks.keys())
         page.wait(lambda: [row["state"] for row in robots(page).values()] == ["running", "running", *2 * ["undriven"]])
@@ -61,6 +61,8 @@ def test_a_page_sees_the_team(team: TeamFixture) -> None:
         page.wait(lambda: wanted_frames <= {frame["name"] for frame in page.docs["tf"]["frames"]})
         page.wait(lambda: any(row["hz"] for row in page.docs["topics"]))
         assert page.docs["team"]["gate"]["state"] == "go"
+        page.wait(lambda: page.docs.get("doctor", {}).get("findings"))
+        assert ("robots", "robot_0, robot_1") in {(row["what"], row["text"]) for row in page.docs["doctor"]["findings"]}
 
 
 def test_the_token_is_in_no_log(team: TeamFixture) -> None:

@@ -147,7 +147,6 @@ class Bus:
 
     @property
     def instance(self) -> str:
-        """This session's id."""
         return self.transport.instance
 
     def publisher(

@@ -9,7 +9,6 @@ import logging
 import math
 import random
 import select
-import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -22,20 +21,16 @@ import zenoh
 from zteam.bus.bus import Bus
 from zteam.bus.options import (
     FROM_STDIN,
-    TLS_VARIABLES,
     BusOptions,
-    TlsFiles,
     client_config,
-    host_port,
     open_session,
     port_accepts,
     try_open,
 )
+from zteam.bus.refusals import Reasons, why_foreign, why_refused
 from zteam.bus.rights import RightCheck
 from zteam.bus.router import (
     ON_DEMAND_DEADLINE,
-    RouterRecord,
-    find_local_routers,
     read_admin,
     read_record,
     router_log_path,
@@ -51,19 +46,9 @@ log = logging.getLogger("zteam.bus")
 
 _LOOK_AGAIN = 0.1
 """Seconds between looks at the request to stop while waiting for the launcher."""
-_ANSWER_WITHIN = 3.0
-"""Host seconds in which a router on a crowded machine answers."""
 _OPENS_WITHIN, _OPEN_PERIOD = 3.0 * HOST_FACTOR, 0.1
 """Host seconds until a port that accepts connections and takes no session is held by something else, and between
 tries."""
-_ALERT = b"\x15\x03"
-"""The first bytes with which TLS refuses what is no TLS."""
-_CLOSE = b"\x02\x00\x03"
-"""The first bytes with which a Zenoh router refuses what is no Zenoh: two of length, and the number of a Close."""
-
-
-_SET_VARIABLES = f"set {', '.join(TLS_VARIABLES)} (docs/security.md)"
-
 _REVIVE_PERIOD = 1.0
 """Host seconds from one look at the port of a router on demand to the next, while there is no link."""
 _LINK_QUESTIONS = 6
@@ -78,8 +63,6 @@ _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
 _LINK_LOOK = 0.5
 """Host seconds between looks whether it is back."""
-_FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 60.0
-"""Host seconds between two looks for the reason why a router does not let a process in."""
 _RIGHTS_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a declaration to reach the router."""
 _RIGHTS_AGAIN = 0.02
@@ -132,37 +115,6 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     if options.connect is None:
         _keep_router_alive(transport, options)
     return Bus(transport, options=options)
-
-
-class Reasons:
-    """Why a process has no link. Each reason is given once, and again when it has changed.
-
-    A Zenoh router accepts nothing for 0.1 s after a TLS handshake that fails, and each look makes some. So the pause
-    between looks doubles: otherwise a large team that is kept out could never come in.
-    """
-
-    def __init__(self, options: BusOptions, first: float) -> None:
-        """`first` is the time to the first look, in host seconds."""
-        self._options = options
-        self._next, self._pause = monotonic() + first, _FIRST_PAUSE
-        self._given = ""
-
-    def due(self) -> bool:
-        """Whether it is time to look; the next time is then later."""
-        now = monotonic()
-        if now < self._next:
-            return False
-        self._next, self._pause = now + self._pause, min(2.0 * self._pause, _LONGEST_PAUSE)
-        return True
-
-    def look(self) -> str:
-        """The reason, where something listens; empty if it was given before."""
-        before, self._given = self._given, ": ".join(why_refused(self._options))
-        return "" if self._given == before else self._given
-
-    def forget(self) -> None:
-        """Nothing listens: what comes next may have the same reason."""
-        self._given = ""
 
 
 def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
@@ -243,7 +195,9 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
             continue
         session = try_open(options)
         if session is not None:
-            _refuse_foreign_router(session, options)
+            if foreign := why_foreign(read_admin(options), options.endpoint):
+                session.close()  # type: ignore[no-untyped-call]
+                raise BusError(": ".join(foreign))
             return session
         # The published port of a container is open before the router in it is.
         refused_until = min(refused_until, monotonic() + _OPENS_WITHIN)
@@ -254,92 +208,6 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
     )
-
-
-def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
-    if foreign := why_foreign(read_admin(options), options.endpoint):
-        session.close()  # type: ignore[no-untyped-call]
-        raise BusError(": ".join(foreign))
-
-
-def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:
-    """Why the router at the default port is not joined, and what to do; None if it is joined.
-
-    On a shared machine it may be another user's: two users' teams must not mix by accident.
-    """
-    owner = record.metadata.owner if record and record.metadata else None
-    if owner is None or not owner.is_another_user():
-        return None
-    own = "'zteam-router --listen tcp/127.0.0.1:PORT'"
-    step = f"to join it on purpose use --connect {endpoint}, or run your own with {own}"
-    return f"the router at {endpoint} belongs to {owner}", step
-
-
-def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
-    """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
-    peer = ""
-    try:
-        with socket.create_connection(address, timeout=_ANSWER_WITHIN) as link:
-            host, port = link.getpeername()[:2]
-            peer = f"tcp/{host}:{port}"
-            link.sendall(bytes(32))
-            answer = link.recv(64)
-    except TimeoutError:
-        return None
-    except OSError:
-        answer = b""
-    # A router that has too many connections to open ends some of them.
-    return None if not answer and peer in find_local_routers() else answer
-
-
-def why_refused(options: BusOptions) -> tuple[str, str]:
-    """Why no session was opened at an endpoint that accepts connections, and what to do."""
-    endpoint = options.endpoint
-    address = host_port(endpoint)
-    answer = b"" if address is None else _answer_to_nonsense(address)
-    protocol, _, place = endpoint.partition("/")
-    if answer is None:
-        step = (
-            "a router there is frozen, or held up by connections that say nothing ('ss -tnp' lists them); "
-            "if another program is there, name a router elsewhere with --connect"
-        )
-        return f"{endpoint} takes connections but does not answer", step
-    if answer.startswith(_ALERT):
-        if protocol != "tls":
-            return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, and {_SET_VARIABLES}"
-        if options.tls is not None and address is not None:
-            return _why_no_trust(options, address, options.tls)
-        if options.config is None:
-            return f"the router at {endpoint} takes certificates only, and this process has none", _SET_VARIABLES
-        return (
-            f"the router at {endpoint} and this process do not trust each other's certificates",
-            f"correct transport/link/tls in --config {options.config}, or {_SET_VARIABLES}",
-        )
-    if answer.startswith(_CLOSE):
-        if protocol == "tls":
-            unset = f", without {', '.join(TLS_VARIABLES)}" if options.tls is not None else ""
-            return f"the router at {endpoint} does not speak TLS", f"use --connect tcp/{place}{unset}"
-        return (
-            f"the router at {endpoint} refuses this process",
-            "name in --config what it asks for, such as a user and a password",
-        )
-    return (
-        f"{endpoint} is held by something that does not speak Zenoh",
-        "end it, or run a router elsewhere and name it with --connect",
-    )
-
-
-def _why_no_trust(options: BusOptions, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
-    from zteam.bus.tls import common_name, own_fault, refusal
-
-    endpoint = options.endpoint
-    if fault := own_fault(tls) or refusal(address, tls):
-        return f"the router at {endpoint} and this process do not trust each other", fault
-    no_rights = f"the router at {endpoint} gives the certificate {common_name(tls)} no rights"
-    if read_admin(options) is None:
-        return no_rights, "it was revoked or replaced, or is not of this team ('zteam certs list')"
-    place = f"in the namespace {options.namespace}" if options.namespace else "without a namespace"
-    return f"{no_rights} {place}", "set --namespace, or ZTEAM_NAMESPACE, as the team does"
 
 
 def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> None:

@@ -19,7 +19,6 @@ class Held(Generic[C]):
         self._closed = False
 
     def open(self) -> None:
-        """Declare it."""
         with self._lock:
             if not self._closed:
                 self._handle = self._opened()

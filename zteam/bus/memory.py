@@ -47,7 +47,6 @@ Deliver = Callable[[Sequence[HubReceiver], Any], None]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
-    """Call every receiver in this thread."""
     for _, take in receivers:
         take(news)
 

@@ -78,7 +78,6 @@ class TlsFiles(msgspec.Struct, frozen=True):
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables that say it."""
         return dict(zip(TLS_VARIABLES, (self.ca, self.certificate, self.key), strict=True))
 
     @property

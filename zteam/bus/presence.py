@@ -77,7 +77,6 @@ def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[s
 
 
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
-    """This process's answer, now."""
     return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__, wall_ns())
 
 

@@ -156,17 +156,16 @@ class RightCheck:
         return [], True
 
     def _text(self, use: Use) -> str:
-        from zteam.bus.tls import common_name
+        from zteam.bus.tls import own_identity
 
         tls = self._options.tls
-        name = common_name(tls).rpartition(".")[0] if tls is not None else ""
+        name = own_identity(tls)[0].rpartition(".")[0] if tls is not None else ""
         way_out = f"'zteam certs explain {name or 'NAME'}' lists what it may"
         if use.verb == ANSWERS:
             return f"the router hides the query {use.key}: this process's certificate may not answer it: {way_out}"
         return f"the router drops {use.key}: this process's certificate may not publish it: {way_out}"
 
     def close(self) -> None:
-        """Look no more: the session ends."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

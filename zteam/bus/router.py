@@ -315,12 +315,10 @@ class Router:
             wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
-        """Let `run` look at `stopping` again."""
         with self._changed:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Stop routing."""
         try:
             self._note.unlink(missing_ok=True)
             for folder in self._made:
@@ -448,15 +446,13 @@ def spawn_router(endpoint: str, lease: float = LEASE) -> None:
     """
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
-    command = [sys.executable, "-m", "zteam", "zteam-router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
-    command += ["--lease", str(max(lease, LEASE))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab") as output:
             # The child forks before it imports zenoh and its first half ends at once: no zombie stays here, and
             # no folder named zteam or zenoh in the user's directory can shadow the packages (cwd, -P).
             subprocess.run(
-                [command[0], "-P", *command[1:]],
+                [sys.executable, "-P", "-m", "zteam.node.router", endpoint, str(max(lease, LEASE)), str(IDLE_EXIT)],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

@@ -33,12 +33,10 @@ class LinkCount:
 
     @property
     def sessions(self) -> set[str]:
-        """Those that have a link."""
         return {session for session, links in self._links.items() if links > 0}
 
 
 def links_of(session: zenoh.Session) -> set[Ends]:
-    """The links of a session."""
     try:
         return {(link.src, link.dst) for link in session.info.links()}
     except zenoh.ZError:
@@ -47,7 +45,6 @@ def links_of(session: zenoh.Session) -> set[Ends]:
 
 
 def cut(links: set[Ends]) -> None:
-    """End links."""
     for connection in _find(links):
         with _noted():
             connection.shutdown(socket.SHUT_RDWR)

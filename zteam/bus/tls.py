@@ -67,16 +67,20 @@ def refusal(address: tuple[str, int], tls: TlsFiles) -> str:
     return ""
 
 
-def common_name(tls: TlsFiles) -> str:
-    """The common name in the process's own certificate; empty if it cannot be read."""
+def own_identity(tls: TlsFiles) -> tuple[str, float]:
+    """The common name in the process's own certificate, and its end in seconds since the Unix epoch.
+
+    ("", 0.0) if `own_fault` has something to say.
+    """
     try:
         context = _context(tls, ssl.PROTOCOL_TLS_SERVER)
         client = _context(tls, ssl.PROTOCOL_TLS_CLIENT)
         client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
         shown = _shake_hands(client, context)
     except OSError:
-        return ""
-    return next((value for each in shown.get("subject", ()) for key, value in each if key == "commonName"), "")
+        return "", 0.0
+    name = next((value for each in shown.get("subject", ()) for key, value in each if key == "commonName"), "")
+    return name, ssl.cert_time_to_seconds(shown["notAfter"])
 
 
 def _name_at(address: tuple[str, int]) -> str:

@@ -260,7 +260,6 @@ class TokenWatch(Declared):
         super().__init__(session.liveliness().declare_subscriber(key_expr, callback, history=True), declared)
 
     def take(self, key: str, alive: bool) -> None:
-        """A token came or went."""
         (self._alive.add if alive else self._alive.discard)(key)
         self._handler(key, alive)
 
@@ -284,7 +283,6 @@ class TokenWatch(Declared):
 
 
 def _reply(query: zenoh.Query, reply: Reply) -> None:
-    """Answer a query and end it."""
     try:
         with query:
             if reply.error:

@@ -57,7 +57,6 @@ def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--go-timeout`."""
     parser.add_argument(
         "--go-timeout",
         type=number(*GO_TIMEOUTS, "host seconds"),
@@ -83,7 +82,6 @@ def folders_of(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def add_seed_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--seed`, by default 1."""
     parser.add_argument(
         "--seed",
         type=whole(MIN_SEED, MAX_SEED, "a seed"),

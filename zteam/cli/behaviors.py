@@ -10,7 +10,8 @@ from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
-from zteam.robot.behaviors.registry import BehaviorInfo, Parameter, behavior_names, describe_behavior, look_in
+from zteam.robot.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
+from zteam.robot.parameters import Parameter
 
 _SINGLE = {
     "ge": "at least {}",
@@ -25,7 +26,6 @@ _SINGLE = {
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam behaviors", description=__doc__)
     parser.add_argument(
         "name",
@@ -68,7 +68,6 @@ def _list(*, as_json: bool) -> int:
 
 
 def format_behavior(info: BehaviorInfo) -> str:
-    """What it does, and the table of its parameters."""
     lines = [f"{info.name}: {info.summary or 'its class has no docstring'}", f"class {info.source}", ""]
     lines.append(format_parameters(info.parameters) if info.parameters else "  no parameters")
     return "\n".join(lines)
@@ -77,7 +76,13 @@ def format_behavior(info: BehaviorInfo) -> str:
 def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any] | None = None) -> str:
     """A table of the parameters, indented; with `values` their present values, else their defaults."""
     rows = [
-        (each.name, default_text(each) if values is None else value_text(values.get(each.name)), *_about(each))
+        (
+            each.name,
+            default_text(each) if values is None else value_text(values.get(each.name)),
+            each.type,
+            limits_text(each.limits),
+            each.description,
+        )
         for each in parameters
     ]
     header = ("parameter", "default" if values is None else "value", "type", "allowed", "description")
@@ -85,7 +90,6 @@ def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any]
 
 
 def default_text(parameter: Parameter) -> str:
-    """Its default value, or `required`."""
     return "required" if parameter.required else value_text(parameter.default)
 
 
@@ -105,10 +109,6 @@ def limits_text(limits: Mapping[str, Any]) -> str:
     if "ge" in left and "le" in left:
         texts.append(f"{value_text(left.pop('ge'))} to {value_text(left.pop('le'))}")
     return ", ".join([*texts, *(_SINGLE[name].format(value_text(limit)) for name, limit in left.items())])
-
-
-def _about(parameter: Parameter) -> tuple[str, str, str]:
-    return parameter.type, limits_text(parameter.limits), parameter.description
 
 
 main = partial(run_tool, build_parser, _show)

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|team")
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")

@@ -48,7 +48,6 @@ class Row(msgspec.Struct):
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam certs", description=__doc__, epilog="docs/security.md tells the whole story.")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="init|issue|list|renew|revoke|explain")
 

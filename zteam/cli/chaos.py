@@ -25,7 +25,6 @@ _SECONDS = 1e-3, MAX_SECONDS
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam chaos", description=__doc__, epilog="docs/tools.md says what each fault does.")
     parser.add_argument("fault", nargs="?", metavar="|".join(KINDS), help="what happens to one process")
     parser.add_argument("name", nargs="?", metavar="NAME", help="the process: robot_1, sim, tf, router, …")

@@ -25,7 +25,6 @@ _WIDTH = 31
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam check", description=__doc__)
     parser.add_argument("name", metavar="NAME", help="package.module:Class, or a name such as wander")
     add_param_option(parser)

@@ -1,119 +1,27 @@
 """`zteam doctor`: checks the router, the processes and the data; names cause and next step for every problem of now."""
 
 import argparse
-import platform
 import sys
 import textwrap
-import threading
-from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence, Set
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from collections.abc import Sequence
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
-from itertools import chain
-from operator import attrgetter
 from pathlib import Path
 
-import msgspec
-
-from zteam import names
-from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import why_foreign, why_refused
-from zteam.bus.options import TlsFiles, default_endpoint, host_port, port_accepts
-from zteam.bus.presence import ProcessInfo, find_processes
-from zteam.bus.receiving import KeyCount
-from zteam.bus.router import find_local_routers, read_admin
-from zteam.bus.sessions import describe_sessions
-from zteam.bus.strangers import find_strangers
-from zteam.bus.transport import Declaration, RawSample
-from zteam.cli.listening import SURVEY, Waiter, open_bus
+from zteam.bus.options import TlsFiles
+from zteam.cli.interrupts import raise_from_now
 from zteam.cli.live_line import has_color
-from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.output import Clean, painted, print_block, print_json
 from zteam.cli.tables import terminal_width
-from zteam.cli.tf import ask_frames
-from zteam.clock import monotonic, to_seconds, wall_ns
+from zteam.config.map_files import read_floor_map
 from zteam.config.numbers import counted
-from zteam.errors import BusError, DecodeError, ZteamError, printable
-from zteam.messages import (
-    LaserScan,
-    Message,
-    OccupancyGrid,
-    RobotStatus,
-    TeamStatus,
-    TransformStamped,
-    decode,
-    ns_from_time,
-    type_of_encoding,
-)
-from zteam.messages.message import zeros
-from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
-from zteam.monitor.doctor.checks import check_elsewhere, check_team
-from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Level, Load, UnusableMessages, note, ok, problem
-from zteam.monitor.doctor.maps import check_map_file
-from zteam.node import kinds
-from zteam.simulator.client import MapInfo, SimStatus, find_status
-from zteam.transforms import Buffer, FrameInfo
-from zteam.transforms.client import Lookup, TransformClient
-from zteam.transforms.lasers import LaserMounts, LaserProblem
+from zteam.errors import ZteamError, printable
+from zteam.monitor.doctor.examination import examine
+from zteam.monitor.doctor.facts import Finding, Level, problem
+from zteam.simulator.client import MapInfo
 
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
-
-
-def check_versions() -> Finding:
-    """The versions of the packages that zteam needs."""
-    found = [f"python {platform.python_version()}"]
-    for package in _PACKAGES:
-        try:
-            found.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            found.append(f"{package} missing")
-    return ok("versions", ", ".join(found))
-
-
-def check_router(options: BusOptions) -> Finding:
-    """Whether a Zenoh router answers."""
-    endpoint = options.endpoint
-    if not port_accepts(endpoint):
-        return problem("router", f"nothing listens at {endpoint}", kinds.ROUTER_KIND.hint)
-    admin = read_admin(options)
-    if admin is None:
-        return problem("router", *why_refused(options))
-    if options.connect is None and options.tls is None and (foreign := why_foreign(admin, endpoint)):
-        return problem("router", *foreign)
-    data = admin.metadata
-    router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
-    pid = f", process {data.pid}" if data and data.pid else ""
-    user = f", of {data.owner}" if why_foreign(admin, endpoint) and data else ""
-    return ok("router", f"{router} at {endpoint}{pid}{user}, Zenoh {admin.version.partition('-')[0] or '?'}")
-
-
-def check_default_port(options: BusOptions) -> list[Finding]:
-    """What tools without --connect find, where the team's router of this machine is not at the default port."""
-    address, default = host_port(options.endpoint), default_endpoint(options.tls)
-    if address is None or address[0] not in _LOOPBACK or options.endpoint == default or not port_accepts(default):
-        return []
-    found = check_router(msgspec.structs.replace(options, connect=default)).text
-    step = f"export ZTEAM_CONNECT={options.endpoint}"
-    return [note("router", f"tools without --connect use another port: {found}", step)]
-
-
-def check_certificate(tls: TlsFiles) -> Finding:
-    """Which certificate this command shows the router, and how long that is valid."""
-    from zteam.team.security.certificates import expiry_text, left_text, read_identity
-
-    path = Path(tls.certificate)
-    try:
-        found = read_identity(path)
-    except ZteamError as error:
-        return problem("certificate", str(error))
-    if found.state != "valid":
-        text, _, step = expiry_text(found, path.parent).partition(": ")
-        return (problem if found.state == "expired" else note)("certificate", text, step.strip("'"))
-    return ok("certificate", f"{found.common_name}, valid for {left_text(found.expires)}")
+_COLORS: dict[Level, int] = {"ok": 32, "note": 33, "problem": 31}
+_NEXT = "-> "
 
 
 def check_authority(tls: TlsFiles) -> list[Finding]:
@@ -128,314 +36,7 @@ def check_authority(tls: TlsFiles) -> list[Finding]:
     return [problem("authority", *posing_text(found, folder))] if found else []
 
 
-LONGER = 3.0
-"""Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
-_SETTLE = 0.3
-"""Host seconds to wait for the tokens of other namespaces."""
-_CLOCK_QUESTIONS = 3
-"""To each host; the answer that came soonest counts."""
-_MOST_HOSTS = 16
-"""Whose clocks are compared: an answer may name any host."""
-_MAX_ROUTERS = 32
-"""Other routers that are asked."""
-
-
-def collect_facts(bus: Bus, options: BusOptions) -> Facts:
-    """Everything that the checks of a team need."""
-    before, begin = find_status(bus), monotonic()
-    nodes = find_nodes(bus)
-    declarations = bus.declarations()
-    survey = _listen(bus, nodes, [] if before is None or _stands(before) else declarations)
-    strangers = find_strangers(options)
-    after, seconds = find_status(bus), monotonic() - begin
-    heard = survey.samples
-    admin = read_admin(options)
-    router_id = admin.zid if admin else ""
-
-    def name_of(sample: RawSample) -> str:
-        # A router that is not zteam's stamps the samples of sessions that do not.
-        if sample.source in ("", router_id):
-            return "a client without time stamps (plain Zenoh)"
-        return writer_names(nodes, [sample.source], sample.key)[0]
-
-    places = describe_sessions(bus, _rivals(heard, declarations))
-    loads = survey.loads(name_of, {node.instance for node in nodes})
-    tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
-    faults, newest = _decode(heard, name_of)
-    statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
-    team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
-    frames = ask_frames(bus)
-    scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
-    return Facts(
-        nodes=nodes,
-        writers={
-            key: [(has_one_writer(key) and places.get(each.source)) or name_of(each) for each in samples]
-            for key, samples in heard.items()
-        },
-        publishers=_by_key(nodes, filter(attrgetter("publishes"), declarations), places),
-        faults=faults,
-        dropped=_by_key(nodes, filter(attrgetter("dropped"), declarations)),
-        counts=_counts(bus),
-        statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
-        team=team[1] if team and isinstance(team[1], TeamStatus) else None,
-        sim=after,
-        holds=before is not None and after is not None and before.tick == after.tick,
-        frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        lasers=_find_laser_problems(bus, frames, scans),
-        map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
-        map_writer=name_of(map_sample) if map_sample else "",
-        loads=loads,
-        tick_rate=tick_rate,
-        strangers=strangers,
-        clocks=_compare_clocks(bus, nodes),
-        namespace=options.namespace or "",
-        elsewhere={} if nodes else _elsewhere(options),
-        routers={} if _is_complete(nodes) else _at_other_routers(options, router_id),
-    )
-
-
-class _Survey:
-    """What was heard on all keys within a while. The bus's thread calls `take`."""
-
-    def __init__(self) -> None:
-        self._newest: dict[str, dict[str, RawSample]] = defaultdict(dict)
-        self._counts: dict[str, Counter[str]] = defaultdict(Counter)
-        """Messages by key, of each session."""
-        self._sizes = Counter[str]()
-        """Bytes of each session."""
-        self._begin = monotonic()
-        self._seconds = 0.0
-
-    def take(self, sample: RawSample) -> None:
-        """A message has come."""
-        self._newest[sample.key][sample.source] = sample
-        self._counts[sample.source][sample.key] += 1
-        self._sizes[sample.source] += len(sample.payload)
-        self._seconds = monotonic() - self._begin
-
-    def has(self, keys: Set[str]) -> bool:
-        """Whether something came on all these keys."""
-        return keys <= self._newest.keys()
-
-    @property
-    def samples(self) -> dict[str, list[RawSample]]:
-        """The newest sample of each session, by key."""
-        return {key: list(by.values()) for key, by in sorted(self._newest.items())}
-
-    def loads(self, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
-        """What each session sends; `known` are those of the team's processes."""
-        found = []
-        for session, counts in self._counts.items():
-            key, most = counts.most_common(1)[0]
-            # A latched message came at once, and is one that was sent long ago.
-            per_second = 1.0 / max(SURVEY, self._seconds)
-            found.append(
-                Load(
-                    writer=name_of(self._newest[key][session]),
-                    known=session in known,
-                    key=key,
-                    rate=most * per_second,
-                    total_rate=counts.total() * per_second,
-                    keys=len(counts),
-                    bytes_rate=self._sizes[session] * per_second,
-                )
-            )
-        return found
-
-
-def _stands(sim: SimStatus) -> bool:
-    """Whether no data comes of the simulator for now."""
-    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
-
-
-def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> _Survey:
-    """Listen to all keys, latched ones included, until every robot that answers has published its status and all that
-    is measured has come, as far as these declarations have it: a slow world takes its time for a tick."""
-    survey, lock, waiter = _Survey(), threading.Lock(), Waiter()
-    robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
-    due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
-    due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
-
-    def take(sample: RawSample) -> None:
-        with lock:
-            survey.take(sample)
-        waiter.notify()
-
-    with closing(bus.subscribe_raw("**", take, latched=True)):
-        waiter.wait(lambda: False, SURVEY, "")
-        waiter.wait(lambda: survey.has(due), LONGER, "")
-    with lock:
-        return survey
-
-
-def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
-    """The clocks of all hosts of the team, told by one process of each."""
-    found: dict[str, HostClock] = {}
-    hosts = {node.host: node.name for node in nodes if node.now}
-    for host, name in [*hosts.items()][:_MOST_HOSTS]:
-        looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
-        if known := [clock for clock in looks if clock is not None]:
-            found[host] = min(known, key=lambda clock: clock.error)
-    return found
-
-
-def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
-    begin, asked = wall_ns(), monotonic()
-    answers = find_processes(bus, name)
-    error = 0.5 * (monotonic() - asked)
-    times = [info.now for info in answers if info.host == host]
-    return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
-
-
-def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:
-    """The sessions that share a key which has one publisher: what they are called needs their host and process too."""
-    users = {key: {each.source for each in samples} for key, samples in heard.items()}
-    for each in declarations:
-        if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
-            users.setdefault(each.key, set()).add(each.session)
-    return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
-
-
-def _by_key(
-    nodes: list[ProcessInfo], declarations: Iterable[Declaration], places: Mapping[str, str] | None = None
-) -> dict[str, list[str]]:
-    """The processes of these publishers, by key; in the words of `places` where a session is among them."""
-    sessions = defaultdict[str, set[str]](set)
-    for each in declarations:
-        sessions[each.key].add(each.session)
-    known = places or {}
-    return {
-        key: [known.get(each) or writer_names(nodes, [each], key)[0] for each in sorted(found)]
-        for key, found in sessions.items()
-    }
-
-
-def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:
-    answers = bus.find(names.stats_key("*"), dict[str, KeyCount])
-    return {key.removesuffix("/stats"): counts for key, counts in answers}
-
-
-def _decode(
-    heard: Mapping[str, Sequence[RawSample]], name_of: Callable[[RawSample], str]
-) -> tuple[list[UnusableMessages], dict[str, tuple[RawSample, Message]]]:
-    """What is wrong with samples of zteam's own keys, and the newest sample of each that is right, with its message."""
-    faults, newest = [], dict[str, tuple[RawSample, Message]]()
-    for key, samples in heard.items():
-        due = type_of_key(key)
-        if due is None:
-            continue
-        for sample in samples:
-            given = type_of_encoding(sample.encoding)
-            if given is not None and given is not due:
-                faults.append(UnusableMessages(key, name_of(sample), f"{given.ros_type}, {due.ros_type} is due"))
-                continue
-            try:
-                message = decode(due, sample.payload)
-            except DecodeError as error:
-                faults.append(UnusableMessages(key, name_of(sample), f"bytes that are no {due.ros_type}: {error}"))
-                continue
-            if key not in newest or sample.timestamp > newest[key][0].timestamp:
-                newest[key] = sample, message
-    return faults, newest
-
-
-def _find_laser_problems(
-    bus: Bus, frames: Mapping[str, FrameInfo] | None, scans: Mapping[str, LaserScan]
-) -> dict[str, LaserProblem]:
-    """Of scans by key: why no process can use them. Nothing is known without an aggregator."""
-    if frames is None:
-        return {}
-    try:
-        buffer = _read_tree(bus, frames, scans)
-    except BusError:
-        # The aggregator has just ended.
-        return {}
-    found = {}
-    for key, scan in scans.items():
-        target = names.split_robot_key(key)
-        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
-            found[key] = wrong
-    return found
-
-
-def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, LaserScan]) -> Buffer:
-    """The aggregator's transforms, as far as they lead to these scans: of their time, and the newest."""
-    buffer, lookups = Buffer(), dict[str, list[Lookup]]()
-    for key, scan in scans.items():
-        own, given = key.partition("/")[0], names.strip_slash(scan.header.frame_id)
-        for frame in (given, names.resolve_frame(own, given), f"{own}/{names.BASE_FOOTPRINT}"):
-            while frame in frames and frame not in lookups:
-                parent = frames[frame].parent
-                lookups[frame] = [Lookup(parent, frame, time) for time in (ns_from_time(scan.header.stamp), 0)]
-                frame = parent
-    asked = list(chain.from_iterable(lookups.values()))
-    for transform in TransformClient(bus).lookup_many(asked) if asked else ():
-        if isinstance(transform, TransformStamped):
-            is_static = frames[transform.child_frame_id].static
-            (buffer.set_transform_static if is_static else buffer.set_transform)(transform, names.AGGREGATOR)
-    return buffer
-
-
-def _is_complete(nodes: list[ProcessInfo]) -> bool:
-    """Whether a team has every kind of process that it needs."""
-    needed = [kind for kind in kinds.KINDS if kind.on_bus and kind.hint]
-    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in needed)
-
-
-def _elsewhere(options: BusOptions) -> dict[str, list[str]]:
-    """The processes in other namespaces of the same router."""
-    found: dict[str, set[str]] = defaultdict(set)
-    for namespace, name in _find_processes(options):
-        if namespace != (options.namespace or ""):
-            found[namespace].add(name)
-    return {namespace: sorted(processes) for namespace, processes in found.items()}
-
-
-def _at_other_routers(options: BusOptions, router_id: str) -> dict[str, list[str]]:
-    """The processes at other routers of this machine, by endpoint."""
-
-    def ask(endpoint: str) -> list[str]:
-        there = msgspec.structs.replace(options, connect=endpoint)
-        admin = read_admin(there)
-        if admin is None or admin.zid == router_id:
-            return []
-        try:
-            places = _find_processes(there)
-        except BusError:
-            # It has just ended.
-            return []
-        return sorted({f"{namespace}/{name}" if namespace else name for namespace, name in places})
-
-    protocol = options.endpoint.partition("/")[0]
-    endpoints = [each for each in find_local_routers() if each.startswith(f"{protocol}/")][:_MAX_ROUTERS]
-    with ThreadPoolExecutor(_MAX_ROUTERS) as pool:
-        return {endpoint: found for endpoint, found in zip(endpoints, pool.map(ask, endpoints), strict=True) if found}
-
-
-def _find_processes(options: BusOptions) -> list[tuple[str, str]]:
-    """(namespace, name) of every process at a router."""
-    found = []
-
-    def take(key: str, alive: bool) -> None:
-        token = names.split_namespaced_token_key(key)
-        if alive and token is not None:
-            found.append(token[:2])
-
-    # A certificate shows its own namespace only.
-    namespace = None if options.tls is None else options.namespace
-    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
-    with closing(connect(everywhere, patience=1.0)) as bus:
-        bus.watch_tokens([names.all_tokens_key()], take)
-        Waiter().wait(lambda: False, _SETTLE, "")
-    return found
-
-
-_COLORS: dict[Level, int] = {"ok": 32, "note": 33, "problem": 31}
-_NEXT = "-> "
-
-
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam doctor", description=__doc__)
     parser.add_argument("--map", metavar="FILE.yaml", help="also compare this map_server file with the running world")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
@@ -445,18 +46,9 @@ def build_parser() -> Parser:
 
 def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
-    map_file = None if args.map is None else _read_map(Path(args.map))
-    router = check_router(options)
-    certificate = [] if options.tls is None else [check_certificate(options.tls), *check_authority(options.tls)]
-    findings = [check_versions(), *certificate, router, *check_default_port(options)]
-    if router.good:
-        with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
-            facts = collect_facts(bus, options)
-        findings += check_team(facts)
-        if map_file is not None:
-            findings.append(check_map_file(args.map, map_file, facts.sim))
-    else:
-        findings += check_elsewhere(Facts(routers=_at_other_routers(options, "")))
+    map_file = None if args.map is None else (args.map, _read_map(Path(args.map)))
+    raise_from_now()
+    findings = examine(options, [] if options.tls is None else check_authority(options.tls), map_file)
     if args.json:
         print_json(findings)
     else:
@@ -465,8 +57,6 @@ def _examine(args: argparse.Namespace) -> int:
 
 
 def _read_map(path: Path) -> MapInfo:
-    from zteam.simulator.world.images import read_floor_map
-
     found = read_floor_map(path)
     rows, columns = found.occupied.shape
     x, y, yaw = found.map_from_corner

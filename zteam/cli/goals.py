@@ -24,7 +24,8 @@ from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.navigation.client import goal_text
-from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
+from zteam.navigation.goal_file import read_goals
+from zteam.navigation.goals import Dispatcher, Errand, Rounds
 from zteam.node.node import Node
 from zteam.node.process_node import run_node
 from zteam.robot.goal_lists import pause_lists
@@ -44,7 +45,6 @@ _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "g
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(
         prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -76,7 +76,6 @@ def build_parser() -> Parser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
     args = build_parser().parse_args(argv)
     checked(args, lambda: _read(args))
     act = _send if args.pause is None and args.resume is None else _pause

@@ -37,7 +37,6 @@ _TELL_AFTER = 2.0
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam goto", description=__doc__, usage=_USAGE)
     parser.takes_negative_numbers = True
     parser.add_argument("robot", metavar="ID", help="robot id")
@@ -164,7 +163,6 @@ def _give_up(client: NavigationClient, why: str) -> None:
 
 
 def seconds_of(duration: Duration) -> float:
-    """A message's duration in seconds."""
     return duration.sec + duration.nanosec / 1e9
 
 
@@ -205,7 +203,6 @@ def progress_text(client: NavigationClient, watch: GoalWatch) -> str:
 
 
 def result_text(client: NavigationClient, watch: GoalWatch, seconds: float) -> str:
-    """How it ended, on one line."""
     place, status = goal_text(watch.goal), watch.status
     if not watch.ended:
         return f"{client.name}: goal sent: {place}"
@@ -216,7 +213,6 @@ def result_text(client: NavigationClient, watch: GoalWatch, seconds: float) -> s
 
 
 def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> dict[str, Any]:
-    """How it ended, for scripts."""
     status = watch.status
     return {
         "robot": client.robot_id,

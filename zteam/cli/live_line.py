@@ -126,7 +126,6 @@ class ProgressLine:
             self._live.__exit__(*how)
 
     def say(self, text: str) -> None:
-        """Print a line."""
         if self._live is None:
             print_line(text, file=sys.stderr)
         else:

@@ -12,6 +12,7 @@ from functools import partial
 import msgspec
 
 from zteam.bus import Bus
+from zteam.bus.graph import find_nodes
 from zteam.cli.arguments import one_of, whole
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
@@ -31,7 +32,6 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam log", description=__doc__)
     parser.add_argument(
         "names",
@@ -118,8 +118,6 @@ def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
     silent = [pattern for pattern in patterns if not any(_matches(pattern, name) for name in answered)]
     if not silent:
         return True
-    from zteam.cli.node import find_nodes
-
     alive = sorted({node.name for node in find_nodes(bus)})
     check_names(silent, alive)
     quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]

@@ -12,16 +12,15 @@ from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.output import print_line
+from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.map_files import to_three_values, write_map
-from zteam.simulator.world.images import Mode
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam map", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="save")
     save = verbs.add_parser("save", help="write FILE.yaml and its picture", description=__doc__)

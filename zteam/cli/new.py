@@ -45,7 +45,6 @@ KINDS = {
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam new", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
     for word, (text, _) in KINDS.items():

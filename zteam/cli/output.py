@@ -91,7 +91,6 @@ class Output:
         return len(text)
 
     def flush(self) -> None:
-        """Write the buffer."""
         if self._is_open:
             self._attempt(self._stream.flush)
 

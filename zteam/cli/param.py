@@ -27,7 +27,6 @@ _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam param", description=__doc__)
     parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|get|set|dump")

@@ -81,6 +81,5 @@ def duration_text(seconds: float) -> str:
 
 
 def bar(share: float, width: int) -> str:
-    """A bar of so many columns."""
     filled = int(share * (width - 2))
     return f"[{'#' * filled}{'-' * (width - 2 - filled)}]"

@@ -33,7 +33,6 @@ Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam sim", description=__doc__)
     parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(
@@ -231,7 +230,6 @@ def _format_hold(status: SimStatus) -> str:
 
 
 def _format_pace(status: SimStatus) -> str:
-    """The speed that was asked for."""
     if status.speed is None:
         return "as fast as possible"
     return f"{status.speed:g} simulated second{'s' * (status.speed != 1.0)} a second"

@@ -21,7 +21,6 @@ This ends no process: {ENDS_TEAM}."""
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(
         prog="zteam stop", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -37,7 +37,6 @@ _FOCUS_ON, _FOCUS_OFF = "\x1b[?1004h", "\x1b[?1004l"
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(
         prog="zteam teleop",
         description=__doc__,

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
@@ -12,34 +12,37 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.bus.graph import SURVEY, near_keys
 from zteam.cli.arguments import MAX_RATE, number
-from zteam.cli.listening import SURVEY, Waiter, add_timeout, find_key_users, limit_of, near_keys, open_bus
+from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
+from zteam.clock import pause
 from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
-from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time, to_json
-from zteam.transforms import Buffer, FrameInfo, TransformException
-from zteam.transforms.client import MAX_COORDINATE, StaticReply, StaticRequest, TransformClient
+from zteam.messages import TFMessage, TransformStamped, to_json
+from zteam.transforms import Buffer, TransformException
+from zteam.transforms.causes import NO_AGGREGATOR, find_last, names_in, why_refused
+from zteam.transforms.client import (
+    MAX_COORDINATE,
+    StaticReply,
+    StaticRequest,
+    TransformClient,
+    TreeListener,
+    find_frames,
+)
 from zteam.transforms.drawing import PICTURES, draw_tree, format_transform, format_tree
-from zteam.transforms.merge import TEAM_FILE
 from zteam.transforms.statistics import TransformWatch
 
-NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
-
-_ENDED = 1_000_000_000
-"""Nanoseconds behind the newest frame after which a frame has no publisher any more."""
-_SEE_TREE = " (see 'zteam tf tree')"
 _MAX_STAMP = 4e9
 """Seconds: stamps of the host's clock count from 1970, now 1.8e9."""
 _Verb = Callable[[argparse.Namespace], int]
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam tf", description=__doc__)
     parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")
@@ -100,77 +103,6 @@ def build_parser() -> Parser:
     return parser
 
 
-class TreeListener:
-    """Fills a buffer from the aggregator's tree."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.buffer = Buffer()
-        self.waiter = Waiter()
-        self.now = 0
-        bus.subscribe(names.CLOCK, Clock, self._on_clock)
-        bus.subscribe(names.TF, TFMessage, self._on_tf)
-        bus.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
-
-    def _on_clock(self, _key: str, message: Clock) -> None:
-        self.now = ns_from_time(message.clock)
-        self.buffer.take_time(self.now)
-
-    def _on_tf(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_transforms(message.transforms, names.TF, self.now)
-        self.waiter.notify()
-
-    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_all_static(message.transforms, names.TF)
-        self.waiter.notify()
-
-
-def ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
-    """The aggregator's own data on every frame; None without an aggregator."""
-    try:
-        return bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
-    except BusError:
-        return None
-
-
-def find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
-    """The aggregator's newest transform between two frames.
-
-    Without one, why: no aggregator, a frame that no process publishes, two trees, or a publisher that has ended.
-    """
-    frames = ask_frames(bus)
-    if frames is None:
-        return NO_AGGREGATOR
-    known = _names(frames)
-    missing = [frame for frame in (target, source) if frame not in known]
-    if missing:
-        return "; ".join(f"frame {frame!r} does not exist{near_keys(frame, known)}" for frame in missing) + _SEE_TREE
-    try:
-        return TransformClient(bus).lookup_transform(target, source)
-    except (TransformException, BusError) as error:
-        return (_ended(frames, target, source) or str(error).strip()) + _SEE_TREE
-
-
-def _ended(frames: Mapping[str, FrameInfo], *ends: str) -> str:
-    """The frame above these that is far behind the newest one of the tree, in words; empty if there is none."""
-    above = set(ends)
-    for end in ends:
-        while end in frames:
-            end = frames[end].parent
-            above.add(end)
-    moving = [(info.newest, child) for child, info in frames.items() if child in above and not info.static]
-    newest = max((info.newest for info in frames.values()), default=0)
-    stamp, child = min(moving, default=(newest, ""))
-    if newest - stamp < _ENDED:
-        return ""
-    text = f"{child} was said last at {stamp / 1e9:.3f} s, {(newest - stamp) / 1e9:.1f} s before the newest frame"
-    return f"{text}: its publisher ({frames[child].authority}) has ended"
-
-
-def _names(frames: Mapping[str, FrameInfo]) -> set[str]:
-    """The frames of a tree, its roots included."""
-    return {*frames, *(info.parent for info in frames.values())}
-
-
 def _echo(args: argparse.Namespace) -> int:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
     limit, quiet = limit_of(args)
@@ -183,12 +115,13 @@ def _echo(args: argparse.Namespace) -> int:
             # Ask the aggregator for the past: this process has received nothing of it.
             show(_ask_past(bus, target, source, args))
             return 0
-        listener = TreeListener(bus)
+        waiter = Waiter()
+        listener = TreeListener(bus, waiter.notify)
 
         def is_known() -> bool:
             return listener.buffer.can_transform(target, source, 0)[0]
 
-        if not listener.waiter.wait(is_known, SURVEY if limit is None else min(SURVEY, limit), ""):
+        if not waiter.wait(is_known, SURVEY if limit is None else min(SURVEY, limit), ""):
             # Of a publisher that has ended, the aggregator still knows the last transform.
             last = find_last(bus, target, source)
             if isinstance(last, TransformStamped):
@@ -198,7 +131,7 @@ def _echo(args: argparse.Namespace) -> int:
                 last = "nothing newer has come"
             if not quiet and (limit is None or limit > SURVEY):
                 print_line(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
-            if not listener.waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
+            if not waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
                 raise ZteamError(f"no transform within {limit:g} s: {last}")
         wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
@@ -212,7 +145,7 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
     try:
         return TransformClient(bus).lookup_transform(target, source, round(args.at * 1e9), args.timeout or 0.0)
     except BusError:
-        if ask_frames(bus) is None:
+        if find_frames(bus) is None:
             raise ZteamError(NO_AGGREGATOR) from None
         raise
 
@@ -224,15 +157,15 @@ def _show_tree(args: argparse.Namespace) -> int:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
     with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
-        listener.waiter.wait(lambda: False, SURVEY, "")
+        pause(SURVEY)
         # Without an aggregator, use what was received.
-        asked = ask_frames(bus)
+        asked = find_frames(bus)
         frames = asked or listener.buffer.frames()
     if path is not None:
         if not frames:
             raise ZteamError(_nothing(asked is not None, "no frames to draw"))
         draw_tree(frames, listener.now, path)
-        print_line(f"{path}: {counted(len(_names(frames)), 'frame')}")
+        print_line(f"{path}: {counted(len(names_in(frames)), 'frame')}")
     elif args.json:
         print_json(frames)
     elif not frames:
@@ -248,8 +181,8 @@ def _show_figures(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
         bus.subscribe(names.TF, TFMessage, lambda _, message: watch.take(message.transforms, listener.now))
-        listener.waiter.wait(lambda: False, args.seconds, "")
-        frames, conflicts = ask_frames(bus), list[str]()
+        pause(args.seconds)
+        frames, conflicts = find_frames(bus), list[str]()
         with suppress(BusError):
             conflicts = bus.ask(names.service_key(names.AGGREGATOR, "conflicts"), list[str])
     authorities = {child: info.authority for child, info in (frames or {}).items()}
@@ -297,7 +230,7 @@ def _show_positions(args: argparse.Namespace) -> int:
     """Print every robot's pose in `map`, once or at a rate."""
     with closing(open_bus(bus_options(args))) as bus:
         listener = TreeListener(bus)
-        listener.waiter.wait(lambda: False, SURVEY, "")
+        pause(SURVEY)
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             found = _find_positions(listener.buffer)
@@ -306,7 +239,7 @@ def _show_positions(args: argparse.Namespace) -> int:
             elif found:
                 print_line(*(line for _, line in found))
             else:
-                print_line(_nothing(ask_frames(bus) is not None, "no robots"))
+                print_line(_nothing(find_frames(bus) is not None, "no robots"))
             if wait is None:
                 return 0
             wait()
@@ -357,7 +290,7 @@ def _hold_static(args: argparse.Namespace) -> int:
                 fresh = aggregators - asked
                 reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
                 if reply.refused:
-                    raise ZteamError(f"refused: {_explain(bus, request, reply.refused)}")
+                    raise ZteamError(f"refused: {why_refused(bus, request, reply.refused)}")
                 asked.update(fresh)
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
                 _warn_of_an_unknown_parent(bus, request)
@@ -398,32 +331,11 @@ def _is_coordinate(text: str) -> bool:
 
 def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
     """Warn if no process publishes the parent: the new frame then is in a tree of its own."""
-    edges = {(frame.parent, child) for child, frame in (ask_frames(bus) or {}).items()}
+    edges = {(frame.parent, child) for child, frame in (find_frames(bus) or {}).items()}
     known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
     if known and request.parent not in known:
         text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
         print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
-
-
-def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
-    """Which process has the frame already, and what to do; else what the aggregator says."""
-    caller = f"{names.STATIC_CALLER} "
-    frame = (ask_frames(bus) or {}).get(request.child)
-    if frame is None or frame.authority == caller + request.caller:
-        return refused
-    edge, robot_id = f"{frame.parent} -> {request.child}", names.robot_id_of(request.child.partition("/")[0])
-    if frame.authority == TEAM_FILE:
-        return f"the team file of zteam-tf has {edge} already: change it there"
-    if robot_id is None or frame.authority.startswith(caller):
-        holder = frame.authority.replace(caller, "another 'zteam tf static', session ", 1)
-        return f"{holder} has {edge} already: end that one, or name another child frame"
-    key = names.robot_key(robot_id, names.TF_STATIC if frame.static else names.TF)
-    publishers = frame.authority if frame.static else ", ".join(find_key_users(bus).publishers(key)) or frame.authority
-    if names.is_robot_frame(request.child, names.ODOM):
-        way_out = "to set a start pose, put it into [[static_transforms]] of the team file that zteam-tf reads"
-    else:
-        way_out = "nothing is left to do for this frame; for a frame of your own name another child"
-    return f"{publishers} publishes {edge} already, on {key}: {way_out}"
 
 
 main = partial(run_tool, build_parser, lambda args: args.show(args))

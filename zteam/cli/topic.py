@@ -4,8 +4,7 @@ import argparse
 import itertools
 import statistics
 import sys
-import threading
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -15,26 +14,21 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.bus import Publisher
+from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
-from zteam.bus.transport import RawSample, matches
+from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.listening import (
     NO_KEYS,
-    SURVEY,
-    KeyUsers,
     Waiter,
     add_timeout,
     check_key,
-    find_key_users,
-    kind_of,
     limit_of,
-    near_keys,
     open_bus,
     silence,
     wait_for_message,
     where_to_look,
 )
-from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
@@ -61,7 +55,6 @@ class _Words:
         return Time()
 
     def message(self, clock: AutoClock | None) -> Message:
-        """The message to publish now."""
         if not self.hold_time or clock is None:
             return self._message
         return from_words(self._kind, self._words, lambda: time_from_ns(clock.now()))
@@ -76,34 +69,33 @@ class _Audience:
         self._known: list[str] | None = None
         """By name; None if they tell no name."""
 
-    def tell(self, what: str, users: KeyUsers) -> None:
+    def tell(self, what: str, graph: Graph) -> None:
         """Print that `what` is published, and the subscribers; warn if there is none."""
-        self._tell(what, users, self._find(users))
+        self._tell(what, graph, self._find(graph))
 
-    def _tell(self, what: str, users: KeyUsers, known: list[str] | None) -> None:
+    def _tell(self, what: str, graph: Graph, known: list[str] | None) -> None:
         self._known = known
         print_line(f"publishing {what} {self._describe()}")
         if self._known == []:
-            hint = "" if users.publishers(self._key) else near_keys(self._key, users.known_keys())
+            hint = "" if graph.publishers(self._key) else near_keys(self._key, graph.known_keys())
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        """Tell again if the subscribers have changed."""
         if self._publisher.find_subscribers() == self._matching:
             return
         self._matching = not self._matching
-        users = find_key_users(self._bus)
+        graph = find_graph(self._bus)
         # A session that closes may tell of a subscriber that it has no more.
-        known = self._find(users) if self._matching else []
+        known = self._find(graph) if self._matching else []
         if known != self._known:
-            self._tell(f"on {self._key}", users, known)
+            self._tell(f"on {self._key}", graph, known)
 
-    def _find(self, users: KeyUsers) -> list[str] | None:
-        found = users.subscribers(self._key)
+    def _find(self, graph: Graph) -> list[str] | None:
+        found = graph.subscribers(self._key)
         if found or not self._publisher.find_subscribers():
             return found
-        # One that has come since `users` were asked tells its name now.
-        return find_key_users(self._bus).subscribers(self._key) or None
+        # One that has come since then tells its name now.
+        return find_graph(self._bus).subscribers(self._key) or None
 
     def _describe(self) -> str:
         if self._known is None:
@@ -123,15 +115,15 @@ def publish(args: argparse.Namespace) -> int:
         bus.check_right(key)
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
-        users = find_key_users(bus)
-        check_type(bus, key, kind, users)
+        graph = find_graph(bus)
+        check_type(bus, key, kind, graph)
         clock = open_clock(bus, args.clock) if times != 1 or words.hold_time else None
         audience = _Audience(bus, key, publisher)
         how = (
             "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
         )
-        audience.tell(f"{kind.ros_type} on {key} {how}", users)
-        _warn_of_others(key, users)
+        audience.tell(f"{kind.ros_type} on {key} {how}", graph)
+        _warn_of_others(key, graph)
         publisher.put(words.message(clock))
         if clock is None or times == 1:
             return 0
@@ -147,19 +139,19 @@ def _say(text: str) -> None:
     print_line(f"zteam topic pub: {text}", file=sys.stderr)
 
 
-def _warn_of_others(key: str, users: KeyUsers) -> None:
+def _warn_of_others(key: str, graph: Graph) -> None:
     """Warn of other publishers, and of a robot that is not there: the simulator subscribes to the keys of any robot."""
-    if others := users.publishers(key):
+    if others := graph.publishers(key):
         _say(f"{key} is published by {', '.join(others)} too: subscribers get the messages of both; end one of them")
-    target, robots = names.split_robot_key(key), users.robots()
+    target, robots = names.split_robot_key(key), sorted(graph.robots())
     if target is not None and robots and target[0] not in robots:
         _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")
 
 
-def check_type(bus: Bus, key: str, kind: type[Message], users: KeyUsers) -> None:
+def check_type(bus: Bus, key: str, kind: type[Message], graph: Graph) -> None:
     """Raise UsageError if the key carries messages of another type, by its name or by what is heard on it."""
     known = type_of_key(key)
-    carried = encoding_of(known) if known else _heard_encoding(bus, key) if users.publishers(key) else ""
+    carried = encoding_of(known) if known else _heard_encoding(bus, key) if graph.publishers(key) else ""
     if carried.startswith("application/cdr;") and carried != encoding_of(kind):
         raise UsageError(f"{key} carries {carried.partition(';')[2]}, not {kind.ros_type}")
 
@@ -178,7 +170,6 @@ def _heard_encoding(bus: Bus, key: str) -> str:
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam topic", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
 
@@ -261,7 +252,7 @@ def _echo(args: argparse.Namespace) -> int:
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
     """Print one message; return False if it could not be decoded."""
-    kind, sent = kind_of(sample, given), type_of_encoding(sample.encoding)
+    kind, sent = given or kind_of(sample), type_of_encoding(sample.encoding)
     if given is not None and sent not in (None, given):
         raise UsageError(f"{sample.key} carries {sent.ros_type}, not {given.ros_type}: leave --type out")
     if kind is None:
@@ -328,79 +319,6 @@ def _ms(seconds: float) -> str:
     return f"{seconds * 1e3:.1f} ms"
 
 
-class KeyRow(msgspec.Struct):
-    """A key, the messages received on it during a survey, and its users."""
-
-    key: str
-    type: str
-    """ROS name, else the encoding, else empty."""
-    count: int = 0
-    bytes: int = 0
-    latched: bool = False
-    """Whether its message was published before the survey began."""
-    sources: list[str] = []
-    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
-    rate: float = 0.0
-    """Hz during the survey."""
-    publishers: list[str] = []
-    """Names of processes, also of those that publish nothing now."""
-    subscribers: list[str] = []
-    """Names of processes; programs that are not zteam's are missing."""
-
-
-def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers]:
-    """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
-    users, rows = find_key_users(bus), survey(bus, key_expr)
-    for key in users.known_keys(rows):
-        if key not in rows and matches(key_expr, key):
-            kind = type_of_key(key)
-            rows[key] = KeyRow(key, kind.ros_type if kind else "")
-    for key, row in rows.items():
-        # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
-        row.publishers = sorted({*users.publishers(key), *users.name_sessions(row.sources, key)})
-        row.subscribers = users.subscribers(key)
-    return [rows[key] for key in sorted(rows)], users
-
-
-def survey(bus: Bus, key_expr: str) -> dict[str, KeyRow]:
-    """Listen to `key_expr` for a while: every key that carries data, latched ones included."""
-    rows: dict[str, KeyRow] = {}
-    times: dict[str, list[float]] = defaultdict(list)
-    lock = threading.Lock()
-
-    def take(sample: RawSample) -> None:
-        kind = kind_of(sample, None)
-        with lock:
-            row = rows.setdefault(sample.key, KeyRow(sample.key, kind.ros_type if kind else sample.encoding))
-            row.bytes = len(sample.payload)
-            if sample.source not in row.sources:
-                row.sources.append(sample.source)
-
-    def take_live(sample: RawSample) -> None:
-        with lock:
-            times[sample.key].append(monotonic())
-        take(sample)
-
-    start, live = monotonic(), bus.subscribe_raw(key_expr, take_live)
-    # It receives live samples too.
-    latched = bus.subscribe_raw(key_expr, take, latched=True)
-    Waiter().wait(lambda: False, SURVEY, "")
-    latched.close()
-    live.close()
-    with lock:
-        for key, row in rows.items():
-            row.count, row.rate = len(times[key]), rate_of(times[key], monotonic() - start)
-            row.latched = row.count == 0
-        # A sample may still be on its way.
-        return dict(rows)
-
-
-def rate_of(times: Sequence[float], elapsed: float) -> float:
-    """Hz between messages that came at `times`; that of a single one over the `elapsed` seconds."""
-    span = times[-1] - times[0] if times else 0.0
-    return (len(times) - 1) / span if span > 0.0 else len(times) / elapsed
-
-
 def _rate(row: KeyRow) -> str:
     if row.latched:
         return "latched"
@@ -409,7 +327,6 @@ def _rate(row: KeyRow) -> str:
 
 
 def _list(args: argparse.Namespace) -> int:
-    """Print a table of all keys."""
     with closing(open_bus(bus_options(args))) as bus:
         rows, _ = find_rows(bus, "**")
     if args.json:
@@ -430,14 +347,15 @@ def _info(args: argparse.Namespace) -> int:
     """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
     with closing(open_bus(bus_options(args))) as bus:
-        rows, users = find_rows(bus, key)
-        nodes = find_nodes(bus)
+        rows, graph = find_rows(bus, key)
+        # Those that do not answer have a name too.
+        named = Graph((), find_nodes(bus))
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
     if not rows:
-        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, users.known_keys())}")
+        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, graph.known_keys())}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
-        heard = writer_names(nodes, row.sources, row.key)
+        heard = named.name_sessions(row.sources, row.key)
         info = {
             "key": row.key,
             "type": row.type,

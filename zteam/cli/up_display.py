@@ -39,7 +39,6 @@ class Printer:
         self._seen: dict[str, int] = {}
 
     def line(self, name: str, text: str) -> None:
-        """Print one line of the process `name`."""
         with self._lock:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
@@ -60,7 +59,6 @@ class RunDisplay:
         self._pause.due()
 
     def print(self, line: str) -> None:
-        """Print a line."""
         print_line(line)
 
     def say(self, text: str) -> None:
@@ -111,7 +109,6 @@ class _Live(RunDisplay):
 
 @contextmanager
 def open_display(log_format: str, run_for: float | None) -> Iterator[RunDisplay]:
-    """The display for this standard output."""
     if log_format == "text" and has_live_line(sys.stdout):
         with LiveLine(sys.stdout) as line:
             yield _Live(line, run_for)

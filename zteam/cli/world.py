@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam world", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
     check = verbs.add_parser("check", help="load a world; list its models and what is ignored")
@@ -161,7 +160,6 @@ def _bases(world: World) -> list[dict[str, Any]]:
 
 
 def _footprint_text(base: dict[str, Any]) -> str:
-    """The outline's extent in words."""
     corners = base["footprint"]
     if not corners:
         return "no footprint"

@@ -4,9 +4,7 @@ import argparse
 from functools import partial
 
 from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, RouterOptions, TlsFiles, default_endpoint
-from zteam.cli.arguments import number
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
-from zteam.config.numbers import MAX_SECONDS
 from zteam.node.router import run_router
 
 
@@ -30,9 +28,6 @@ def build_parser() -> Parser:
         "--config", metavar="FILE.json5", help="read Zenoh settings from this file first, and again when it changes"
     )
     parser.add_argument("--announce", action="store_true", help="print the endpoint on stdout once it listens")
-    parser.add_argument(
-        "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
-    )
     add_lease_option(parser)
     add_log_options(parser)
     return parser
@@ -41,7 +36,7 @@ def build_parser() -> Parser:
 def _route(args: argparse.Namespace) -> int:
     tls = TlsFiles.from_environment()
     listen = tuple(args.listen or [default_endpoint(tls)])
-    options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls, args.detached)
+    options = RouterOptions(listen, tuple(args.connect), args.config, args.lease, tls)
     return run_router(options, announce=args.announce)
 
 

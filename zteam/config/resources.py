@@ -18,12 +18,10 @@ def _folder(inside_wheel: str, in_checkout: str) -> Path:
 
 
 def worlds_folder() -> Path:
-    """Folder of the shipped worlds."""
     return _folder("_worlds", "worlds")
 
 
 def teams_folder() -> Path:
-    """Folder of the shipped team files."""
     return _folder("_deploy", "deploy")
 
 

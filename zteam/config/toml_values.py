@@ -71,7 +71,6 @@ class _Scan:
         """The number of tables so far in each array that is written as [[name]]."""
 
     def document(self) -> None:
-        """Read all tables."""
         table: KeyPath = ()
         while self._skip(_BLANK) < len(self._text):
             if self._text.startswith("[", self._at):

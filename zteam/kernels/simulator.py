@@ -63,7 +63,6 @@ class BeamTable(NamedTuple):
 
     @staticmethod
     def ahead(limit: float) -> "BeamTable":
-        """A single beam straight ahead."""
         return BeamTable(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, limit)
 
 

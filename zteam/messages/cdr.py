@@ -137,7 +137,6 @@ class _Source:
         self.names: dict[str, Any] = {"np": np, "DecodeError": DecodeError}
 
     def add(self, line: str) -> None:
-        """Append a line."""
         self.lines.append("    " + line)
 
     def name(self, stem: str, value: Any) -> str:

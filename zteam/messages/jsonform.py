@@ -58,7 +58,6 @@ def _shortened(value: Any) -> Any:
 
 
 def to_json(message: Message) -> bytes:
-    """The message as one line of JSON."""
     return msgspec.json.encode(to_plain(message))
 
 

@@ -95,7 +95,6 @@ class GoalWatch:
 
     @property
     def ended(self) -> bool:
-        """Whether there is a result."""
         return self.result != TaskResult.UNKNOWN
 
     def take(self, status: NavigationStatus) -> None:
@@ -114,7 +113,6 @@ class GoalWatch:
                 self.replace(status.goal)
 
     def replace(self, goal: PoseStamped) -> None:
-        """Another goal has taken its place."""
         self.is_replaced |= not self.ended
         self.end(TaskResult.FAILED, f"another goal took its place: {goal_text(goal)}")
 
@@ -235,7 +233,6 @@ class NavigationClient:
 
     @property
     def _taking_process(self) -> str:
-        """The process that takes the goals, by name."""
         return self.name if self.taker == GO_TO else self._navigation
 
     @property

@@ -6,13 +6,11 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import FAR, Pose2, yaw_from_quaternion
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Pose, Time
 from zteam.messages.planar import pose_message
 from zteam.navigation.planning.grid import GridMap, make_map
 
-FAR = 1e6
-"""Metres from the origin of a map: no place is further away."""
 _RESOLUTIONS = 1e-4, 1e3
 """Metres a cell, the least and the most."""
 
@@ -52,6 +50,5 @@ def planar(pose: Pose) -> Pose2 | None:
 
 
 def is_finite(pose: Pose) -> bool:
-    """Whether all of its numbers are."""
     p, q = pose.position, pose.orientation
     return all(map(math.isfinite, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)))

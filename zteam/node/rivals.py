@@ -5,7 +5,7 @@ import threading
 from collections.abc import Mapping
 
 from zteam.bus import Bus
-from zteam.bus.sessions import tell_rivals
+from zteam.bus.graph import tell_rivals
 from zteam.clock import monotonic
 from zteam.node.tokens import RECENT
 

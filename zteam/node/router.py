@@ -1,10 +1,15 @@
-"""The router process."""
+"""The router process. `python -m zteam.node.router ENDPOINT LEASE IDLE_EXIT` is the one on demand (`spawn_router`)."""
 
 import logging
+import sys
 
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router, detach, open_team_router
+from zteam.errors import ZteamError
 from zteam.node.launcher import report
+from zteam.node.leaving import leave
+from zteam.node.logs import start_logging
+from zteam.node.ps_name import show_name
 from zteam.node.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
@@ -30,3 +35,14 @@ def run_router(options: RouterOptions, *, announce: bool = False) -> int:
     finally:
         router.close()
     return 0
+
+
+if __name__ == "__main__":
+    show_name("zteam-router")
+    start_logging("router")
+    endpoint, lease, idle_exit = sys.argv[1:]
+    try:
+        leave(run_router(RouterOptions((endpoint,), lease=float(lease), idle_exit=float(idle_exit))))
+    except ZteamError as error:
+        log.error("%s", error)
+        leave(error.exit_code)

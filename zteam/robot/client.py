@@ -18,7 +18,7 @@ from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
 from zteam.monitor.observer import TeamObserver
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
-from zteam.robot.behaviors.registry import Parameter
+from zteam.robot.parameters import Parameter
 from zteam.simulator.client import find_status
 
 DESCRIBE = "describe_parameters"
@@ -265,7 +265,6 @@ def _expected(alive: Iterable[str], world: Iterable[int] | None) -> dict[int, se
 def _result(
     robot_id: int, expected: set[str], replies: Answers, problems: dict[str, str], *, stopped: bool
 ) -> StopResult:
-    """What became of one robot."""
     mine = {names.robot_key(robot_id, service) for service in (names.ENGAGE, names.RELEASE)}
     confirmed = {reply.by for key, reply in replies if key in mine and reply.is_stopped == stopped}
     asked = {*mine, EngageRequest.wildcard}

@@ -134,7 +134,6 @@ class Pilot:
         self._key, self.holds = "", False
 
     def command(self, now: float) -> Twist:
-        """What the keys command now."""
         if not self._key or now >= self._until:
             return Twist()
         forward, left, turn = DIRECTIONS[self._key]

@@ -8,8 +8,8 @@ import threading
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.bus.graph import describe_sessions
 from zteam.bus.presence import Claim
-from zteam.bus.sessions import describe_sessions
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import DuplicateNameError, ZteamError
@@ -138,7 +138,6 @@ class Wheels:
         self.driven = command
 
     def _on_other(self, _key: str, command: Twist, session: str) -> None:
-        """A command of another teleop or page."""
         if session == self._bus.instance:
             return
         with self._lock:

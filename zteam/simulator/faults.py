@@ -34,11 +34,9 @@ class FaultPlan:
         """Commands under way to each robot, with the time at which they come."""
 
     def add(self, fault: Fault) -> None:
-        """A further one."""
         self._faults.append(fault)
 
     def start_anew(self) -> None:
-        """The world returns to its start."""
         self._late.clear()
 
     def _active(self, time: int | None, *kinds: str) -> list[Fault]:

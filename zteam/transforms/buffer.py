@@ -88,7 +88,8 @@ class Buffer:
                 p, q, stamp = pose.translation, pose.rotation, header.stamp
                 time = stamp.sec * _NS + stamp.nanosec
                 if last is not None and time > last:
-                    found.append(Rejection("TF_FUTURE_DATA", _future_text(transform.child_frame_id, time - now)))
+                    text = f"{transform.child_frame_id} is {(time - now) / 1e9:.1f} s ahead of the time"
+                    found.append(Rejection("TF_FUTURE_DATA", text))
                     continue
                 floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
                 refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
@@ -111,9 +112,10 @@ class Buffer:
         """Store the full set of an authority's static transforms; edges that the set no longer has are forgotten."""
         with self.lock:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
+            parents = {child: strip_slash(t.header.frame_id) for child, t in kept.items()}
             for child, edge in list(self._tree.edges.items()):
                 # An old edge whose parent changes could make the new set look like a loop.
-                if edge.static and edge.authority == authority and _parent_in(kept.get(child)) != edge.parent:
+                if edge.static and edge.authority == authority and parents.get(child) != edge.parent:
                     self.forget(child)
             refused = [self.set_transform_static(t, authority) for t in kept.values()]
         return [r for r in refused if r]
@@ -271,11 +273,3 @@ class Buffer:
         """The figures of every child frame, sorted by name."""
         with self.lock:
             return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
-
-
-def _future_text(child: str, ahead: int) -> str:
-    return f"{child} is {ahead / 1e9:.1f} s ahead of the time"
-
-
-def _parent_in(transform: TransformStamped | None) -> str | None:
-    return None if transform is None else strip_slash(transform.header.frame_id)

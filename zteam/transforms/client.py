@@ -3,7 +3,8 @@
 The answer to `tf/frames` is a `zteam.tf.FrameInfo` for each child frame.
 """
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
 import msgspec
@@ -11,9 +12,12 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus, Change
 from zteam.errors import BusError
-from zteam.messages import Time, TransformStamped, time_from_ns
-from zteam.transforms import errors
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages import Clock, TFMessage, Time, TransformStamped, ns_from_time, time_from_ns
+from zteam.transforms import Buffer, FrameInfo, errors
 from zteam.transforms.rigid import stamped_transform
+
+log = logging.getLogger("zteam")
 
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""
@@ -148,6 +152,21 @@ class TransformClient:
             raise BusError(f"{key}: {len(replies)} answers to {len(lookups)} look-ups")
         return [_result(lookup, reply) for lookup, reply in zip(lookups, replies, strict=True)]
 
+    def find_poses(self, lookups: Mapping[int, Lookup]) -> dict[int, Pose2]:
+        """The planar poses that are known, by the same numbers; none if no aggregator answers."""
+        try:
+            found = self.lookup_many([*lookups.values()]) if lookups else []
+        except BusError as error:
+            # The session may also be closed.
+            log.debug("%s", error)
+            return {}
+        return {
+            number: Pose2(place.x, place.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+            for number, each in zip(lookups, found, strict=True)
+            if isinstance(each, TransformStamped)
+            for place, turn in [(each.transform.translation, each.transform.rotation)]
+        }
+
     def history(self, request: HistoryRequest) -> HistoryReply:
         """One pair of frames over a span of time. Raises BusError if no aggregator answers, or if it refuses."""
         return self._bus.ask(names.service_key(names.AGGREGATOR, "history"), HistoryReply, request)
@@ -162,3 +181,33 @@ def _result(lookup: Lookup, reply: LookupReply) -> TransformStamped | errors.Tra
         return kind(reply.text)
     floats = (*reply.translation, *reply.rotation)
     return stamped_transform(time_from_ns(reply.stamp), lookup.target, lookup.source, floats)
+
+
+def find_frames(bus: Bus, timeout: float = 2.0) -> dict[str, FrameInfo] | None:
+    """The aggregator's own data on every frame; None without an aggregator."""
+    try:
+        return bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], timeout=timeout)
+    except BusError:
+        return None
+
+
+class TreeListener:
+    """A buffer of a session's own, filled from the aggregator's tree."""
+
+    def __init__(self, bus: Bus, on_news: Callable[[], None] = lambda: None) -> None:
+        self.buffer, self.now, self._on_news = Buffer(), 0, on_news
+        bus.subscribe(names.CLOCK, Clock, self._on_clock)
+        bus.subscribe(names.TF, TFMessage, self._on_tf)
+        bus.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self.now = ns_from_time(message.clock)
+        self.buffer.take_time(self.now)
+
+    def _on_tf(self, _key: str, message: TFMessage) -> None:
+        self.buffer.set_transforms(message.transforms, names.TF, self.now)
+        self._on_news()
+
+    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
+        self.buffer.set_all_static(message.transforms, names.TF)
+        self._on_news()

@@ -73,7 +73,8 @@ class Merger:
                 if len(held) < MAX_HELD:
                     held.append((tick, transform, authority))
                 else:
-                    self._report("", authority, _refuse_number(authority))
+                    text = f"{authority} sends more than {MAX_HELD} frames within a tick: the others do not count"
+                    self._report("", authority, Rejection("full", text))
             else:
                 self._store(transform, authority)
 
@@ -84,7 +85,8 @@ class Merger:
             parent, child, problem = _own(robot_id, transform.header.frame_id, transform.child_frame_id)
             place = transform.transform.translation
             if not (abs(place.x) <= MAX_PLACE and abs(place.y) <= MAX_PLACE and abs(place.z) <= MAX_PLACE):
-                self._report(child, names.robot_name(robot_id), _refuse_place(child, names.robot_name(robot_id)))
+                robot = names.robot_name(robot_id)
+                self._report(child, robot, Rejection("far", f"{child} from {robot} is more than {MAX_PLACE:g} m away"))
             elif problem:
                 self._report(child, names.robot_name(robot_id), Rejection("foreign", problem))
             elif child == transform.child_frame_id and parent == transform.header.frame_id:
@@ -169,7 +171,6 @@ class Merger:
         return list(self._conflicts.values())
 
     def take_conflicts(self) -> list[str]:
-        """The conflicts since the last call."""
         new = self.conflicts()[self._read_conflicts :]
         self._read_conflicts += len(new)
         return new
@@ -223,14 +224,6 @@ def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, byte
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
     tick, transform, _ = held
     return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
-
-
-def _refuse_place(child: str, authority: str) -> Rejection:
-    return Rejection("far", f"{child} from {authority} is more than {MAX_PLACE:g} m away")
-
-
-def _refuse_number(authority: str) -> Rejection:
-    return Rejection("full", f"{authority} sends more than {MAX_HELD} frames within a tick: the others do not count")
 
 
 def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:

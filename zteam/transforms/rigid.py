@@ -26,13 +26,11 @@ def floats_of(transform: Transform) -> Floats:
 
 
 def stamped_transform(stamp: Time, parent: str, child: str, floats: Floats) -> TransformStamped:
-    """The message of parent_from_child."""
     x, y, z, i, j, k, w = floats
     return TransformStamped(Header(stamp, parent), child, Transform(Vector3(x, y, z), Quaternion(i, j, k, w)))
 
 
 def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
-    """The product a_from_c of two transforms."""
     x, y, z, i, j, k, w = a_from_b
     px, py, pz, qi, qj, qk, qw = b_from_c
     if i == j == qi == qj == 0.0:
@@ -54,7 +52,6 @@ def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
 
 
 def invert(a_from_b: Floats) -> Floats:
-    """The inverse b_from_a of a transform."""
     x, y, z, i, j, k, w = a_from_b
     i, j, k = -i, -j, -k
     cx = j * z - k * y + w * x
@@ -116,7 +113,6 @@ def apply_to_points(target_from_source: Transform, points: Array) -> Array:
 
 
 def _matrix(rotation: Sequence[float]) -> Array:
-    """The rotation matrix of a unit quaternion."""
     i, j, k, w = rotation
     axes = np.eye(3).tolist()
     return np.array([compose((0.0, 0.0, 0.0, i, j, k, w), (x, y, z, 0.0, 0.0, 0.0, 1.0))[:3] for x, y, z in axes]).T

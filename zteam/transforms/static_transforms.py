@@ -148,7 +148,6 @@ class StaticTransforms:
                     self._take_back(child, authority)
 
     def drop_authority(self, authority: str) -> None:
-        """Drop all static transforms of one authority."""
         for child, said in list(self._said.items()):
             if authority in said:
                 self._take_back(child, authority)

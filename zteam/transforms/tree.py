@@ -108,7 +108,6 @@ class TimeCache:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether it has samples with different parents."""
         return any(parent != self.parent for _, parent, _ in self.samples)
 
     def info(self) -> FrameInfo:
@@ -276,12 +275,10 @@ class Tree:
         return found
 
     def forget(self, child: str) -> None:
-        """Forget an edge and its history."""
         if self.edges.pop(child, None) is not None:
             self._paths.clear()
 
     def clear(self) -> None:
-        """Forget all moving data."""
         for child, edge in self.edges.items():
             if not edge.static:
                 self.edges[child] = TimeCache()

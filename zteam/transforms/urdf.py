@@ -45,7 +45,6 @@ class Description(NamedTuple):
     joints: tuple[Joint, ...]
 
     def static_transforms(self) -> list[TransformStamped]:
-        """The transforms of the fixed joints."""
         return [
             stamped_transform(Time(), joint.parent, joint.child, joint.parent_from_joint)
             for joint in self.joints

@@ -177,7 +177,6 @@ class Commands:
         return ""
 
     def carry_out(self, request: requests.Command) -> str:
-        """Do it; why not, if it cannot be done."""
         try:
             self._act(request)
         except ZteamError as error:

@@ -45,7 +45,6 @@ class Connections:
         self._told = False
 
     def find(self, address: Address | None) -> asyncio.Transport | None:
-        """The connection of the client at this address."""
         return None if address is None else self._by_address.get(address)
 
     def open(self, transport: asyncio.Transport) -> None:
@@ -69,13 +68,11 @@ class Connections:
             self._end(transport)
 
     def begin(self, transport: asyncio.Transport | None) -> None:
-        """It has brought a request."""
         if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
             timer.cancel()
             self._busy[transport] = None
 
     def rest(self, transport: asyncio.Transport | None) -> None:
-        """Its request is answered."""
         if transport is not None and transport in self._busy:
             del self._busy[transport]
             self._wait(transport)
@@ -99,7 +96,6 @@ class Connections:
         return True
 
     def close(self, transport: asyncio.Transport) -> None:
-        """It has ended."""
         if timer := self._timers.pop(transport, None):
             timer.cancel()
         self._busy.pop(transport, None)
@@ -108,7 +104,6 @@ class Connections:
             del self._by_address[address]
 
     def end_all(self) -> None:
-        """End all of them."""
         for transport in [*self._timers, *self._busy, *self._kept]:
             self._end(transport)
 

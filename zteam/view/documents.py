@@ -45,7 +45,6 @@ class LogTail:
         self._lines: deque[tuple[int, dict[str, Any]]] = deque(maxlen=KEPT)
 
     def take(self, lines: Sequence[LogLine], now: float) -> None:
-        """Lines came."""
         self._order.take(lines, now)
 
     def since(self, number: int, now: float) -> tuple[int, list[dict[str, Any]]]:
@@ -94,7 +93,6 @@ class MarkerBoard:
         """By key, namespace and id, with the host time until which each is shown."""
 
     def take(self, key: str, markers: Iterable[Marker], now: float) -> None:
-        """Markers came on a key."""
         for marker in markers:
             place = key, marker.ns, marker.id
             if marker.action == MarkerAction.DELETEALL:
@@ -106,12 +104,10 @@ class MarkerBoard:
                 self._markers[place] = marker, now + span if span > 0.0 else math.inf
 
     def keep(self, keys: Iterable[str]) -> None:
-        """Forget the markers of all other keys."""
         kept = set(keys)
         self._markers = {place: marker for place, marker in self._markers.items() if place[0] in kept}
 
     def drawn(self, pose_of: PoseOf, now: float) -> list[dict[str, Any]]:
-        """The markers whose frames are known."""
         self._markers = {place: marker for place, marker in self._markers.items() if now < marker[1]}
         return [
             drawn_marker(key, marker, frame)
@@ -141,7 +137,6 @@ def drawn_polygon(key: str, polygon: PolygonStamped, frame: Pose2) -> dict[str, 
 
 
 def as_document(value: Any) -> bytes:
-    """The document of these dictionaries."""
     return msgspec.json.encode(_rounded(value))
 
 

@@ -39,7 +39,6 @@ KEPT = {"cache-control": "private, max-age=31536000, immutable"}
 
 
 def read_file(name: str, headers: Mapping[str, str] | None = None, *, folder: Path = FOLDER) -> Response | None:
-    """The file of this name, relative to the page's folder; None where there is none."""
     kind = KINDS.get(Path(name).suffix)
     if kind is None or any(part in ("..", "") or part.startswith(".") for part in name.split("/")):
         return None

@@ -131,12 +131,10 @@ class FoxgloveServer:
             raise UsageError(f"--foxglove: cannot listen at 127.0.0.1: {error}") from None
 
     def start(self) -> None:
-        """Begin to show the team."""
         self._thread.start()
         self._front.start()
 
     def close(self) -> None:
-        """Let all clients go."""
         self._front.close()
         self._server.stop()
         self._thread.join(1.0)
@@ -144,7 +142,6 @@ class FoxgloveServer:
     # What clients ask for, by names that the SDK gives
 
     def on_subscribe(self, client: "Client", channel: "ChannelView") -> None:
-        """A client looks at a topic from now on."""
         key = names.strip_slash(channel.topic)
         with self._node.changed:
             shown = self._shown.get(key)

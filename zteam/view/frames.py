@@ -97,7 +97,6 @@ def encode_scan(robot_id: int, index: int, scan: LaserScan, sensor: Pose2, beams
 
 
 def encode_doc(name: str, document: bytes) -> bytes:
-    """A document: JSON under a name."""
     return _block(DOC, _text(name) + document)
 
 

@@ -78,7 +78,6 @@ class Goals:
         """Since when the process that drives to a goal is gone."""
 
     def rows(self, robots: Collection[int], now: float) -> Iterator[GoalRow]:
-        """Those of these robots."""
         for robot_id in sorted(robots):
             sent = self._received.read(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
             found = newest_goal(sent and sent[0], self._newest_told(robot_id))

@@ -1,7 +1,6 @@
 """What a view asks the team for instead of subscribing to it: the simulator's state, presence, keys and their rates."""
 
 import logging
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -9,12 +8,12 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Change
+from zteam.bus.graph import Graph, ros_type_of
 from zteam.bus.receiving import KeyCount
-from zteam.bus.transport import Declaration, matches
+from zteam.bus.transport import Declaration
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
-from zteam.messages.topics import type_of_key
 from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import LogLine, kept_lines
 from zteam.node.process_node import ProcessNode
@@ -22,7 +21,7 @@ from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.goal_lists import find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
-from zteam.transforms.client import BundleReply, Lookup, TransformClient
+from zteam.transforms.client import BundleReply, Lookup, TransformClient, find_frames
 from zteam.view.received import Received
 
 
@@ -45,7 +44,6 @@ class Counts(msgspec.Struct, frozen=True):
 
 
 def rates(before: Counts | None, after: Counts) -> dict[str, float]:
-    """Messages a second by key."""
     if before is None or after.time <= before.time:
         return {}
     found: dict[str, float] = {}
@@ -59,23 +57,17 @@ def rates(before: Counts | None, after: Counts) -> dict[str, float]:
 
 def topic_rows(declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
     """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
-    ids = sorted(robots)
-    single = Counter((declaration.key, declaration.publishes) for declaration in declarations)
-    wild = [declaration for declaration in declarations if names.is_wildcard(declaration.key)]
-    rows = []
-    for key in sorted({key for declaration in declarations for key in names.keys_in(declaration.key, ids)}):
-        users = Counter(declaration.publishes for declaration in wild if matches(declaration.key, key))
-        kind = type_of_key(key)
-        rows.append(
-            TopicRow(
-                key,
-                kind.ros_type if kind else "",
-                round(hz[key], 1) if key in hz else None,
-                publishers=single[key, True] + users[True],
-                subscribers=single[key, False] + users[False],
-            )
+    graph = Graph(declarations)
+    return [
+        TopicRow(
+            key,
+            ros_type_of(key),
+            round(hz[key], 1) if key in hz else None,
+            publishers=len(graph.sessions(key, publishes=True)),
+            subscribers=len(graph.sessions(key, publishes=False)),
         )
-    return rows
+        for key in graph.known_keys(robots)
+    ]
 
 
 log = logging.getLogger("zteam")
@@ -160,8 +152,7 @@ class TeamQueries:
         answers = {i: self._ask(names.service_key(names.robot_name(i), DESCRIBE), DescribeReply) for i in inspected}
         self.parameters = {i: found[0][1] for i, found in answers.items() if found}
         if ("tf" in docs or inspected) and self._frames_due.due():
-            told = self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
-            self.frames = told[0][1] if told else {}
+            self.frames = find_frames(self._bus, PATIENCE) or {}
         if "log" not in docs:
             self._has_log = False
         elif not self._has_log:

@@ -90,7 +90,6 @@ class Received:
         self._kept: dict[str, deque[Arrival]] = {}
 
     def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
-        """A message came."""
         with self._lock:
             self._newest[key] = self._arrival(key, content, encoding)
         self._on_news()
@@ -129,7 +128,6 @@ class Received:
         return arrival, message
 
     def newest(self) -> list[Arrival]:
-        """The newest of all keys."""
         with self._lock:
             return list(self._newest.values())
 
@@ -141,7 +139,6 @@ class Received:
                 del self._newest[key]
 
     def clear(self) -> None:
-        """Forget the newest of all keys."""
         with self._lock:
             self._newest.clear()
 
@@ -152,7 +149,6 @@ class Received:
             return [*newer][::-1]
 
     def forget(self, topic: str) -> None:
-        """Keep no messages of this topic."""
         with self._lock:
             self._kept.pop(topic, None)
 
@@ -226,7 +222,6 @@ class Drawables:
         """None: not known yet, a first message will tell. `Message`: nothing that is drawn."""
 
     def take_keys(self, published: Iterable[str]) -> None:
-        """These keys are published now."""
         keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP}
         # Replaced as a whole: other threads read it meanwhile.
         kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
@@ -238,7 +233,6 @@ class Drawables:
         self._kinds = kinds
 
     def keys(self, layer: str) -> list[str]:
-        """The keys that a layer shows."""
         return sorted(key for key, kind in self._kinds.items() if kind in LAYERS[layer])
 
     def topics(self, layers: Collection[str]) -> set[Topic]:
@@ -281,12 +275,10 @@ class Viewer:
 
     @property
     def inspected(self) -> int | None:
-        """The robot that it shows all of."""
         return self.look.selected[0] if "inspect" in self.look.docs and self.look.selected else None
 
     @property
     def layers(self) -> set[str]:
-        """The layers whose content it needs."""
         return {*self.look.layers, *(() if self.inspected is None else ("goals",))}
 
     @property

@@ -26,7 +26,8 @@ from zteam.messages import (
     TeamStatus,
     ns_from_time,
 )
-from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, parameters_of
+from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names
+from zteam.robot.parameters import parameters_of
 from zteam.simulator.client import RobotShape, SimStatus
 from zteam.view import frames
 from zteam.view.commands import Tile, make_tiles
@@ -199,7 +200,6 @@ def is_stopped(robot_id: int, sim: SimStatus | None, status: RobotStatus | None)
 
 
 def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
-    """The start gate, in the monitor's words."""
     if status is None:
         return GateRow(text="no monitor")
     if status.state == TeamState.GO:
@@ -213,7 +213,6 @@ def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateR
 
 
 def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
-    """The simulator's state."""
     if status is None:
         return SimRow()
     state = "finished" if status.finished else "paused" if status.paused else "running"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 
 from zteam import names
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages import (
     Header,
     LaserScan,
@@ -36,12 +36,9 @@ from zteam.view.received import (
     topics_of,
 )
 
-_FAR = 1e6
-"""Metres from the origin of the map: what is further away is not shown."""
-
 
 def shown(pose: Pose2 | None) -> Pose2 | None:
-    return pose if pose is not None and abs(pose.x) <= _FAR and abs(pose.y) <= _FAR else None
+    return pose if pose is not None and abs(pose.x) <= FAR and abs(pose.y) <= FAR else None
 
 
 class Places:
@@ -246,7 +243,6 @@ class TeamView:
         return sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
 
     def robots(self) -> set[int]:
-        """All robots of which anything is known."""
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
             return self._in_world(sim)
@@ -264,14 +260,12 @@ class TeamView:
         return selected | {target[0] for target in targets if target is not None and target[1] == names.AMCL_POSE}
 
     def add(self, viewer: Viewer) -> None:
-        """A page came."""
         with self.node.changed:
             self.viewers = {**self.viewers, viewer.number: viewer}
             self.changed()
             self.ask_soon()
 
     def remove(self, viewer: Viewer) -> None:
-        """A page has gone."""
         with self.node.changed:
             self.viewers = {number: other for number, other in self.viewers.items() if other is not viewer}
             self.changed()

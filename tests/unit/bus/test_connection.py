@@ -17,8 +17,8 @@ import pytest
 from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect, connection
-from zteam.cli.doctor import check_router
 from zteam.errors import BusError
+from zteam.monitor.doctor.examination import check_router
 
 _REQUEST = "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -keyout {0}.key -subj /CN={0}"
 _SIGN = "x509 -req -in {0}.csr -CA ca.pem -CAkey ca.key -CAcreateserial -out {0}.pem -extfile names"

@@ -18,7 +18,6 @@ REAL = [
     (up, ["line"], "--for"),
     (up, ["line"], "--lockstep-timeout"),
     (zteam_tf, [], "--rate"),
-    (zteam_router, [], "--detached"),
     (topic, ["echo", "clock"], "--timeout"),
     (topic, ["pub", "flag", "Bool"], "--rate"),
     (tf, ["echo", "a", "b"], "--rate"),

@@ -10,13 +10,9 @@ from support.certificates import Authority
 from zteam.bus import BusOptions
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router
-from zteam.cli.doctor import (
-    check_authority,
-    check_certificate,
-    check_default_port,
-    check_router,
-    format_findings,
-)
+from zteam.cli.doctor import check_authority, format_findings
+from zteam.monitor.doctor import examination
+from zteam.monitor.doctor.examination import check_certificate, check_default_port, check_router
 from zteam.monitor.doctor.facts import note, ok, problem
 from zteam.team.security import certificates
 from zteam.team.security.access import Rights
@@ -74,9 +70,9 @@ def test_the_end_of_the_certificate_is_told(tmp_path: Path, monkeypatch: pytest.
     certificates.prepare(tmp_path, "", {"operator": Rights()}, "", ["operator"])
     files = certificates.files_of(tmp_path, "operator")
     assert check_certificate(files) == ok("certificate", "operator.1, valid for 364 days")
-    begin = certificates.wall_ns()
+    begin = examination.wall_ns()
     for days, level, text in ((360, "note", "operator.1 expires on "), (366, "problem", "operator.1 has expired on ")):
-        monkeypatch.setattr(certificates, "wall_ns", lambda days=days: begin + days * 86_400 * 10**9)
+        monkeypatch.setattr(examination, "wall_ns", lambda days=days: begin + days * 86_400 * 10**9)
         found = check_certificate(files)
         assert (found.level, found.next_step) == (level, f"zteam certs renew operator --folder {tmp_path}")
         assert text in found.text

@@ -17,7 +17,7 @@ from support.examples import examples
 from support.named_sessions import open_named
 from support.transforms import stamped
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import MemoryHub, NoRequest, graph
 from zteam.cli import log, node, param, sim, tf, topic
 from zteam.cli.doctor import format_findings
 from zteam.cli.live_line import LiveLine
@@ -28,12 +28,12 @@ from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
-from zteam.monitor.process.display import JsonLines, Lines
 from zteam.monitor.process.members import Event
+from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.log_client import LogLine
 from zteam.node.logs import start_logging
-from zteam.robot.behaviors.registry import Parameter
 from zteam.robot.client import DESCRIBE, DescribeReply
+from zteam.robot.parameters import Parameter
 from zteam.simulator.client import SimStatus
 from zteam.transforms import FrameInfo
 
@@ -76,7 +76,7 @@ def hostile(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
         bus.serve(key, NoRequest, lambda _, answer=answer: answer)
     for module in (log, node, param, sim, tf, topic):
         monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
-    for module in (tf, topic):
+    for module in (graph, tf):
         monkeypatch.setattr(module, "SURVEY", 0.02)
     return hub
 

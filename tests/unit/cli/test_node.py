@@ -7,6 +7,7 @@ import pytest
 from support.named_sessions import open_named
 from zteam import __version__, names
 from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.graph import find_nodes
 from zteam.bus.presence import own_info
 from zteam.cli import node
 
@@ -31,7 +32,7 @@ def test_a_process_whose_token_comes_late_is_listed(hub: MemoryHub) -> None:
     """On a crowded machine a session may have an answer before it has the token."""
     bus = hub.bus()
     bus.serve(names.info_key("robot_0"), NoRequest, lambda _: own_info("robot_0", bus.instance, 0))
-    assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]
+    assert [found.name for found in find_nodes(hub.bus())] == ["robot_0"]
 
 
 def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) -> None:
@@ -39,7 +40,7 @@ def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) 
     open_named(hub, "robot_0")
     caller = hub.bus()
     caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
-    assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]
+    assert [found.name for found in find_nodes(hub.bus())] == ["robot_0"]
 
 
 def test_a_process_of_several_names_is_listed_under_each(hub: MemoryHub) -> None:
@@ -47,5 +48,5 @@ def test_a_process_of_several_names_is_listed_under_each(hub: MemoryHub) -> None
     bus = open_named(hub, "nav_1")
     bus.serve(names.info_key("nav_2"), NoRequest, lambda _: own_info("nav_2", bus.instance, 0))
     bus.declare_token(names.token_key("nav_2", bus.instance))
-    found = node.find_nodes(hub.bus())
+    found = find_nodes(hub.bus())
     assert [(each.name, each.pid) for each in found] == [("nav_1", os.getpid()), ("nav_2", os.getpid())]

@@ -6,12 +6,11 @@ import pytest
 
 from support.named_sessions import ignore, open_named
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import MemoryHub, NoRequest, graph
+from zteam.bus.graph import near_keys, rate_of
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
 from zteam.cli import listening, topic
-from zteam.cli.listening import near_keys
-from zteam.cli.topic import rate_of
 from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
 
 
@@ -20,7 +19,7 @@ def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     """The bus of the tool and of everything else; a survey is short, because what is on the bus is latched."""
     hub = MemoryHub()
     monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
-    for module in (listening, topic):
+    for module in (graph, listening):
         monkeypatch.setattr(module, "SURVEY", 0.05)
     return hub
 

@@ -15,11 +15,11 @@ from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam import names
 from zteam.bus import Bus, BusOptions, MemoryHub, NoRequest
 from zteam.bus.bus import Publisher
+from zteam.bus.graph import Graph, find_graph
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.options import client_config
 from zteam.bus.transport import RawSample
 from zteam.cli import topic
-from zteam.cli.listening import KeyUsers, find_key_users
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
 from zteam.simulator.client import SimStatus
@@ -211,14 +211,14 @@ def test_a_subscriber_that_comes_during_the_question_is_named(
 ) -> None:
     """One that the first answer does not have is asked for its name."""
 
-    def ask(bus: Bus) -> KeyUsers:
+    def ask(bus: Bus) -> Graph:
         monkeypatch.undo()
         monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
-        users = find_key_users(bus)
+        graph = find_graph(bus)
         open_named(hub, "robot_7").subscribe_raw("lamp", ignore)
-        return users
+        return graph
 
-    monkeypatch.setattr(topic, "find_key_users", ask)
+    monkeypatch.setattr(topic, "find_graph", ask)
     assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
     assert capsys.readouterr().out == "publishing std_msgs/msg/Bool on lamp once to 1 subscriber: robot_7\n"
 

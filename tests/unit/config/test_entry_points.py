@@ -11,8 +11,8 @@ from support.installed_packages import install
 from support.limits import LIMIT
 from zteam.behaviors import load_behavior
 from zteam.bus import MemoryHub
+from zteam.bus.graph import kind_of
 from zteam.bus.transport import RawSample
-from zteam.cli.listening import kind_of
 from zteam.cli.tables import format_message
 from zteam.config.entry_points import load_offered
 from zteam.errors import UsageError
@@ -124,7 +124,7 @@ def test_a_tool_reads_installed_message_types(hub: MemoryHub) -> None:
     hub.bus().publisher("battery", kind).put(from_text(kind, "{charge: 0.5}"))
     REGISTERED.pop("acme_msgs/msg/Battery")
     sys.modules.pop("acme_messages")
-    found = kind_of(samples[0], None)
+    found = kind_of(samples[0])
     assert found is not None
     assert "charge: 0.5" in format_message(decode(found, samples[0].payload), full=False)
 

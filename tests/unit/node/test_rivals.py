@@ -5,7 +5,7 @@ import pytest
 from support.log_capture import captured_log
 from support.named_sessions import open_named
 from zteam.bus import MemoryHub
-from zteam.bus.sessions import tell_rivals
+from zteam.bus.graph import tell_rivals
 from zteam.messages import LaserScan
 from zteam.messages.topics import has_one_writer
 from zteam.node.rivals import KeyWriters, RivalWatch

@@ -18,7 +18,6 @@ from zteam.node import kinds
 
 
 def check_world(facts: Facts) -> Iterator[Finding]:
-    """Whether the world stands still, and why."""
     sim = facts.sim
     if sim is None:
         return
@@ -143,9 +142,11 @@ _SOURCE = "start what publishes its data: zteam-sim WORLD, or the driver of a re
 
 
 def _boot_step(facts: Facts, status: RobotStatus) -> str:
-    if "pose" in status.text and names.AGGREGATOR not in facts.alive:
+    scans = names.scan_key(status.robot_id, 0)
+    if scans in facts.writers and names.AGGREGATOR not in facts.alive:
+        # What it lacks is a pose.
         return "zteam-tf"
-    if wrong := facts.lasers.get(names.scan_key(status.robot_id, 0)):
+    if wrong := facts.lasers.get(scans):
         return wrong.way_out
     if unled := [each for each in _follow_problems(facts) if status.robot_id in each.robots]:
         return _follow_step(facts, unled[0])
@@ -153,7 +154,7 @@ def _boot_step(facts: Facts, status: RobotStatus) -> str:
         return "its data comes when the world goes on"
     if facts.sim is None:
         return _SOURCE
-    return f"'zteam topic info {names.scan_key(status.robot_id, 0)}' names the publishers of its scans"
+    return f"'zteam topic info {scans}' names the publishers of its scans"
 
 
 def check_silence(facts: Facts) -> Iterator[Finding]:

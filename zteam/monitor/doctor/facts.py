@@ -127,16 +127,13 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def alive(self) -> frozenset[str]:
-        """The names that are held."""
         return frozenset(node.name for node in self.nodes)
 
     @property
     def robots(self) -> list[int]:
-        """Ids of the robots that have a process."""
         return sorted({i for i in map(names.robot_id_of, self.alive) if i is not None})
 
     def lacks(self, robot_id: int) -> bool:
-        """Whether the simulator's world lacks this robot."""
         return self.sim is not None and robot_id not in self.sim.robots
 
     @property

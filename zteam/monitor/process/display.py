@@ -1,29 +1,24 @@
-"""What a user sees of a watched team: events as lines or JSON, and the table, live on a terminal."""
+"""What a user sees of a watched team: its events, and the table with the robots' poses, live on a terminal."""
 
 import logging
 import math
 import os
 import sys
-import textwrap
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
-
-import msgspec
 
 from zteam import names
 from zteam.clock import Every, monotonic
-from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import BusError, ZteamError, printable, printable_json, short
-from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.monitor.process.members import Event, EventLimit, KnownRobot, WatchedTeam
+from zteam.errors import ZteamError
+from zteam.geometry import Pose2
+from zteam.monitor.process.members import EventLimit, WatchedTeam
+from zteam.monitor.process.table import JsonLines, make_rows, team_notes
+from zteam.monitor.process.table import Lines as Lines
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
-from zteam.node.restarts import Restarted, restarts_text
-from zteam.node.stopping import STOPPED
+from zteam.node.restarts import Restarted
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")
@@ -50,157 +45,14 @@ class Poses:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self.newest = self._ask(self._robots())
+            frames = {i: names.robot_frame(i, names.BASE_FOOTPRINT) for i in self._robots()}
+            self.newest = self._client.find_poses({i: Lookup(names.MAP_FRAME, frame) for i, frame in frames.items()})
             self.restarts = self._ask_launcher()
             self._stop.wait(PERIOD)
 
     def _ask_launcher(self) -> dict[str, Restarted]:
         answers = self._bus.find(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
         return dict(answers[0][1]) if answers else {}
-
-    def _ask(self, robots: list[int]) -> dict[int, Pose2]:
-        if not robots:
-            return {}
-        lookups = [Lookup(names.MAP_FRAME, names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
-        try:
-            found = self._client.lookup_many(lookups)
-        except BusError as error:
-            # No aggregator, or none that answers; the session may also be closed.
-            log.debug("%s", error)
-            return {}
-        return {i: _pose(f) for i, f in zip(robots, found, strict=True) if isinstance(f, TransformStamped)}
-
-
-def _pose(found: TransformStamped) -> Pose2:
-    place, turn = found.transform.translation, found.transform.rotation
-    return Pose2(place.x, place.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
-
-
-_HEAD = ("robot", "state", "behaviour", "x", "y", "yaw", "m/s", "age")
-_LEFT = 3
-"""Columns of text; the others are numbers."""
-_BEHAVIOR_WIDTH = 20
-_GAP = 2
-
-
-class Row(msgspec.Struct):
-    """One robot."""
-
-    robot: str
-    state: str
-    """A state of its own (`RobotState`), or `lost`, `silent`, `absent`, which the monitor sees."""
-    behavior: str = ""
-    pose: Pose2 | None = None
-    """Metres and radians in `map`."""
-    speed: float | None = None
-    """Of its newest command, m/s."""
-    age: float | None = None
-    """Host seconds since its newest status."""
-    reason: str = ""
-    """Why it stands, or is not there."""
-    restarts: int = 0
-    """How often its process was started again."""
-    is_stopped: bool = False
-    """Whether `zteam stop` holds it."""
-
-
-class TableLine(NamedTuple):
-    """One line of the table."""
-
-    text: str
-    state: str = ""
-    """The state in it, which a terminal shows in a colour; empty in other lines."""
-    column: int = 0
-    """Where the state begins."""
-
-
-def make_rows(
-    team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float
-) -> list[Row]:
-    """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
-    rows = []
-    for robot_id, member in sorted(team.members.items()):
-        name, lack = names.robot_name(robot_id), team.lack_of_data(member, now)
-        row = Row(name, _state(member), pose=poses.get(robot_id))
-        row.restarts = restarts[name].count if name in restarts else 0
-        rows.append(_filled(row, member, lack, now))
-    return rows
-
-
-def _filled(row: Row, member: KnownRobot, lack: str, now: float) -> Row:
-    """The row with what the robot says of itself; `lack` says that it gets no data: then its speed is an old one."""
-    status = member.status
-    if status is None:
-        row.reason = member.why_not_ready
-        return row
-    row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
-    row.age = now - member.heard
-    if member.silent:
-        row.reason = member.why_not_ready
-        return row
-    row.speed = None if lack else status.speed
-    row.is_stopped = status.is_stopped and member.alive
-    if row.is_stopped:
-        row.reason = STOPPED
-        return row
-    if status.state == RobotState.READY:
-        # What GO waits for stands below the table.
-        return row
-    if lack:
-        row.reason = lack
-        return row
-    # A robot of an older version says only in its text why it does not drive.
-    reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
-    row.reason = short((member.absence or reason) if reason else "")
-    return row
-
-
-def _state(member: KnownRobot) -> str:
-    if member.was_lost:
-        return "stopped" if member.stopped else "lost"
-    if member.silent:
-        return "silent"
-    return "absent" if member.status is None else RobotState.TEXT[min(member.status.state, RobotState.FAULT)]
-
-
-def _behavior(behavior: str, leader: int, driver: str) -> str:
-    text = behavior if leader < 0 else f"{behavior} {names.robot_name(leader)}"
-    return text if driver in (RobotDriver.BEHAVIOR, RobotDriver.NONE, "") else f"{driver} ({text})"
-
-
-def format_table(rows: Sequence[Row], notes: Sequence[str], width: int) -> list[TableLine]:
-    """The table in lines of at most `width` characters; `notes` stand below it."""
-    cells = [_HEAD, *(_cells(row) for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    form = (" " * _GAP).join(f"{{:{'<' if column < _LEFT else '>'}{size}}}" for column, size in enumerate(widths))
-    head, *texts = (form.format(*line).rstrip() for line in cells)
-    lines, column = [TableLine(head)], widths[0] + _GAP
-    for row, text in zip(rows, texts, strict=True):
-        whole = f"{text}{' ' * _GAP}{row.reason}" if row.reason else text
-        fits = len(whole) <= width
-        lines.append(TableLine(whole if fits else text, row.state, column))
-        lines += [TableLine(part) for part in _wrap("" if fits else row.reason, width, " " * column)]
-    return lines + [TableLine(part) for note in notes for part in _wrap(short(note, 10_000), width, "")]
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    pose = ("-", "-", "-") if row.pose is None else tuple(f"{value:.2f}" for value in row.pose)
-    behavior = row.behavior if len(row.behavior) <= _BEHAVIOR_WIDTH else row.behavior[: _BEHAVIOR_WIDTH - 1] + "…"
-    speed = "-" if row.speed is None else f"{row.speed:.2f}"
-    return row.robot, row.state, behavior or "-", *pose, speed, "-" if row.age is None else f"{row.age:.1f} s"
-
-
-def _wrap(text: str, width: int, indent: str) -> list[str]:
-    return textwrap.wrap(text, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=indent)
-
-
-def team_notes(team: WatchedTeam, restarts: Mapping[str, Restarted], problems: Sequence[str]) -> list[str]:
-    """The lines below the table: GO, or what it waits for, processes started again, robots that are stopped, and what
-    else is wrong."""
-    told = [restarts_text(restarts)] if restarts else []
-    held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
-    told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
-    return ["GO is out" if team.gone else f"waiting for {team.awaited()}", *told, *problems]
 
 
 _event_log = logging.getLogger("zteam.monitor.events")
@@ -213,48 +65,10 @@ _TROUBLE = frozenset({"fault", "lost", "silent"})
 
 LEAVE_AFTER = 5.0
 """`--exit-on-go` waits this long at most for every robot to obey."""
-_PIPE_WIDTH = 80
-"""Characters of a line of the table where there is no terminal."""
 _LIVE_PERIOD = 0.5
 """Host seconds between two drawings of the live table."""
 _STATUSES = 1.5
 """Host seconds after which every robot has said its status; before that a table would be empty."""
-
-
-def _print(text: str) -> None:
-    print(printable(text, "\n"), flush=True)  # noqa: T201
-
-
-class Lines:
-    """Where events and tables go: lines of text, on standard output unless `write` has another place for them."""
-
-    is_live = False
-    """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
-
-    def __init__(self, write: Callable[[str], None] = _print) -> None:
-        self._write = write
-
-    def show(self, event: Event) -> None:
-        """Print one line for a user."""
-        self._write(printable(event.sentence))
-
-    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
-        """Print the table, and the notes below it."""
-        self._write("\n".join(line.text for line in format_table(rows, notes, _PIPE_WIDTH)))
-
-
-class JsonLines(Lines):
-    """One JSON object a line."""
-
-    def show(self, event: Event) -> None:
-        """Print {"event", "robot" (or null), "text"}."""
-        line = {"event": event.kind, "robot": event.robot, "text": event.text}
-        self._write(printable_json(msgspec.json.encode(line).decode()))
-
-    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
-        """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
-        line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
-        self._write(printable_json(msgspec.json.encode(line).decode()))
 
 
 @contextmanager

@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from zteam.monitor.process.display import Lines, Row, TableLine, format_table
 from zteam.monitor.process.members import Event
+from zteam.monitor.process.table import Lines, Row, TableLine, format_table
 
 _COLORS = {
     "ready": "cyan", "running": "green", "stopped": "yellow", "fault": "red", "lost": "bold red", "silent": "red",
@@ -28,13 +28,11 @@ class LiveTable(Lines):
         """It shows nothing outside of this context."""
 
     def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
-        """Draw it."""
         lines = enumerate(format_table(rows, notes, self._console.width))
         table = Text("\n").join(_colored(line, bold=number == 0) for number, line in lines)
         self.live.update(table, refresh=True)
 
     def show(self, event: Event) -> None:
-        """Print an event above the table."""
         # As Text: a robot's words are no markup. The event's style must not colour the table, which is drawn with it.
         self._console.print(Text(event.sentence, _EVENTS.get(event.kind, "")))
 

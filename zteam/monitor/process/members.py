@@ -44,7 +44,6 @@ class Event(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """As a line for a user."""
         return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
 
 
@@ -109,7 +108,6 @@ class KnownRobot(msgspec.Struct):
 
     @property
     def why_not_ready(self) -> str:
-        """What is known of why it is not ready."""
         if self.absence:
             return self.absence
         if not self.alive:
@@ -213,16 +211,13 @@ class WatchedTeam:
         return self.members.setdefault(robot_id, KnownRobot())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
-        """Add an event."""
         self._events.append(Event(kind, robot, short(text)))
 
     @property
     def has_events(self) -> bool:
-        """Whether there is anything to tell."""
         return bool(self._events)
 
     def take_events(self) -> list[Event]:
-        """The events since the last call."""
         events, self._events = self._events, []
         return events
 
@@ -274,10 +269,6 @@ class WatchedTeam:
             self.tell("fault", robot_id, f"fault: {status.text}")
         return True
 
-    @staticmethod
-    def _is_quiet(member: KnownRobot, now: float) -> bool:
-        return member.alive and not member.silent and not member.mute and now - member.heard > SILENT_AFTER
-
     def never_heard(self, now: float) -> list[int]:
         """Ids of the robots without a status that would be told as silent now."""
         return [robot_id for robot_id, member in self._falling_silent(now).items() if member.status is None]
@@ -309,7 +300,10 @@ class WatchedTeam:
         return {
             robot_id: member
             for robot_id, member in self.members.items()
-            if (member.status is not None or member.heard) and self._is_quiet(member, now)
+            if (member.status is not None or member.heard)
+            and member.alive
+            and not (member.silent or member.mute)
+            and now - member.heard > SILENT_AFTER
         }
 
     def has_silent(self, now: float) -> bool:

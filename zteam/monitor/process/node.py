@@ -7,8 +7,9 @@ from zteam import names
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.monitor.process.display import Lines, TeamDisplay, showing
+from zteam.monitor.process.display import TeamDisplay, showing
 from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.table import Lines
 from zteam.monitor.process.view import run_view
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.lockstep import Ticks

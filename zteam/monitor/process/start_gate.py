@@ -50,7 +50,6 @@ class Gate(WatchedTeam):
         return self.expected is None or robot_id in self.expected
 
     def expect(self, ids: Iterable[int]) -> None:
-        """From now on wait for these robots."""
         self.expected = sorted(set(ids))
         self.team_size = len(self.expected)
         for robot_id in self.expected:

@@ -40,7 +40,6 @@ class FollowedTeam(WatchedTeam):
         return robot_id in self.ids
 
     def take_team(self, status: TeamStatus) -> None:
-        """What the running monitor says."""
         was_gone, was_known, self.status = self.gone, self.status is not None, status
         self.gone, self.epoch = status.state == TeamState.GO, status.epoch
         for robot_id in self.ids:
@@ -57,7 +56,6 @@ class FollowedTeam(WatchedTeam):
         return f"GO is out; {ready}" if self.gone else f"{ready}; waiting for {self.waiting_for()}"
 
     def waiting_for(self) -> str:
-        """What GO waits for, in words."""
         status = self.status
         if status is None:
             return "the running monitor"

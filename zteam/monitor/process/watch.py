@@ -4,7 +4,7 @@ import logging
 from collections.abc import Sequence
 
 from zteam import names
-from zteam.bus.sessions import tell_rivals
+from zteam.bus.graph import tell_rivals
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus

@@ -293,7 +293,6 @@ class GoalChecker:
         self._there = False
 
     def reset(self) -> None:
-        """Begin with another goal."""
         self._there = False
 
     def is_reached(self, pose: Pose2, goal: Pose2) -> bool:

@@ -36,7 +36,6 @@ class Frame(NamedTuple):
         return math.floor(v), math.floor(u)
 
     def holds(self, row: int, column: int) -> bool:
-        """Whether the grid has this cell."""
         return 0 <= row < self.rows and 0 <= column < self.columns
 
     def to_cells(self, x: float, y: float) -> tuple[float, float]:

@@ -5,16 +5,14 @@ with a yaw. Pictures have their uppermost row first, maps have it last.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.config.map_files import MapFile, Mode, read_channels, read_map_file
 from zteam.errors import UsageError
 from zteam.navigation.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
-
-if TYPE_CHECKING:
-    from zteam.simulator.world.images import MapFile, Mode
 
 _FORMATS = {".pgm": "PPM", ".png": "PNG"}
 _UNKNOWN_SHADE = 205
@@ -23,16 +21,12 @@ _UNKNOWN_SHADE = 205
 
 def read_map(path: Path | str) -> GridMap:
     """The map of a YAML file. Raises UsageError, which names file and key, for whatever is wrong."""
-    from zteam.simulator.world.images import read_channels  # imported only where there is such a file
-
     file = check_map_file(Path(path))
     return make_map(interpret(read_channels(file.image, alpha=True), file), file.resolution, file.origin)
 
 
-def check_map_file(path: Path) -> "MapFile":
+def check_map_file(path: Path) -> MapFile:
     """What the YAML file of a map says. Raises UsageError, also for thresholds that do not fit or a missing picture."""
-    from zteam.simulator.world.images import read_map_file
-
     file = read_map_file(path)
     if not file.image.is_file():
         raise UsageError(f"there is no {file.image}, the map's image")
@@ -43,7 +37,7 @@ def check_map_file(path: Path) -> "MapFile":
     return file
 
 
-def interpret(pixels: NDArray[Any], file: "MapFile") -> NDArray[np.int8]:
+def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
     """Cells (rows, columns) of a picture (rows, columns, channels), 0 to 255, as `file` says; its last row first."""
     channels = pixels[::-1].astype(np.float64) / 255.0
     count = channels.shape[2]
@@ -68,7 +62,7 @@ def interpret(pixels: NDArray[Any], file: "MapFile") -> NDArray[np.int8]:
     return cells.astype(np.int8)
 
 
-def write_map(grid: GridMap, path: Path | str, *, mode: "Mode" = "trinary", suffix: str | None = None) -> list[Path]:
+def write_map(grid: GridMap, path: Path | str, *, mode: Mode = "trinary", suffix: str | None = None) -> list[Path]:
     """Write a map as `path` (its YAML file) and a picture beside it; return both.
 
     The picture is a pgm, or a png in mode `scale`, whose unknown cells are transparent; `suffix` chooses another one.
@@ -96,7 +90,7 @@ def write_map(grid: GridMap, path: Path | str, *, mode: "Mode" = "trinary", suff
     return [path, image]
 
 
-def _picture(grid: GridMap, mode: "Mode", free: float, occupied: float) -> Any:
+def _picture(grid: GridMap, mode: Mode, free: float, occupied: float) -> Any:
     from PIL import Image
 
     cells = grid.cells[::-1].astype(np.int16)

@@ -75,13 +75,11 @@ NAV2_NAMES = {
 
 
 def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
-    """The planner of this name. Raises UsageError."""
     planner: Planner = _find("planner", name)(parameters)
     return planner
 
 
 def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
-    """The controller of this name. Raises UsageError."""
     controller: Controller = _find("controller", name)(parameters)
     return controller
 

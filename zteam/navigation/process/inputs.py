@@ -5,17 +5,15 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from zteam import messages, names
-from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic
-from zteam.errors import BusError
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
 from zteam.node.stopping import STOPPED
 from zteam.robot.behaviors.behavior import SILENT_AFTER
-from zteam.transforms import FrameInfo, TransformException
-from zteam.transforms.client import Lookup, LookupReply, LookupRequest
+from zteam.transforms import TransformException
+from zteam.transforms.client import Lookup, TransformClient, find_frames
 from zteam.transforms.lasers import LaserMounts
 from zteam.transforms.listener import TransformListener
 
@@ -44,27 +42,14 @@ class TeamTransforms(TransformListener):
 
     def ask(self) -> None:
         """Ask the aggregator, if there is one, where localisers of before have put robots. Before the first step."""
-        try:
-            answers = self._bus.query(
-                names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], NoRequest(), timeout=_ANSWER_LIMIT
-            )
-            frames = answers[0][1] if answers else {}
-            moving = [child for child, frame in frames.items() if frame.parent == names.MAP_FRAME and not frame.static]
-            if moving:
-                request = LookupRequest([Lookup(names.MAP_FRAME, child) for child in moving])
-                key = names.service_key(names.AGGREGATOR, "lookup")
-                replies = self._bus.ask(key, list[LookupReply], request, timeout=_ANSWER_LIMIT)
-                self._keep(dict(zip(moving, replies, strict=True)))
-        except BusError as error:
-            log.debug("%s", error)
-
-    def _keep(self, replies: dict[str, LookupReply]) -> None:
-        for child, reply in replies.items():
-            robot_id = names.robot_id_of(child.partition("/")[0])
-            if robot_id is not None and child == names.robot_frame(robot_id, names.ODOM) and not reply.error:
-                x, y, _ = reply.translation
-                self.left[robot_id] = Pose2(x, y, yaw_from_quaternion(*reply.rotation))
-                self._connected.add(robot_id)
+        frames = find_frames(self._bus, _ANSWER_LIMIT) or {}
+        lookups = {
+            names.robot_id_of(child.partition("/")[0]) or 0: Lookup(names.MAP_FRAME, child)
+            for child, frame in frames.items()
+            if frame.parent == names.MAP_FRAME and not frame.static and names.is_robot_frame(child, names.ODOM)
+        }
+        self.left.update(TransformClient(self._bus).find_poses(lookups))
+        self._connected.update(self.left)
 
 
 class StampedPose(NamedTuple):
@@ -111,7 +96,6 @@ class Inputs:
 
     @property
     def base(self) -> Base:
-        """The robot's base."""
         return self._bases.get(self.robot_id, DEFAULT_BASE)
 
     def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:

@@ -82,7 +82,6 @@ class Navigator:
 
     @property
     def active(self) -> bool:
-        """Whether the robot is on its way."""
         return self.state in ON_THE_WAY
 
     @property
@@ -91,7 +90,6 @@ class Navigator:
         return 0.0 if self.path is None else self._controller.remaining()
 
     def use_controller(self, controller: Controller) -> None:
-        """Drive with this one from now on."""
         self._controller = controller
         self.plan_anew()
 
@@ -140,7 +138,6 @@ class Navigator:
         return STOP
 
     def step(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
-        """The velocity for a robot on its way."""
         assert self.goal is not None
         if self._held_since is not None:
             self._held_since, self.text = None, ""

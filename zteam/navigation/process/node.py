@@ -150,7 +150,6 @@ class NavigationNode:
             robot.forget()
 
     def step(self, now: int) -> None:
-        """One step of all robots at `now` (ns)."""
         if 0 < self._stepped < now:
             # In real time one step may come late, and the next one is due all the same.
             waited, self._waited = self._waited, (now - self._stepped) / 1e9

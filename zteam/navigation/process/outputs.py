@@ -189,6 +189,5 @@ def _header(now: int) -> messages.Header:
 
 
 def _path_message(now: int, path: Floats) -> messages.Path:
-    """Poses (n, 3) as a path."""
     header = _header(now)
     return messages.Path(header, [messages.PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])

@@ -141,7 +141,6 @@ class RobotNavigation:
         return has_old_scan or (self._localiser is not None and self._localiser.is_outdated)
 
     def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
-        """The command of this step."""
         navigator, time = self.navigator, now / 1e9
         problem = self._unfit or _problem(self.inputs, self._localiser, placed)
         if placed is not None and self._costmaps is None and self._grid is not None and not self._unfit:

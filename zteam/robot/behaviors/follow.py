@@ -84,7 +84,6 @@ class Follow(LineMember):
         self.gap, self._successor = self.params.gap, None
 
     def on_release(self) -> None:
-        """See Behavior."""
         super().on_release()
         if self._successor is not None:
             self._successor.on_release()

@@ -32,6 +32,30 @@ ROOM, BESIDE = 1.6, 0.75
 """Metres that it gets ahead, and on either side of its way."""
 STEP = 1.5
 """Metres to the place that a robot drives to: it goes on from there as long as it has to."""
+SLOT_GAIN, TURN_GAIN = 2.0, 3.0
+"""1/s: speed towards the slot, and turn rate."""
+SPOT_ANGLE = 1.0
+"""Radians: it turns on the spot towards a direction that is further off."""
+STANDING = 0.02
+"""m/s: what is slower stands."""
+LEAST_FORWARD = 0.05
+"""m/s along the slot's heading while the slot moves: a robot ahead of its slot waits for it and does not turn back."""
+ALIGNED = 0.05
+"""Radians to a heading from which on it does not turn."""
+ALONG, MARGIN = 0.4, 0.03
+"""Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
+PARKED, LEFT = 0.04, 0.12
+"""Metres to the slot of a standing leader at which it stops, and at which it goes on."""
+KEPT = 20.0
+"""Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
+NEAR = 0.5
+"""Metres to the slot within which it moves and turns as the slot does."""
+APART = 0.75
+"""Of the spacing: no robot stands nearer to its leader."""
+MATE_REACH, MATE_MARGIN = 2.2, 0.1
+"""Metres ahead up to which others are in the way to its slot, and metres that are left beside them."""
+STALE_AFTER = 1.0
+"""Seconds; a member with an older pose is not seen any more."""
 
 
 class MakingWay:
@@ -60,20 +84,6 @@ class MakingWay:
             return None
         away = math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)
         return self._around.drive_to(view, STEP * math.cos(away - yaw), STEP * math.sin(away - yaw), limits)
-
-
-SLOT_GAIN, TURN_GAIN = 2.0, 3.0
-"""1/s: speed towards the slot, and turn rate."""
-SPOT_ANGLE = 1.0
-"""Radians: it turns on the spot towards a direction that is further off."""
-STANDING = 0.02
-"""m/s: what is slower stands."""
-LEAST_FORWARD = 0.05
-"""m/s along the slot's heading while the slot moves: a robot ahead of its slot waits for it and does not turn back."""
-ALIGNED = 0.05
-"""Radians to a heading from which on it does not turn."""
-ALONG, MARGIN = 0.4, 0.03
-"""Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 
 
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
@@ -118,20 +128,6 @@ def _is_in_sight(view: View, place: Pose2) -> bool:
     """Whether there is room for the robot all the way to a place in its base frame."""
     reach, bearing = math.hypot(place.x, place.y), math.atan2(place.y, place.x)
     return view.scan is None or is_clear(view.scan, view.base.half_width + MARGIN, reach, bearing)
-
-
-PARKED, LEFT = 0.04, 0.12
-"""Metres to the slot of a standing leader at which it stops, and at which it goes on."""
-KEPT = 20.0
-"""Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
-NEAR = 0.5
-"""Metres to the slot within which it moves and turns as the slot does."""
-APART = 0.75
-"""Of the spacing: no robot stands nearer to its leader."""
-MATE_REACH, MATE_MARGIN = 2.2, 0.1
-"""Metres ahead up to which others are in the way to its slot, and metres that are left beside them."""
-STALE_AFTER = 1.0
-"""Seconds; a member with an older pose is not seen any more."""
 
 
 class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -249,7 +245,6 @@ class Formation(Behavior):
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
-        """The own slot now."""
         params, assignment = self.params, self._assignment
         slots = slots_of(params.shape, len(members), params.spacing)
         is_due = assignment.is_due(view.now, members)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
+from zteam.geometry import FAR, Pose2, normalize_angle, yaw_from_quaternion
 from zteam.messages import Duration, LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.robot.behaviors.evasion import Escape
@@ -17,8 +17,6 @@ REFUSED = "the goal is refused: "
 """Begins every reason for which a goal is not taken."""
 _LEAST_NORM = 1e-3
 """A shorter quaternion is no orientation; any other is taken for its direction."""
-FAR = 1e6
-"""Metres: no goal lies further from the origin of the map."""
 
 
 def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
@@ -247,7 +245,6 @@ class GoTo(Behavior):
         self._escape.rest()
 
     def cancel_goal(self) -> bool:
-        """See Behavior."""
         self._is_canceled = self.navigation.state == NavigationState.DRIVING
         return self._is_canceled
 

@@ -127,17 +127,14 @@ class Line:
         self._cut_off = {robot: since for robot, since in {**self._cut_off, **fresh}.items() if robot in self._gone}
         return self._gone
 
-    def _waited_for(self, now: int) -> Set[int]:
-        """The robots that are gone and may come back soon."""
-        return {robot for robot, since in self._cut_off.items() if now - since < CUT_OFF_FOR}
-
     def find_place(
         self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
     ) -> Place:
         """The place of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
         gone = self.find_gone(view)
         if on_lost == "relink":
-            gone = gone - self._waited_for(view.now)
+            # Those that were cut off may come back soon.
+            gone = gone - {robot for robot, since in self._cut_off.items() if view.now - since < CUT_OFF_FOR}
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
         leaders = _told_leaders(statuses, view.robot_id, leader)
         before = chain_before(view.robot_id, leaders)

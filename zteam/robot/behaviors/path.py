@@ -6,10 +6,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam.config.problems import KeyValueError
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
-from zteam.robot.behaviors.go_to import FAR
 from zteam.robot.behaviors.polyline import Polyline, SpeedLimits, pursue
 
 LATERAL = 0.5

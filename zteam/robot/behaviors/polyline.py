@@ -33,7 +33,6 @@ class Polyline:
             self.append(x, y)
 
     def __len__(self) -> int:
-        """The number of its points."""
         return len(self._s)
 
     @property
@@ -42,7 +41,6 @@ class Polyline:
         return self._x[-1], self._y[-1]
 
     def append(self, x: float, y: float) -> None:
-        """Go on straight to this point."""
         if self._s:
             step = math.hypot(x - self._x[-1], y - self._y[-1])
             if step < _LEAST:

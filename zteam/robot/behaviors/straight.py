@@ -14,11 +14,9 @@ class Idle(Behavior):
     """Zero velocity for ever: for a robot that teleop or navigation drives."""
 
     def step(self, view: View) -> Twist:
-        """Zero."""
         return Twist()
 
     def why_it_rests(self) -> str:
-        """It never drives."""
         return "idle: only teleop or navigation drives it"
 
 
@@ -35,7 +33,6 @@ class Forward(Behavior):
     params: ForwardParams
 
     def step(self, view: View) -> Twist:
-        """Straight on."""
         return Twist(linear=Vector3(x=self.params.speed))
 
     def why_it_rests(self) -> str:
@@ -65,7 +62,6 @@ class Avoid(Behavior):
     params: AvoidParams
 
     def step(self, view: View) -> Twist:
-        """Straight on, or zero."""
         self.reason = self._obstruction(view)
         return Twist() if self.reason else Twist(linear=Vector3(x=self.params.speed))
 

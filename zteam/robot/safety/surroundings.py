@@ -175,7 +175,6 @@ class TeammateTracker:
         """Of the robot in `map`, in this step."""
 
     def look(self, view: View) -> None:
-        """See where all are now."""
         known, self._known = self._known, {}
         for robot_id in sorted({*view.bases, *view.team} - {view.robot_id}):
             base, mate = view.bases.get(robot_id, DEFAULT_BASE), known.get(robot_id)

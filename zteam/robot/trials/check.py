@@ -171,7 +171,6 @@ class TrialResult(msgspec.Struct, frozen=True):
 
 
 def trial_names(kind: type[Behavior]) -> list[str]:
-    """The names of all trials of a behaviour, in order."""
     return [*all_trials(Candidate("", kind, {}))]
 
 
@@ -240,7 +239,6 @@ class _Judge:
         self._began = 0.0
 
     def judge(self, name: str, trial: Trial) -> TrialResult:
-        """What comes of a trial."""
         self._name, self._faults, self._began = name, {}, monotonic()
         note = ""
         # The fault that ends a trial is noted.

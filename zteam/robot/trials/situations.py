@@ -14,7 +14,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
 from zteam.robot.behaviors.behavior import Behavior, FindPose, View, declared_inputs
-from zteam.robot.behaviors.registry import parameters_of
+from zteam.robot.parameters import parameters_of
 
 RANGE_MAX = 30.0
 """Metres."""
@@ -51,7 +51,6 @@ def lookup_in(poses: Mapping[int, tuple[float, float, float]], stamp: int) -> Fi
 
 
 def laser_frame(robot_id: int) -> str:
-    """The frame of a robot's laser."""
     return names.robot_frame(robot_id, names.BASE_LASER_LINK)
 
 

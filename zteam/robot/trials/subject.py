@@ -56,7 +56,6 @@ def place_in(stack: traceback.StackSummary, kind: type[Behavior]) -> str:
 
 
 def place_of_step(kind: type[Behavior], method: str = "step") -> str:
-    """Where its `step`, or another method, begins."""
     code = getattr(inspect.unwrap(getattr(kind, method)), "__code__", None)
     return "" if code is None else _line_text(code.co_filename, code.co_firstlineno)
 
@@ -283,7 +282,6 @@ class Subject:
             self._blame(Fault("raises", text, _hint(error), place, is_remark=True))
 
     def step(self, view: View) -> StepAnswer:
-        """Ask for a velocity."""
         before = _bytes_of(view)
         with self._watch.step():
             answer = self._guarded("step", lambda: StepAnswer(*ask(self._behavior, view)))
@@ -340,7 +338,6 @@ class Subject:
 
 
 def velocity_text(motion: Motion) -> str:
-    """A velocity, for people."""
     return f"{motion.x:.3g} m/s, {motion.turn:.3g} rad/s"
 
 

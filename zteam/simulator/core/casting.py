@@ -66,7 +66,6 @@ def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
 
 
 def solid_bitmaps(plans: Plans) -> Bitmaps:
-    """The floor plans that are obstacles."""
     return Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
 
 
@@ -118,7 +117,7 @@ def _convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
         if shape.obstacle and is_convex(shape.points):
             parts.append(shape)
         elif shape.obstacle:
-            from zteam.simulator.core.dynamic import convex_parts  # pymunk: imported only for such a shape
+            from zteam.simulator.core.convex import convex_parts  # pymunk: imported only for such a shape
 
             parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
     return parts
@@ -209,12 +208,10 @@ class SensedWorld:
 
     @cached_property
     def visible(self) -> Caster:
-        """Casts against what lasers see."""
         return self._caster(lambda surface: surface.ranger_return >= 0.0)
 
     @cached_property
     def solid(self) -> Caster:
-        """Casts against what collides."""
         return self._caster(lambda surface: surface.obstacle)
 
     def move(self, poses: Floats) -> None:

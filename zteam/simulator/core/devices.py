@@ -4,9 +4,9 @@ What they are is in `zteam.simulator.world.devices`, their messages are in `ztea
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,10 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.simulator import BeamTable, Fans, Rays
 from zteam.messages import Blob, ColorRGBA, Fiducial, Message
 from zteam.simulator.core.casting import NO_MOVER, Caster, SensedWorld, mount_devices, rays_of
+from zteam.simulator.core.observation import Detections, Observation
 from zteam.simulator.world.colors import find_color
 from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
 from zteam.simulator.world.model import FiducialMarker
-
-if TYPE_CHECKING:
-    from zteam.simulator.core.observation import Observation
 
 Floats = NDArray[np.float64]
 
@@ -32,9 +30,6 @@ _SPACING = 0.02
 """Metres between a bumper's rays."""
 
 
-Detections = Mapping[str, tuple[Any, ...]]
-"""What the devices of one robot detect: by topic, in file order."""
-
 Sense = Callable[[Floats], Sequence[Any]]
 """What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
 
@@ -43,7 +38,7 @@ class Sensor(NamedTuple):
     """One row: how a kind of device senses, and how that becomes a message."""
 
     kind: DeviceKind
-    message: Callable[["Observation", int, int], Message]
+    message: Callable[[Observation, int, int], Message]
     """The message of a robot (by id) of a number, of one tick."""
     prepare: Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense] | None = None
     """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
@@ -66,7 +61,6 @@ class _Target(NamedTuple):
 
 
 def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
-    """Rays outward along a bumper."""
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
     cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)

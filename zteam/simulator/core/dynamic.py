@@ -1,4 +1,4 @@
-"""Bodies and contacts, on pymunk (Chipmunk). The only module that imports it.
+"""Bodies and contacts, on pymunk (Chipmunk).
 
 In free space a robot follows the exact arc of its velocity: its velocity is set. A robot that touches something is
 driven by a force instead, which the solver may overrule.
@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 import pymunk
-import pymunk.autogeometry
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Point2, Pose2, is_convex
+from zteam.geometry import Point2, Pose2
 from zteam.kernels.simulator import find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
@@ -32,6 +31,7 @@ from zteam.simulator.core.casting import (
     solid_bitmaps,
     solid_groups,
 )
+from zteam.simulator.core.convex import convex_parts
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
@@ -267,7 +267,6 @@ class DynamicBodies:
         self._anchored[:] = self._cores.in_wall
 
     def place(self, index: int, pose: Pose2) -> None:
-        """Put a mover somewhere, at rest."""
         body = self._bodies[index]
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
@@ -291,16 +290,6 @@ def _moment(obstacle: Obstacle) -> float:
     shares = [(obstacle.mass or 1.0) * area / sum(areas) for area in areas]
     moments = [pymunk.moment_for_poly(mass, points) for mass, points in zip(shares, polygons, strict=True)]
     return float(sum(moments)) or 1.0
-
-
-def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
-    """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
-    if is_convex(points):
-        return [list(points)]
-    closed = [*points, points[0]]
-    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
-    # Chipmunk closes its polygons with their first corner.
-    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]
 
 
 def _touches(body: pymunk.Body) -> bool:

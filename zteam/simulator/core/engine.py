@@ -181,7 +181,6 @@ class Engine:
         return self._assembled().observe(self.now, self.tick, bases_only=True)
 
     def observe(self) -> Observation:
-        """What all robots sense now."""
         return self._assembled().observe(self.now, self.tick, bases_only=False)
 
     def odom_origin(self, robot_id: int) -> Pose2:
@@ -193,7 +192,6 @@ class Engine:
         return pose_of(self._assembled().bodies.poses[self._index(robot_id)].tolist())
 
     def standing(self) -> Standing:
-        """How all robots stand."""
         arrays = self._assembled()
         return Standing(arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled)
 

@@ -81,7 +81,6 @@ class Scans(NamedTuple):
     """(robot index, ranger index) -> (batch, row)"""
 
     def reading(self, robot: int, place: int) -> Reading:
-        """Of one ranger."""
         batch, row = self.rows[robot, place]
         ranges, intensities = self.arrays[batch]
         return Reading(ranges[row], intensities[row])

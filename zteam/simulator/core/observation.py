@@ -1,7 +1,7 @@
 """What an engine observes at a tick's end."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Blob, Fiducial
-from zteam.simulator.core.devices import Detections
 from zteam.simulator.core.lasers import Reading, Scans
 from zteam.simulator.core.motion import WheelJoints
 from zteam.simulator.world.model import Robot
 
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
 Rows = list[list[float]]
 """Plain numbers: each row is read several times a tick."""
 
@@ -52,7 +53,6 @@ class RobotObservation:
 
     @property
     def robot(self) -> Robot:
-        """What it is."""
         return self._snapshot.robots[self._index]
 
     @property
@@ -61,7 +61,6 @@ class RobotObservation:
         return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
 
     def reading(self, place: int) -> Reading:
-        """Of one of its rangers."""
         return self._snapshot.scans.reading(self._index, place)
 
     @property
@@ -87,7 +86,6 @@ class RobotObservation:
 
     @property
     def joints(self) -> Joints:
-        """Its wheels."""
         wheels, i = self._snapshot.wheels, self._index
         own = slice(wheels.first[i], wheels.first[i + 1])
         return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
@@ -99,7 +97,6 @@ class RobotObservation:
 
     @property
     def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
-        """Of its fiducial finders."""
         return self.detections.get(names.FIDUCIALS, ())
 
     @property

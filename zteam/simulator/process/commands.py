@@ -126,7 +126,6 @@ class RobotCommands:
             wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
 
     def take(self) -> dict[int, Twist]:
-        """The commands since the last call."""
         with self._changed:
             fresh, self._fresh = self._fresh, {}
         return {robot_id: command for robot_id, command in fresh.items() if robot_id in self._robots}

@@ -57,7 +57,6 @@ class Holds:
             )
 
     def start_anew(self) -> None:
-        """No robot is stopped."""
         self._told.clear()
         self._before.clear()
 

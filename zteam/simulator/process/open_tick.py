@@ -143,12 +143,10 @@ class OpenTick:
         return tick
 
     def missing(self) -> list[str]:
-        """Participants that have not answered the open tick."""
         return [name for name in self.members if name not in self.answers]
 
     @property
     def complete(self) -> bool:
-        """Whether every participant has answered."""
         return all(map(self.answers.__contains__, self.members))
 
     @property

@@ -51,7 +51,6 @@ class RobotOutputs:
         self.rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
-        """The robot is removed from the world."""
         for publisher in self._publishers:
             publisher.close()
 
@@ -77,7 +76,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
         self.scan_counts = {robot_id: len(output.scans) for robot_id, output in self.items()}
 
     def put_statics(self, robot_id: int) -> None:
-        """Send a robot's fixed frames."""
         output, origin = self[robot_id], self._engine.odom_origin(robot_id)
         output.tf_static.put(to_messages.static_transforms(robot_id, output.robot, origin))
 

@@ -41,17 +41,14 @@ class Pacer:
         """Host seconds between the due time and the start of the newest ticks."""
 
     def set_speed(self, speed: float | None) -> None:
-        """Change the speed from now on."""
         self.speed = speed
         self.start_anew()
 
     def pause(self) -> None:
-        """Stand still after the open tick."""
         with self._lock:
             self.paused, self.steps = True, 0
 
     def resume(self) -> None:
-        """Run on at the given speed."""
         with self._lock:
             self.paused, self.steps = False, 0
         self.start_anew()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, Change, Deferred, NoRequest
@@ -28,10 +28,8 @@ from zteam.simulator.client import (
     WaitRequest,
 )
 from zteam.simulator.core import Engine
+from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Obstacle, Robot, Shape, World
-
-if TYPE_CHECKING:
-    from zteam.simulator.process.node import Simulation
 
 T = TypeVar("T")
 
@@ -42,7 +40,7 @@ _DIGITS = 4
 class Queries:
     """Serves `sim/…`. A bus thread runs each query; the main loop makes the changes, between two ticks."""
 
-    def __init__(self, bus: Bus, simulation: "Simulation") -> None:
+    def __init__(self, bus: Bus, simulation: Simulation) -> None:
         self._bus, self._simulation, self._boundary = bus, simulation, simulation.boundary
         pacer, boundary = simulation.pacer, simulation.boundary
         self._serve("status", NoRequest, lambda _: simulation.status())
@@ -129,7 +127,6 @@ def _robot_shape(robot: Robot) -> RobotShape:
 
 
 def _obstacle_shape(obstacle: Obstacle) -> ObstacleShape:
-    """An obstacle from above."""
     pose = obstacle.pose
     movable = obstacle.mass is not None
     return ObstacleShape(obstacle.name, pose.x, pose.y, pose.yaw, _outline(obstacle.shapes), movable)

@@ -1,4 +1,4 @@
-"""The count of a run since GO: distances, gaps, stalls, late steps, latencies; and where a tick's time goes. No bus."""
+"""The count of a run since GO: distances, gaps, stalls, late steps, latencies. No bus."""
 
 import hashlib
 import itertools
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zteam.clock import monotonic
 from zteam.config.numbers import percentile
 from zteam.geometry import Pose2
-from zteam.simulator.client import Gap, Latency, RobotReport, Timing
+from zteam.simulator.client import Gap, Latency, RobotReport
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,12 +25,6 @@ _MAX_LATENCIES = 100_000
 _FIRST_LATE_TICK = 2
 """Ticks after that of GO from which on a missing command is late. GO may arrive after the scans of two ticks, so
 before that a robot may rightly have sent no command."""
-
-WAIT, IDLE, PHYSICS, SENSORS, PUBLISH = "wait", "idle", "physics", "sensors", "publish"
-"""Phases: waiting for answers; waiting until the next tick is due; bodies and odometry; lasers; making and sending
-messages."""
-_ORDER = (WAIT, PHYSICS, SENSORS, PUBLISH, IDLE)
-
 
 _SUMS = np.dtype(
     [
@@ -61,7 +55,6 @@ class RunStatistics:
         self.start_anew()
 
     def start_anew(self) -> None:
-        """Forget the run."""
         self.go_stamp: int | None = None
         """Simulated time (ns) from which GO holds; None before `start`."""
         self.ticks = 0
@@ -158,7 +151,6 @@ class RunStatistics:
             self._measured = place + 1
 
     def add_external_command(self) -> None:
-        """Count a command that did not come from the process that holds the robot's name."""
         self.external_commands += self.go_stamp is not None
 
     @property
@@ -173,7 +165,6 @@ class RunStatistics:
             return self._trajectory.hexdigest()
 
     def robots(self) -> list[RobotReport]:
-        """What each robot did, by id."""
         with self._lock:
             sums, rows = self._sums.copy(), sorted(self._rows.items())
         return [
@@ -209,41 +200,3 @@ def _wrapped(poses: Floats) -> Floats:
     yaw = np.where(yaw > math.pi, yaw - math.tau, yaw)
     poses[:, 2] = np.where(yaw <= -math.pi, yaw + math.tau, yaw)
     return poses
-
-
-class TickProfile:
-    """Seconds by phase: of the last whole tick, and of all whole ticks since `start`."""
-
-    def __init__(self) -> None:
-        self._last = _no_time()
-        self.start()
-
-    def start(self) -> None:
-        """Sum from here on."""
-        self._since = monotonic()
-        self._open, self._sums, self._ticks = _no_time(), _no_time(), 0
-
-    def end(self, phase: str) -> None:
-        """Add the time since the last call to this phase."""
-        now = monotonic()
-        self._open[phase] += now - self._since
-        self._since = now
-
-    def end_tick(self) -> None:
-        """End the tick."""
-        self._last, self._open = self._open, _no_time()
-        self._sums = {phase: seconds + self._last[phase] for phase, seconds in self._sums.items()}
-        self._ticks += 1
-
-    def timing(self) -> Timing:
-        """Milliseconds a tick on average, by phase."""
-        return Timing(**{phase: 1e3 * seconds / max(1, self._ticks) for phase, seconds in self._sums.items()})
-
-    def last_text(self) -> str:
-        """The last tick in words, without its idle time."""
-        parts = [(phase, s) for phase, s in self._last.items() if phase != IDLE and s >= 5e-5]
-        return ", ".join(f"{phase} {1e3 * s:.1f} ms" for phase, s in parts)
-
-
-def _no_time() -> dict[str, float]:
-    return dict.fromkeys(_ORDER, 0.0)

@@ -9,21 +9,12 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import (
-    MAX_PIXELS,
-    Box,
-    FloorMap,
-    Grid,
-    is_floor_map,
-    occupied_box,
-    read_bitmap,
-    read_floor_map,
-    rectangles,
-)
+from zteam.simulator.world.images import Box, occupied_box, read_bitmap, rectangles
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.parser import Entity
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
@@ -88,7 +79,6 @@ def boundary_slabs(size: Size3) -> list[Block]:
 
 
 def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
-    """A block over a rectangle."""
     return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
 
 
@@ -173,7 +163,6 @@ class Settings(msgspec.Struct, frozen=True):
     bounds: Bounds = msgspec.field(default_factory=Bounds)
 
     def reader(self, entity: Entity) -> Reader:
-        """Reads an entity's properties."""
         return Reader(entity, self.units, self.remarks)
 
 
@@ -199,7 +188,6 @@ class Body(NamedTuple):
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
-    """A model's body; raises WorldError."""
     reader = settings.reader(entity)
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
     found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]

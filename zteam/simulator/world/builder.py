@@ -10,12 +10,12 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
 from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import is_floor_map
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
 from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units
@@ -104,7 +104,6 @@ class Chassis(msgspec.Struct):
     markers: list[FiducialMarker] = msgspec.field(default_factory=list)
 
     def robot(self) -> Robot:
-        """As a robot."""
         assert isinstance(self.base, Robot)
         return msgspec.structs.replace(
             self.base,
@@ -115,7 +114,6 @@ class Chassis(msgspec.Struct):
         )
 
     def obstacle(self) -> Obstacle:
-        """As something that can be pushed."""
         assert isinstance(self.base, Obstacle)
         return msgspec.structs.replace(self.base, shapes=tuple(self.shapes), markers=tuple(self.markers))
 
@@ -179,7 +177,6 @@ class Builder:
         self.pushed: list[Chassis] = []
 
     def add_model(self, entity: Entity, mount: Mount) -> None:
-        """Add a model and everything on it."""
         if entity.type == "window":  # Stage's own window on the screen
             return
         reader = self._settings.reader(entity)

@@ -118,7 +118,6 @@ class Blobfinder(Device, frozen=True):
 
 
 def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
-    """A `fiducial` model; raises WorldError."""
     low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
     if not 0 <= low < high:
         reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
@@ -198,7 +197,6 @@ class DeviceKind(NamedTuple):
 
     @property
     def message(self) -> type[Message]:
-        """The type of its messages."""
         return SENSORS[self.topic]
 
     def count(self, robot: Robot) -> int:

@@ -50,7 +50,6 @@ class _View(NamedTuple):
     height: int
 
     def pixels(self, points: Points) -> list[list[float]]:
-        """Pixel coordinates of points."""
         found: list[list[float]] = ((points - (self.left, self.top)) * (self.scale, -self.scale)).tolist()
         return found
 

@@ -1,78 +1,23 @@
-"""Images as floors: bitmaps, and ROS map_server's YAML files (image, resolution, origin and thresholds)."""
+"""Bitmaps as Stage reads them: their occupied cells, the box around these, and rectangles that cover them."""
 
-import math
-import reprlib
-import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zteam.config.resources import read_file
-from zteam.errors import WorldError
-from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.properties import MAX_LENGTH
+from zteam.config.map_files import Grid, read_channels
 
-if TYPE_CHECKING:
-    from PIL.Image import Image as Picture
-
-MAX_PIXELS = 64_000_000
 DARK = 127
 """A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
 
-_FORMATS = ("PPM", "PNG", "BMP", "JPEG", "GIF")
-_BYTE_MODES = ("L", "LA", "RGB", "RGBA")
-
-Grid = NDArray[np.bool_]
 Box = tuple[int, int, int, int]
 
 
 def read_bitmap(path: Path) -> Grid:
     """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
 
-    Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
+    Raises WorldError, as `read_channels` does.
     """
     return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
-
-
-def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
-    """(rows, columns, channels), 0 to 255, the uppermost row first: grey or colours; with `alpha` also that, if any.
-
-    Raises WorldError, as `read_bitmap` does.
-    """
-    from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
-
-    too_large = WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused")
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns at a bound of its own, above ours.
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            # Else a format that the file's name does not tell makes Pillow import all it has, 50 of them.
-            Image.preinit()
-            with Image.open(path, formats=_FORMATS) as image:
-                if image.width * image.height > MAX_PIXELS:
-                    raise too_large
-                return _channels(image, alpha)
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise too_large from None
-    except UnidentifiedImageError:
-        raise WorldError(f"bitmap {path} is not a PGM, PNG, BMP, JPEG or GIF image") from None
-    except WorldError:
-        raise
-    except Exception as error:  # decoders raise all kinds of exceptions on a broken file
-        raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
-
-
-def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
-    if image.mode.startswith("I"):  # 16 bits a sample
-        return (np.asarray(image) >> 8)[:, :, None]
-    if alpha and image.mode not in _BYTE_MODES and "transparency" in image.info:
-        image = image.convert("RGBA")
-    values = np.asarray(image if image.mode in _BYTE_MODES else image.convert("RGB"))
-    if values.ndim == 2:
-        return values[:, :, None]
-    return values if alpha else values[:, :, : 1 if image.mode == "LA" else 3]
 
 
 def occupied_box(occupied: Grid) -> Box | None:
@@ -104,127 +49,3 @@ def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
         if len(done) > limit:
             return None
     return sorted(done)
-
-
-MAX_BYTES = 65_536
-MAX_RESOLUTION = 100.0
-Mode = Literal["trinary", "scale", "raw"]
-
-
-class MapFile(NamedTuple):
-    """What a YAML file says."""
-
-    image: Path
-    resolution: float
-    """Metres a cell."""
-    origin: Pose2
-    """In `map`, of the lower left corner of the first cell."""
-    mode: Mode = "trinary"
-    occupied_thresh: float = 0.65
-    free_thresh: float = 0.25
-    negate: bool = False
-
-
-class FloorMap(NamedTuple):
-    """A map that map_server would publish. Its unknown cells are free here."""
-
-    occupied: Grid
-    """(rows, columns), row 0 at the bottom."""
-    resolution: float
-    """Metres a cell."""
-    map_from_corner: Pose2
-    """Of the lower left corner of cell [0, 0]."""
-
-    @property
-    def size(self) -> Point2:
-        """Metres along the columns, and along the rows."""
-        rows, columns = self.occupied.shape
-        return columns * self.resolution, rows * self.resolution
-
-    @property
-    def map_from_middle(self) -> Pose2:
-        """Pose of the middle of the map, which is a model's origin."""
-        return self.map_from_corner.compose(Pose2(self.size[0] / 2, self.size[1] / 2, 0.0))
-
-
-def is_floor_map(path: Path) -> bool:
-    """Whether a file's name says that it is such a YAML."""
-    return path.suffix.lower() in (".yaml", ".yml")
-
-
-def read_floor_map(path: Path) -> FloorMap:
-    """The map that a YAML file describes; its image is beside it. Raises WorldError that names file and key.
-
-    A pixel of level v (mean of its colours, 0 to 255) is occupied above `occupied_thresh` by (255 - v) / 255, or
-    v / 255 with `negate`; in mode `raw` v itself is the occupancy in percent. So do map_server and nav2.
-    """
-    file = read_map_file(path)
-    levels = read_channels(file.image)[::-1].mean(axis=2, dtype=np.float32)
-    if file.mode == "raw":
-        occupied = levels > 100.0 * file.occupied_thresh
-    else:
-        dark = levels if file.negate else 255.0 - levels
-        occupied = dark > 255.0 * file.occupied_thresh
-    found = FloorMap(occupied, file.resolution, file.origin)
-    if max(found.size) > MAX_LENGTH:
-        raise WorldError(f"{path}: resolution: {file.resolution:g} m makes a map larger than {MAX_LENGTH:g} m")
-    return found
-
-
-def read_map_file(path: Path) -> MapFile:
-    """What a YAML file says. Raises WorldError that names file and key."""
-    fields = _read_fields(path)
-    image, mode, origin = fields.get("image"), fields.get("mode", "trinary"), fields.get("origin", [0.0, 0.0, 0.0])
-    if not isinstance(image, str) or not image:
-        raise WorldError(f"{path}: image: the name of the map's image is missing")
-    resolution = _number(path, fields, "resolution", None)
-    if not 0 < resolution <= MAX_RESOLUTION:
-        raise WorldError(f"{path}: resolution: must be above 0 and at most {MAX_RESOLUTION:g} m, not {resolution:g}")
-    if mode not in get_args(Mode):
-        raise WorldError(f"{path}: mode: must be one of {', '.join(get_args(Mode))}, not {_shown(mode)}")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(origin)}")
-    negate = fields.get("negate", 0)
-    if negate not in (0, 1):
-        raise WorldError(f"{path}: negate: must be 0 or 1, not {_shown(negate)}")
-    return MapFile(
-        path.parent / image,
-        resolution,
-        Pose2(*(_number(path, {"origin": part}, "origin", None) for part in origin)),
-        mode,
-        _number(path, fields, "occupied_thresh", 0.65),
-        _number(path, fields, "free_thresh", 0.25),
-        bool(negate),
-    )
-
-
-def _read_fields(path: Path) -> dict[str, Any]:
-    import yaml  # imported only for such a map
-
-    try:
-        fields = yaml.safe_load(read_file(path, "map", MAX_BYTES, WorldError))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise WorldError(f"{path}: not a map_server YAML file: {reason:.200}") from None
-    if not isinstance(fields, dict):
-        raise WorldError(f"{path}: not a map_server YAML file: it needs image, resolution and origin")
-    return fields
-
-
-def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
-    value = fields.get(key, default)
-    if value is None:
-        raise WorldError(f"{path}: {key}: is missing")
-    try:
-        # YAML 1.1 reads 1e-2 as a text.
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if abs(number) <= MAX_LENGTH:
-        return number
-    raise WorldError(f"{path}: {key}: {_shown(value)} is not a number here")
-
-
-def _shown(value: object) -> str:
-    """A value in an error text. Aliases make short files with a full text that would fill the memory."""
-    return reprlib.repr(value)[:60]

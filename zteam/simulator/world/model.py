@@ -100,7 +100,6 @@ class Ranger(Device, frozen=True):
 
     @property
     def angle_increment(self) -> float:
-        """Radians between rays."""
         return self.fov / (self.samples - 1) if self.samples > 1 else 0.0
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Set
 from typing import NamedTuple, NoReturn
 
 from zteam.errors import did_you_mean
-from zteam.geometry import Pose2
+from zteam.geometry import FAR, Pose2
 from zteam.simulator.world.parser import Entity, Property, Value
 from zteam.simulator.world.text import Remarks, TextPlace
 
@@ -94,9 +94,6 @@ def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str
     return f"unknown property {name!r:.60} is ignored{did_you_mean(plain, sorted(read), form=MEANT)}"
 
 
-MAX_LENGTH = 1e6
-"""Metres: anything farther is a mistake, and would overflow somewhere."""
-
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
 
@@ -118,7 +115,6 @@ class Pose3(NamedTuple):
 
     @property
     def planar(self) -> Pose2:
-        """Without the height."""
         return Pose2(self.x, self.y, self.yaw)
 
 
@@ -152,7 +148,6 @@ class Reader:
                 self._remarks.add(found.place, text)
 
     def has(self, name: str) -> bool:
-        """Whether the property is set."""
         return name in self.entity.properties
 
     def place(self, name: str) -> TextPlace:
@@ -161,7 +156,6 @@ class Reader:
         return found.place if found else self.entity.place
 
     def fail(self, name: str, text: str) -> NoReturn:
-        """Raise what is wrong with a property."""
         raise self.place(name).error(text)
 
     def remark(self, name: str, text: str) -> None:
@@ -213,7 +207,6 @@ class Reader:
         return found.written if found else ()
 
     def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
-        """One of a few strings."""
         value = self.text(name, default)
         if value not in choices:
             self.fail(name, f"{name} must be one of {', '.join(choices)}, not {value!r:.60}")
@@ -247,8 +240,8 @@ class Reader:
             value *= self._units.angle
         elif kind == "l":
             value *= self._units.length
-            if abs(value) > MAX_LENGTH:
-                raise found.place.error(f"{found.name}: {value:g} m is too large (at most {MAX_LENGTH:g} m)")
+            if abs(value) > FAR:
+                raise found.place.error(f"{found.name}: {value:g} m is too large (at most {FAR:g} m)")
         if not math.isfinite(value):
             raise found.place.error(f"{found.name} overflows")
         return value

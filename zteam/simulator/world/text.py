@@ -32,7 +32,6 @@ class TextPlace(NamedTuple):
         return f"{self.file}:{self.line}:{self.column}"
 
     def error(self, text: str) -> WorldError:
-        """The error that begins with this place."""
         return WorldError(f"{self}: {text}")
 
 
@@ -46,7 +45,6 @@ class Remarks:
 
     @property
     def is_full(self) -> bool:
-        """Whether the limit is reached."""
         return len(self._remarks) >= self.LIMIT
 
     def add(self, place: TextPlace, text: str) -> None:

@@ -260,7 +260,6 @@ def _log_conflicts(conflicts: list[str]) -> None:
 
 
 def run_aggregator(node: ProcessNode, options: AggregatorOptions, descriptions: Mapping[int, Description]) -> None:
-    """Be the aggregator until asked to stop."""
     aggregator = Aggregator(node, options, descriptions)
     node.become_present()
     log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")

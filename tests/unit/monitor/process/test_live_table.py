@@ -8,10 +8,10 @@ from support.monitor_desk import Open, Robot
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.monitor.process import display
-from zteam.monitor.process.display import Lines, Row, make_rows
 from zteam.monitor.process.live_table import LiveTable
 from zteam.monitor.process.members import Event
 from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.table import Lines, Row, make_rows
 
 
 @pytest.fixture(autouse=True)

@@ -26,8 +26,9 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.monitor.process import watch
-from zteam.monitor.process.display import LEAVE_AFTER, JsonLines, Lines
+from zteam.monitor.process.display import LEAVE_AFTER
 from zteam.monitor.process.members import SILENT_AFTER, Event
+from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.logs import LogKeeper
 
 

@@ -6,9 +6,9 @@ from support.gate_feed import come
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_from_ns
-from zteam.monitor.process.display import Row, format_table, make_rows, team_notes
 from zteam.monitor.process.members import SILENT_AFTER
 from zteam.monitor.process.start_gate import Gate
+from zteam.monitor.process.table import Row, format_table, make_rows, team_notes
 from zteam.node.restarts import Restarted
 
 POSE = Pose2(-12.345, 8.5, -3.1)

@@ -14,7 +14,8 @@ from msgspec import Meta
 from zteam.behaviors import load_behavior
 from zteam.errors import UsageError
 from zteam.robot.behaviors.behavior import NoParams
-from zteam.robot.behaviors.registry import BEHAVIORS, Parameter, explain, look_in, parameters_of, values_of
+from zteam.robot.behaviors.registry import BEHAVIORS, explain, look_in
+from zteam.robot.parameters import Parameter, parameters_of, values_of
 
 
 class Side(enum.Enum):

@@ -10,8 +10,9 @@ import pytest
 
 from zteam.geometry import Pose2, normalize_angle
 from zteam.simulator.client import Gap, Latency, Timing
-from zteam.simulator.process import statistics as statistics_module
-from zteam.simulator.process.statistics import IDLE, PHYSICS, SENSORS, RunStatistics, TickProfile, percentile
+from zteam.simulator.process import tick_profile
+from zteam.simulator.process.statistics import RunStatistics, percentile
+from zteam.simulator.process.tick_profile import IDLE, PHYSICS, SENSORS, TickProfile
 
 START = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(0.0, 2.0, 0.0)}
 
@@ -214,7 +215,7 @@ def test_only_the_newest_latencies_count(monkeypatch: pytest.MonkeyPatch) -> Non
 def host(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The host's time, which the test sets."""
     time = [100.0]
-    monkeypatch.setattr(statistics_module, "monotonic", lambda: time[0])
+    monkeypatch.setattr(tick_profile, "monotonic", lambda: time[0])
     return time
 
 

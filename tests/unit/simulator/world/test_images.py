@@ -11,10 +11,11 @@ import pytest
 import yaml
 from PIL import Image
 
+from zteam.config.map_files import read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.simulator.world.images import occupied_box, read_bitmap, read_floor_map, rectangles
+from zteam.simulator.world.images import occupied_box, read_bitmap, rectangles
 from zteam.world import add_robot, load_world
 
 CELLS = np.array([[0, 127, 128], [205, 255, 1]], np.uint8)

@@ -1,0 +1,262 @@
+"""The graph of a team: its processes, the publishers and subscribers of each key, and the rates of messages."""
+
+import difflib
+import threading
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import closing
+from itertools import chain
+
+import msgspec
+
+from zteam import names
+from zteam.bus.bus import Bus
+from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
+from zteam.bus.sessions import MOST_SESSIONS, SessionInfo, SessionRequest
+from zteam.bus.transport import Declaration, RawSample, matches
+from zteam.clock import monotonic, pause
+from zteam.messages import Message, type_of_encoding
+from zteam.messages.topics import type_of_key
+
+SURVEY = 1.2
+"""Seconds of a survey of the bus: longer than a tick and than the period of a robot's status."""
+_SETTLE = 0.3
+"""Host seconds for all tokens to come: a session that was just opened may have none yet."""
+_PATIENCE = 0.5
+"""Host seconds for processes to tell their names; one that hangs is shown by its session."""
+_LIMIT = 0.5
+"""Host seconds for a session to answer."""
+
+
+def find_nodes(bus: Bus) -> list[ProcessInfo]:
+    """Every process that answers or has a presence token; one that does not answer has pid 0."""
+    # By name too: one process may hold several, as a navigation of several robots does. `zteam tf static` holds a
+    # token for the aggregator alone.
+    held = {token for token in find_tokens(bus, names.tokens_key()) if token[1] != names.STATIC_CALLER}
+    infos = {(info.name, info.instance): info for info in find_processes(bus)}
+    silent = [ProcessInfo(name, "does not answer", 0, 0, i) for _, name, i in held if (name, i) not in infos]
+    # On a crowded machine an answer is there before its process's token.
+    return sorted([*infos.values(), *silent], key=lambda info: (info.name, info.instance))
+
+
+def find_tokens(bus: Bus, key_expr: str) -> set[tuple[str, str, str]]:
+    """(namespace, name, session) of each presence token."""
+    alive = set[tuple[str, str, str]]()
+
+    def take(key: str, is_alive: bool) -> None:
+        if token := names.split_namespaced_token_key(key):
+            (alive.add if is_alive else alive.discard)(token)
+
+    watches = bus.watch_tokens([key_expr], take)
+    pause(_SETTLE)
+    for watch in watches:
+        watch.close()
+    return set(alive)
+
+
+class Graph:
+    """The publishers and subscribers of sessions of zteam, and the processes that these sessions are."""
+
+    def __init__(self, declarations: Sequence[Declaration], processes: Sequence[ProcessInfo] = ()) -> None:
+        """`processes` are those of zteam; one may be there with several names."""
+        self.declarations, self.processes = declarations, processes
+        self._users: dict[tuple[str, bool], set[str]] = defaultdict(set)
+        """Sessions by key, and whether they publish."""
+        for each in declarations:
+            self._users[each.key, each.publishes].add(each.session)
+        self._wild = [user for user in self._users if names.is_wildcard(user[0])]
+
+    def sessions(self, key_expr: str, *, publishes: bool) -> set[str]:
+        """The sessions that publish on keys of `key_expr`, or that subscribe to them."""
+        users: Iterable[tuple[str, bool]] = self._users
+        if not names.is_wildcard(key_expr):
+            users = {(key_expr, publishes), *self._wild}
+        found = [user for user in users if user[1] == publishes and matches(user[0], key_expr)]
+        return set().union(*(self._users.get(user, ()) for user in found))
+
+    def publishers(self, key_expr: str) -> list[str]:
+        """The processes that publish on keys of `key_expr`, by name."""
+        return sorted(self.name_sessions(self.sessions(key_expr, publishes=True), key_expr))
+
+    def subscribers(self, key_expr: str) -> list[str]:
+        """The processes that subscribe to keys of `key_expr`, by name."""
+        return sorted(self.name_sessions(self.sessions(key_expr, publishes=False), key_expr))
+
+    def name_sessions(
+        self, sessions: Iterable[str], key: str = "", places: Mapping[str, str] | None = None
+    ) -> list[str]:
+        """The users of a key by name, in the words of `places` where a session is among them.
+
+        A session that is no process of zteam is shown by its id.
+        """
+        known = {**names_of_sessions(self.processes, key), **(places or {})}
+        return [holder_text(known.get(each), each) if each else "unknown (no time stamp)" for each in sessions]
+
+    def known_keys(self, robots: Iterable[int] = ()) -> list[str]:
+        """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and of these `robots`."""
+        ids = sorted({*self.robots(), *robots})
+        return sorted({key for expr in {key for key, _ in self._users} for key in names.keys_in(expr, ids)})
+
+    def robots(self) -> set[int]:
+        return robots_of(key for key, _ in self._users)
+
+
+def robots_of(keys: Iterable[str]) -> set[int]:
+    return {target[0] for target in map(names.split_robot_key, keys) if target is not None}
+
+
+def find_graph(bus: Bus) -> Graph:
+    """All sessions but the tool's own, as they are now."""
+    declarations = bus.declarations()
+    return Graph(declarations, find_processes(bus, timeout=_PATIENCE))
+
+
+class Survey:
+    """What comes on the keys of `key_expr` until it is closed, latched messages included."""
+
+    def __init__(self, bus: Bus, key_expr: str) -> None:
+        self.newest: dict[str, dict[str, RawSample]] = defaultdict(dict)
+        """By key and session: the newest sample, the sessions in order of their first ones."""
+        self.times: dict[tuple[str, str], list[float]] = defaultdict(list)
+        """By session and key: the host times of live messages."""
+        self.sizes = Counter[str]()
+        """By session: bytes of live messages."""
+        self.changed = threading.Condition()
+        self.seconds = 0.0
+        """Host time from begin to end; 0 before."""
+        self._begin = monotonic()
+        # The second one receives live samples too.
+        self._subscriptions = (
+            bus.subscribe_raw(key_expr, self._take_live),
+            bus.subscribe_raw(key_expr, self._take, latched=True),
+        )
+
+    def _take(self, sample: RawSample) -> None:
+        with self.changed:
+            # A sample may still be on its way when it is closed.
+            if not self.seconds:
+                self.newest[sample.key][sample.source] = sample
+                self.changed.notify_all()
+
+    def _take_live(self, sample: RawSample) -> None:
+        with self.changed:
+            if not self.seconds:
+                self.times[sample.source, sample.key].append(monotonic())
+                self.sizes[sample.source] += len(sample.payload)
+        self._take(sample)
+
+    def close(self) -> None:
+        """Take no further message."""
+        with self.changed:
+            self.seconds = monotonic() - self._begin
+        for each in self._subscriptions:
+            each.close()
+
+
+class KeyRow(msgspec.Struct):
+    """A key, the messages received on it during a survey, and its users."""
+
+    key: str
+    type: str
+    """ROS name, else the encoding, else empty."""
+    count: int = 0
+    bytes: int = 0
+    latched: bool = False
+    """Whether its message was published before the survey began."""
+    sources: list[str] = []
+    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
+    rate: float = 0.0
+    """Hz during the survey."""
+    publishers: list[str] = []
+    """Names of processes, also of those that publish nothing now."""
+    subscribers: list[str] = []
+    """Names of processes; programs that are not zteam's are missing."""
+
+
+def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], Graph]:
+    """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
+    graph = find_graph(bus)
+    with closing(Survey(bus, key_expr)) as survey:
+        pause(SURVEY)
+    keys = {key for key in graph.known_keys(robots_of(survey.newest)) if matches(key_expr, key)}
+    return [_row(key, graph, survey) for key in sorted(keys | survey.newest.keys())], graph
+
+
+def _row(key: str, graph: Graph, survey: Survey) -> KeyRow:
+    heard = survey.newest.get(key, {})
+    times = sorted(chain.from_iterable(survey.times.get((source, key), ()) for source in heard))
+    row = KeyRow(key, ros_type_of(key), len(times), latched=bool(heard) and not times, sources=[*heard])
+    if heard:
+        sample = max(heard.values(), key=lambda sample: sample.timestamp)
+        kind = kind_of(sample)
+        row.type, row.bytes = kind.ros_type if kind else sample.encoding, len(sample.payload)
+        row.rate = rate_of(times, survey.seconds)
+    # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+    row.publishers = sorted({*graph.publishers(key), *graph.name_sessions(row.sources, key)})
+    row.subscribers = graph.subscribers(key)
+    return row
+
+
+def rate_of(times: Sequence[float], elapsed: float) -> float:
+    """Hz between messages that came at `times`; that of a single one over the `elapsed` seconds."""
+    span = times[-1] - times[0] if times else 0.0
+    return (len(times) - 1) / span if span > 0.0 else len(times) / elapsed
+
+
+def kind_of(sample: RawSample) -> type[Message] | None:
+    """The type of a payload: that of its encoding, else that of its key."""
+    return type_of_encoding(sample.encoding) or type_of_key(sample.key)
+
+
+def ros_type_of(key: str) -> str:
+    """The ROS name of the type that a key of zteam carries; empty for other keys."""
+    kind = type_of_key(key)
+    return kind.ros_type if kind else ""
+
+
+def near_keys(key: str, known: Collection[str]) -> str:
+    """`: did you mean X or Y?`: the keys, or frames, that may be meant by `key`, the nearest first; else nothing.
+
+    They end or begin with `key`, are spelt like it, or have a longer last part, as `robot_0/base_scan` for `scan`.
+    """
+    ordered = sorted(known)
+    near = (
+        [other for other in ordered if other.endswith(f"/{key}")]
+        or [other for other in ordered if other.startswith(f"{key}/")]
+        or _most_alike(key, ordered)
+        or [other for other in ordered if other.endswith(f"_{key}")]
+    )
+    return f": did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def _most_alike(key: str, known: Sequence[str]) -> list[str]:
+    near = difflib.get_close_matches(key, known, n=3, cutoff=0.8)
+    return sorted(near, key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
+
+
+def describe_sessions(bus: Bus, sessions: Sequence[str]) -> dict[str, str]:
+    """`name (process PID on HOST)` of each session that answers."""
+    return {session: str(info) for session, info in _ask(bus, sessions, "").items()}
+
+
+def _ask(bus: Bus, sessions: Sequence[str], key: str) -> dict[str, SessionInfo]:
+    """What the sessions answer that do; `key` is the one of which they say whether they publish on it."""
+    found = {}
+    for session in sessions[:MOST_SESSIONS]:
+        for _, info in bus.find(names.session_info_key(session), SessionInfo, SessionRequest(key), timeout=_LIMIT):
+            found[session] = info
+    return found
+
+
+def tell_rivals(bus: Bus, key: str, sessions: Sequence[str]) -> list[str]:
+    """Tell each of these sessions that the others publish on `key` too; what people read for each, in this order."""
+    answers = _ask(bus, sessions, key)
+    # A sender chooses its time stamps, and with them the session that they name: that one has no part in it.
+    forged = {each for each, info in answers.items() if not info.publishes}
+    texts = {each: str(answers.get(each) or f"session {each}") for each in sessions if each not in forged}
+    if forged:
+        texts[""] = "a sender with forged time stamps"
+    for session in answers.keys() - forged:
+        rivals = [text for each, text in texts.items() if each != session][:MOST_SESSIONS]
+        bus.find(names.session_info_key(session), SessionInfo, SessionRequest(key, rivals), timeout=_LIMIT)
+    return list(texts.values())

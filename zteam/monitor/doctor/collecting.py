@@ -1,0 +1,286 @@
+"""Everything that the checks of a team need, learned from the bus within a moment."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from itertools import chain
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
+from zteam.bus.presence import ProcessInfo, find_processes
+from zteam.bus.receiving import KeyCount
+from zteam.bus.router import find_local_routers, read_admin
+from zteam.bus.strangers import find_strangers
+from zteam.bus.transport import Declaration, RawSample
+from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
+from zteam.errors import BusError, DecodeError
+from zteam.messages import (
+    LaserScan,
+    Message,
+    OccupancyGrid,
+    RobotStatus,
+    TeamStatus,
+    TransformStamped,
+    decode,
+    ns_from_time,
+    type_of_encoding,
+)
+from zteam.messages.message import zeros
+from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
+from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
+from zteam.node import kinds
+from zteam.simulator.client import SimStatus, find_status
+from zteam.transforms import Buffer, FrameInfo
+from zteam.transforms.client import Lookup, TransformClient, find_frames
+from zteam.transforms.lasers import LaserMounts, LaserProblem
+
+LONGER = 3.0
+"""Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
+_CLOCK_QUESTIONS = 3
+"""To each host; the answer that came soonest counts."""
+_MOST_HOSTS = 16
+"""Whose clocks are compared: an answer may name any host."""
+_MAX_ROUTERS = 32
+"""Other routers that are asked."""
+
+
+def collect_facts(bus: Bus, options: BusOptions) -> Facts:
+    """Everything that the checks of a team need."""
+    before, begin = find_status(bus), monotonic()
+    nodes = find_nodes(bus)
+    graph = Graph(bus.declarations(), nodes)
+    survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
+    strangers = find_strangers(options)
+    after, seconds = find_status(bus), monotonic() - begin
+    heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
+    admin = read_admin(options)
+    router_id = admin.zid if admin else ""
+
+    def name_of(sample: RawSample) -> str:
+        # A router that is not zteam's stamps the samples of sessions that do not.
+        if sample.source in ("", router_id):
+            return "a client without time stamps (plain Zenoh)"
+        return graph.name_sessions([sample.source], sample.key)[0]
+
+    places = describe_sessions(bus, _rivals(heard, graph.declarations))
+    loads = _loads(survey, name_of, {node.instance for node in nodes})
+    tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
+    faults, newest = _decode(heard, name_of)
+    statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
+    team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
+    frames = find_frames(bus)
+    scans = {key: message for key, (_, message) in newest.items() if isinstance(message, LaserScan)}
+    return Facts(
+        nodes=nodes,
+        writers={
+            key: [(has_one_writer(key) and places.get(each.source)) or name_of(each) for each in samples]
+            for key, samples in heard.items()
+        },
+        publishers=_publishers(graph, lambda each: each.publishes, places),
+        faults=faults,
+        dropped=_publishers(graph, lambda each: each.dropped, {}),
+        counts={
+            key.removesuffix("/stats"): counts for key, counts in bus.find(names.stats_key("*"), dict[str, KeyCount])
+        },
+        statuses={target[0]: status for key, status in statuses.items() if (target := names.split_robot_key(key))},
+        team=team[1] if team and isinstance(team[1], TeamStatus) else None,
+        sim=after,
+        holds=before is not None and after is not None and before.tick == after.tick,
+        frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
+        lasers=_find_laser_problems(bus, frames, scans),
+        map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
+        map_writer=name_of(map_sample) if map_sample else "",
+        loads=loads,
+        tick_rate=tick_rate,
+        strangers=strangers,
+        clocks=_compare_clocks(bus, nodes),
+        namespace=options.namespace or "",
+        elsewhere={} if nodes else _elsewhere(options),
+        routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
+    )
+
+
+def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
+    """What each session sends; `known` are those of the team's processes."""
+    counts = defaultdict[str, Counter[str]](Counter)
+    for (session, key), times in survey.times.items():
+        counts[session][key] = len(times)
+    found = []
+    for session, own in counts.items():
+        key, most = own.most_common(1)[0]
+        found.append(
+            Load(
+                writer=name_of(survey.newest[key][session]),
+                known=session in known,
+                key=key,
+                rate=most / survey.seconds,
+                total_rate=own.total() / survey.seconds,
+                keys=len(own),
+                bytes_rate=survey.sizes[session] / survey.seconds,
+            )
+        )
+    return found
+
+
+def _stands(sim: SimStatus) -> bool:
+    """Whether no data comes of the simulator for now."""
+    return sim.paused or sim.finished or (sim.lockstep and bool(sim.waiting_for))
+
+
+def _listen(bus: Bus, nodes: list[ProcessInfo], declarations: Iterable[Declaration]) -> Survey:
+    """Listen to all keys until every robot that answers has published its status and all that is measured has come, as
+    far as these declarations have it: a slow world takes its time for a tick."""
+    robots = {names.robot_id_of(node.name) for node in nodes if node.pid} - {None}
+    due = {names.robot_key(robot_id, names.STATUS) for robot_id in robots if robot_id is not None}
+    due |= {each.key for each in declarations if each.publishes and is_sensed(each.key)}
+    with closing(Survey(bus, "**")) as survey:
+        pause(SURVEY)
+        with survey.changed:
+            wait_until(survey.changed, lambda: due <= survey.newest.keys(), LONGER)
+    return survey
+
+
+def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClock]:
+    """The clocks of all hosts of the team, told by one process of each."""
+    found: dict[str, HostClock] = {}
+    hosts = {node.host: node.name for node in nodes if node.now}
+    for host, name in [*hosts.items()][:_MOST_HOSTS]:
+        looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
+        if known := [clock for clock in looks if clock is not None]:
+            found[host] = min(known, key=lambda clock: clock.error)
+    return found
+
+
+def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
+    begin, asked = wall_ns(), monotonic()
+    answers = find_processes(bus, name)
+    error = 0.5 * (monotonic() - asked)
+    times = [info.now for info in answers if info.host == host]
+    return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
+
+
+def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:
+    """The sessions that share a key which has one publisher: what they are called needs their host and process too."""
+    users = {key: {each.source for each in samples} for key, samples in heard.items()}
+    for each in declarations:
+        if each.publishes and not each.key.endswith(f"/{names.CMD_VEL}"):
+            users.setdefault(each.key, set()).add(each.session)
+    return sorted(set().union(*(found for key, found in users.items() if len(found) > 1 and has_one_writer(key))))
+
+
+def _publishers(graph: Graph, counts: Callable[[Declaration], bool], places: Mapping[str, str]) -> dict[str, list[str]]:
+    """The processes of the declarations that count, by key; in the words of `places` where a session is among them."""
+    sessions = defaultdict[str, set[str]](set)
+    for each in filter(counts, graph.declarations):
+        sessions[each.key].add(each.session)
+    return {key: graph.name_sessions(sorted(found), key, places) for key, found in sessions.items()}
+
+
+def _decode(
+    heard: Mapping[str, Sequence[RawSample]], name_of: Callable[[RawSample], str]
+) -> tuple[list[UnusableMessages], dict[str, tuple[RawSample, Message]]]:
+    """What is wrong with samples of zteam's own keys, and the newest sample of each that is right, with its message."""
+    faults, newest = [], dict[str, tuple[RawSample, Message]]()
+    for key, samples in heard.items():
+        due = type_of_key(key)
+        if due is None:
+            continue
+        for sample in samples:
+            given = type_of_encoding(sample.encoding)
+            if given is not None and given is not due:
+                faults.append(UnusableMessages(key, name_of(sample), f"{given.ros_type}, {due.ros_type} is due"))
+                continue
+            try:
+                message = decode(due, sample.payload)
+            except DecodeError as error:
+                faults.append(UnusableMessages(key, name_of(sample), f"bytes that are no {due.ros_type}: {error}"))
+                continue
+            if key not in newest or sample.timestamp > newest[key][0].timestamp:
+                newest[key] = sample, message
+    return faults, newest
+
+
+def _find_laser_problems(
+    bus: Bus, frames: Mapping[str, FrameInfo] | None, scans: Mapping[str, LaserScan]
+) -> dict[str, LaserProblem]:
+    """Of scans by key: why no process can use them. Nothing is known without an aggregator."""
+    if frames is None:
+        return {}
+    try:
+        buffer = _read_tree(bus, frames, scans)
+    except BusError:
+        # The aggregator has just ended.
+        return {}
+    found = {}
+    for key, scan in scans.items():
+        target = names.split_robot_key(key)
+        if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
+            found[key] = wrong
+    return found
+
+
+def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, LaserScan]) -> Buffer:
+    """The aggregator's transforms, as far as they lead to these scans: of their time, and the newest."""
+    buffer, lookups = Buffer(), dict[str, list[Lookup]]()
+    for key, scan in scans.items():
+        own, given = key.partition("/")[0], names.strip_slash(scan.header.frame_id)
+        for frame in (given, names.resolve_frame(own, given), f"{own}/{names.BASE_FOOTPRINT}"):
+            while frame in frames and frame not in lookups:
+                parent = frames[frame].parent
+                lookups[frame] = [Lookup(parent, frame, time) for time in (ns_from_time(scan.header.stamp), 0)]
+                frame = parent
+    asked = list(chain.from_iterable(lookups.values()))
+    for transform in TransformClient(bus).lookup_many(asked) if asked else ():
+        if isinstance(transform, TransformStamped):
+            is_static = frames[transform.child_frame_id].static
+            (buffer.set_transform_static if is_static else buffer.set_transform)(transform, names.AGGREGATOR)
+    return buffer
+
+
+def _is_complete(nodes: list[ProcessInfo]) -> bool:
+    """Whether a team has every kind of process that it needs."""
+    needed = [kind for kind in kinds.KINDS if kind.on_bus and kind.hint]
+    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in needed)
+
+
+def _elsewhere(options: BusOptions) -> dict[str, list[str]]:
+    """The processes in other namespaces of the same router."""
+    found = defaultdict[str, list[str]](list)
+    for namespace, name in sorted(_processes_at(options)):
+        if namespace != (options.namespace or ""):
+            found[namespace].append(name)
+    return found
+
+
+def at_other_routers(options: BusOptions, router_id: str) -> dict[str, list[str]]:
+    """The processes at other routers of this machine, by endpoint."""
+
+    def ask(endpoint: str) -> list[str]:
+        there = msgspec.structs.replace(options, connect=endpoint)
+        admin = read_admin(there)
+        if admin is None or admin.zid == router_id:
+            return []
+        try:
+            places = _processes_at(there)
+        except BusError:
+            # It has just ended.
+            return []
+        return sorted({f"{namespace}/{name}" if namespace else name for namespace, name in places})
+
+    protocol = options.endpoint.partition("/")[0]
+    endpoints = [each for each in find_local_routers() if each.startswith(f"{protocol}/")][:_MAX_ROUTERS]
+    with ThreadPoolExecutor(_MAX_ROUTERS) as pool:
+        return {endpoint: found for endpoint, found in zip(endpoints, pool.map(ask, endpoints), strict=True) if found}
+
+
+def _processes_at(options: BusOptions) -> set[tuple[str, str]]:
+    """(namespace, name) of every process at a router."""
+    # A certificate shows its own namespace only.
+    namespace = None if options.tls is None else options.namespace
+    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
+    with closing(connect(everywhere, patience=1.0)) as bus:
+        return {token[:2] for token in find_tokens(bus, names.all_tokens_key())}

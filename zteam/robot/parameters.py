@@ -1,0 +1,83 @@
+"""The parameters of a behaviour as plain data: what it takes, and what it has."""
+
+import enum
+from collections.abc import Iterator
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import msgspec
+
+_LIMITS = ("ge", "gt", "le", "lt", "multiple_of", "pattern", "min_length", "max_length")
+"""Attributes of msgspec.Meta that limit a value."""
+
+
+class Parameter(msgspec.Struct, frozen=True):
+    """One field of a `Params`."""
+
+    name: str
+    type: str
+    """As it is written in Python: `float`, `int`, `bool`, `str`, `list[float]`, `float | None`, …"""
+    limits: dict[str, Any] = {}
+    """What limits its value, by the names of msgspec.Meta: `ge` and `le` are the lowest and the highest value."""
+    description: str = ""
+    """Its unit and what it does, from msgspec.Meta."""
+    required: bool = False
+    """Whether it has to be given."""
+    default: Any = None
+    """As plain data; None also where it is required."""
+
+
+def parameters_of(kind: type[msgspec.Struct]) -> list[Parameter]:
+    """The parameters that a behaviour with these `Params` takes, in their order."""
+    return [_parameter(field) for field in msgspec.structs.fields(kind)]
+
+
+def values_of(params: msgspec.Struct) -> dict[str, Any]:
+    """The values of all parameters as plain data, by name."""
+    return {field.encode_name: _plain(getattr(params, field.name)) for field in msgspec.structs.fields(type(params))}
+
+
+def _parameter(field: msgspec.structs.FieldInfo) -> Parameter:
+    metas = list(_metas(field.type))
+    default = None if field.default is msgspec.NODEFAULT else field.default
+    if field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return Parameter(
+        name=field.encode_name,
+        type=_type_text(field.type),
+        limits={name: value for meta in metas for name in _LIMITS if (value := getattr(meta, name)) is not None},
+        description=next((meta.description for meta in metas if meta.description), ""),
+        required=field.required,
+        default=_plain(default),
+    )
+
+
+def _plain(value: Any) -> Any:
+    return msgspec.to_builtins(value, enc_hook=str)
+
+
+def _metas(annotation: Any) -> Iterator[msgspec.Meta]:
+    """What is annotated to a type, or to a member of a union."""
+    if get_origin(annotation) is Annotated:
+        yield from (meta for meta in annotation.__metadata__ if isinstance(meta, msgspec.Meta))
+        yield from _metas(annotation.__origin__)
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _metas(part)
+
+
+def _type_text(annotation: Any) -> str:
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type_text(annotation.__origin__)
+    if origin in (Union, UnionType):
+        return " | ".join(map(_type_text, parts))
+    if origin is Literal:
+        return " | ".join(map(repr, parts))
+    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+        return " | ".join(repr(choice.value) for choice in annotation)
+    if origin is not None and parts:
+        return f"{_type_text(origin)}[{', '.join(map(_type_text, parts))}]"
+    if annotation is NoneType:
+        return "None"
+    return "..." if annotation is ... else getattr(annotation, "__name__", str(annotation))

@@ -1,0 +1,332 @@
+"""A world on the bus: what a tick does, what counts, and the changes that are asked for."""
+
+import logging
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from zteam import names
+from zteam.bus.lateness import LATE
+from zteam.clock import NS_PER_S, monotonic, to_ns, to_seconds
+from zteam.config.numbers import counted
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.messages import Clock, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
+from zteam.node.process_node import ProcessNode
+from zteam.node.process_options import SimOptions
+from zteam.simulator.client import (
+    FaultRequest,
+    MoveRequest,
+    ScansReply,
+    SensedScan,
+    SimReport,
+    SimStatus,
+    SpawnRequest,
+    map_info,
+)
+from zteam.simulator.core import Engine, Observation
+from zteam.simulator.core.occupancy_grid import map_metadata
+from zteam.simulator.faults import FaultPlan, is_simulated
+from zteam.simulator.process.commands import RobotCommands
+from zteam.simulator.process.holds import Holds
+from zteam.simulator.process.lockstep import LockStep
+from zteam.simulator.process.outputs import TeamOutputs
+from zteam.simulator.process.pacing import Pacer, TickBoundary
+from zteam.simulator.process.statistics import RunStatistics
+from zteam.simulator.process.tick_profile import PHYSICS, PUBLISH, SENSORS, WAIT, TickProfile
+from zteam.simulator.world import Robot, World, add_robot
+
+log = logging.getLogger("zteam")
+
+ANSWER_SHARE = 0.4
+"""Share of a tick's host time for which the rest of its messages waits for the robots' commands."""
+
+
+class Simulation:
+    """A world on the bus: its ticks, the count of its run, and the changes that are asked for.
+
+    The main loop calls all of it, but for `take_go`, `status` and `report`, which any thread may call.
+    """
+
+    def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
+        self.world, self._options, self._instance = world, options, node.bus.instance
+        self._map = map_info(map_metadata(world, options.map_resolution))
+        self.engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
+        self.pacer = Pacer(world.interval, options.speed, paused=options.paused)
+        self.boundary = TickBoundary(node, self.pacer)
+        self.profile = TickProfile()
+        self.statistics = RunStatistics(options.follows)
+        self.outputs = TeamOutputs(node.bus, self.engine, lockstep=options.lockstep is not None)
+        self.faults = FaultPlan(options.faults, world.interval, to_ns(LATE))
+        self.commands = RobotCommands(node, self.outputs, self.statistics, lockstep=options.lockstep is not None)
+        self.lockstep: LockStep | None = None
+        if options.lockstep is not None:
+            self.lockstep = LockStep(node, options.lockstep, self.commands.answered)
+            self.commands.count_outsiders(lambda: self.lockstep.tick.members if self.lockstep else ())
+        self.holds = Holds(node.bus, self.statistics.add_external_command)
+        # As soon as this process answers to its name; what it asks comes after that, and before the first tick.
+        node.on_present(self.holds.learn)
+        self._clock = node.bus.publisher(names.CLOCK, Clock)
+        self._observation: Observation | None = None
+        self._announced: list[int] = []
+        """The robots in the last `sim/tick` (lock-step)."""
+        self._is_first = True
+        """Whether no tick was sent yet since the start or the last reset."""
+        self._go: int | None = None
+        """Simulated time (ns) from which GO holds; None before GO."""
+        if options.lockstep is None:
+            node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+
+    def tick(self, commands: Mapping[int, Twist]) -> None:
+        """One tick with these commands; what the robots' next commands depend on is sent."""
+        self.pacer.start(monotonic(), counts=not self._is_first)
+        self.engine.move(commands, self.holds.stopped)
+        self.profile.end(PHYSICS)
+        self._send_inputs()
+        if self.lockstep is None:
+            # The rest wakes every process, and no robot's next command depends on it: the robots' commands come first.
+            self.commands.wait_for_answers(ANSWER_SHARE * self._tick_seconds)
+            self.profile.end(WAIT)
+
+    def send_rest(self) -> None:
+        """Send the clock, which wakes every process, and what no robot's next command depends on."""
+        assert self._observation is not None
+        if not self._is_first and self._clock.has_subscribers:
+            self._clock.put(Clock(time_from_ns(self.engine.now)))
+        self.outputs.put_rest(self.outputs, self._observation)
+        self._is_first = False
+        self.profile.end(PUBLISH)
+
+    def _send_inputs(self) -> None:
+        """Compute the sensors, and send what the robots' next commands depend on."""
+        engine, outputs = self.engine, self.outputs
+        if self._is_first:
+            # A process that knew an earlier simulator must see time jump back before it gets this one's data.
+            self._clock.put(Clock(time_from_ns(engine.now)))
+        # `sim/tick` comes before the data where the aggregator has to learn which robots' transforms to wait for, and
+        # where time starts anew. Otherwise it comes last: then it wakes the robots together with the scans.
+        early = engine.tick == 1 or self._announced != list(outputs)
+        if early:
+            self._announce()
+        # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
+        # complete when a robot has its scan.
+        bases = engine.observe_bases()
+        outputs.put_transforms(outputs, bases)
+        outputs.put_odometry(outputs, bases)
+        self.profile.end(PUBLISH)
+        self._observation = engine.observe()
+        self.profile.end(SENSORS)
+        outputs.put_scans(outputs, self._observation, self.commands.scan_sent)
+        if not early:
+            self._announce()
+        self.profile.end(PUBLISH)
+
+    def _announce(self) -> None:
+        if self.lockstep is not None:
+            self._announced = list(self.outputs)
+            self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
+
+    @property
+    def was_held(self) -> bool:
+        """Whether the log has named a participant that the newest tick waited for."""
+        return self.lockstep is not None and self.lockstep.was_held
+
+    @property
+    def _tick_seconds(self) -> float:
+        """Host seconds of a tick at the speed that was asked for; 0 as fast as possible."""
+        speed = None if self.pacer.paused else self.pacer.speed
+        return 0.0 if speed is None else self.world.interval / NS_PER_S / speed
+
+    def take_commands(self) -> dict[int, Twist]:
+        """The commands since the last tick, for the next one."""
+        commands = self.commands.take()
+        if self.lockstep is None:
+            self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
+            return commands
+        answers = dict(self.faults.deliver(self.since_go, self.lockstep.take_commands(self.outputs)))
+        self.outputs.put_commands(answers)
+        return commands | answers
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        if status.state == TeamState.GO:
+            self.take_go(ns_from_time(status.go_stamp))
+
+    def take_go(self, stamp: int) -> None:
+        """GO holds from simulated time `stamp` (ns) on, but not from later than now. Only the first GO counts."""
+        if self._go is None:
+            # A stamp beyond this simulator's time belongs to an earlier simulator: GO then holds from now on.
+            self._go = min(stamp, self.engine.now)
+
+    @property
+    def since_go(self) -> int | None:
+        """Simulated ns since GO; None before."""
+        return None if self._go is None else self.engine.now - self._go
+
+    @property
+    def is_counting(self) -> bool:
+        """Whether a tick was counted since the start or the last reset."""
+        return self.statistics.go_stamp is not None
+
+    def count(self) -> None:
+        """Count the engine's tick if GO was given; finish the run if its time is over with it."""
+        engine, run_for, until = self.engine, self._options.run_for, self._options.until
+        if self.lockstep is not None and self.lockstep.tick.message.epoch > 0:
+            self.take_go(engine.now)
+        end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
+        if self._go is not None:
+            ids, poses, stalled = engine.standing()
+            if not self.is_counting:
+                self.statistics.start(self._go, engine.tick, ids, poses)
+                self.profile.start()
+                self.pacer.start_anew()
+            self.statistics.add_tick(ids, poses, stalled, self.outputs.scan_counts)
+            if not end and run_for is not None and engine.now - self._go >= run_for * NS_PER_S:
+                end = f"{counted(run_for, 'simulated second')} after GO"
+        if end and not self.boundary.finished:
+            self.boundary.finish()
+            trajectory = "" if self.lockstep is None else f"; trajectory {self.statistics.trajectory_sha256}"
+            log.info("%s: the world stands still%s", end, trajectory)
+
+    def scans(self, robot_ids: Iterable[int]) -> ScansReply:
+        """What the lasers of these robots saw in the last tick."""
+        if self._observation is None:
+            return ScansReply([])
+        made = self.outputs.make_scans(robot_ids, self._observation)
+        return ScansReply([SensedScan(key, encode(scan)) for key, scan in made])
+
+    def repeat(self) -> None:
+        """Send the last tick's data again, for processes that have not received it."""
+        assert self._observation is not None
+        present = [robot_id for robot_id in self.outputs if robot_id in self._observation.robots]
+        self._repeat_inputs(present, self._observation)
+        self.outputs.put_rest(present, self._observation)
+
+    def repeat_for(self, missing: list[str]) -> None:
+        """Send the open tick's inputs again, for the participants that owe an answer (lock-step)."""
+        assert self._observation is not None
+        robots = {names.robot_id_of(name) for name in missing}
+        if None in robots:
+            # The inputs of other processes than robots are not known: send everything.
+            self.repeat()
+        else:
+            self._repeat_inputs([robot_id for robot_id in self.outputs if robot_id in robots], self._observation)
+
+    def _repeat_inputs(self, robot_ids: list[int], observation: Observation) -> None:
+        self.outputs.put_transforms(robot_ids, observation)
+        self.outputs.put_odometry(robot_ids, observation, again=True)
+        self.outputs.put_scans(robot_ids, observation, self.commands.scan_sent, again=True)
+
+    def reset(self, *, anew: bool = False) -> None:
+        """Put everything back to the start, where GO, if it was given, holds from the first tick on.
+
+        With `anew` this is as a simulator that has just started: GO, stops, faults and the pace are forgotten too.
+        """
+        if anew:
+            self._go = None
+            self.holds.start_anew()
+            self.faults = FaultPlan(self._options.faults, self.world.interval, to_ns(LATE))
+            self.pacer.paused, self.pacer.speed, self.pacer.steps = self._options.paused, self._options.speed, 0
+        self.engine.reset()
+        self.match_robots()
+        for robot_id in self.outputs:
+            self.outputs.put_statics(robot_id)
+        self.statistics.start_anew()
+        if self._go is not None:
+            self._go = self.world.interval
+        self.commands.start_anew()
+        self.faults.start_anew()
+        self.pacer.start_anew()
+        self._is_first = True
+        if self.lockstep is not None:
+            self.lockstep.start_anew(whole=anew)
+        self.boundary.begin_anew()
+
+    def match_robots(self) -> None:
+        """Publish what the robots sense that are in the world now, and answer for them."""
+        self.outputs.match_robots()
+        self.holds.match_robots(self.outputs.keys())
+
+    def spawn(self, request: SpawnRequest) -> int:
+        """Add a robot and return its id. Raises UsageError."""
+        robots = self.engine.robots
+        free = next(i for i in range(names.MAX_ROBOT_ID + 1) if i not in robots)
+        robot_id = free if request.id is None else request.id
+        robot = add_robot(self.world, request.model, _pose(request), names.robot_name(robot_id))
+        self.engine.spawn(robot_id, robot, checked=not request.force)
+        self.statistics.set_down(robot_id, robot.pose)
+        self.match_robots()
+        self.statistics.add_external_command()
+        return robot_id
+
+    def remove(self, robot_id: int) -> None:
+        self.engine.remove(robot_id)
+        self.match_robots()
+        self.statistics.add_external_command()
+
+    def move(self, request: MoveRequest) -> None:
+        """Put a robot at another pose. Raises UsageError."""
+        self.engine.place(request.id, _pose(request), checked=not request.force)
+        self.statistics.set_down(request.id, _pose(request))
+        self.outputs.put_statics(request.id)
+        self.statistics.add_external_command()
+
+    def add_fault(self, request: FaultRequest) -> None:
+        """Carry out a fault from the next tick on (lock-step). Raises UsageError."""
+        if self.lockstep is None or self._go is None:
+            raise UsageError("the simulator carries out faults in lock-step alone, and after GO")
+        soon = to_seconds(self.engine.now + self.world.interval - self._go)
+        fault = msgspec.structs.replace(request.fault, at=soon)
+        if not is_simulated(fault):
+            raise UsageError(f"{fault.fault} {fault.name}: in lock-step this happens to a process, not in the world")
+        self.faults.add(fault)
+        self.statistics.add_external_command()
+
+    def status(self) -> SimStatus:
+        lockstep = self.lockstep
+        return SimStatus(
+            world=self.world.name,
+            robots=sorted(self.engine.robots),
+            interval=self.world.interval,
+            seed=self._options.seed,
+            now=self.engine.now,
+            tick=self.engine.tick,
+            real_time_factor=self.pacer.factor,
+            speed=self.pacer.speed,
+            paused=self.pacer.paused,
+            lockstep=lockstep is not None,
+            participants=lockstep.tick.members if lockstep else [],
+            joining=sorted(lockstep.tick.joining) if lockstep else [],
+            waiting_for=lockstep.waiting_for() if lockstep else "",
+            hung=list(lockstep.tick.hung) if lockstep else [],
+            finished=self.boundary.finished,
+            instance=self._instance,
+            writers=self.commands.writers(),
+            stopped=self.holds.stopped,
+            map=self._map,
+        )
+
+    def report(self) -> SimReport:
+        lockstep, run = self.lockstep, self.statistics
+        go_stamp, ticks, wall = run.go_stamp, run.ticks, run.wall_seconds
+        elapsed = (ticks - 1) * self.world.interval / NS_PER_S
+        return SimReport(
+            sim_seconds=0.0 if go_stamp is None else max(0, self.engine.now - go_stamp) / NS_PER_S,
+            seed=self._options.seed,
+            external_commands=run.external_commands,
+            finished=self.boundary.finished,
+            robots=run.robots(),
+            latency_ms=run.latency(),
+            ticks=ticks,
+            wall_seconds=wall,
+            real_time_factor=elapsed / wall if wall > 0.0 else None,
+            trajectory_sha256=run.trajectory_sha256,
+            lockstep=lockstep is not None,
+            resends=lockstep.resends if lockstep else 0,
+            hung=list(lockstep.tick.hung) if lockstep else [],
+            timing_ms=self.profile.timing(),
+            lateness_p99_ms=self.pacer.lateness_p99_ms,
+        )
+
+
+def _pose(request: SpawnRequest | MoveRequest) -> Pose2:
+    return Pose2(request.x, request.y, request.yaw)
