@@ -241,8 +241,7 @@ class TickProfile:
 
     def last_text(self) -> str:
         """The last tick in words, without its idle time."""
-        parts = [(phase, s) for phase, s in self._last.items() if phase != IDLE and s >= 5e-5]
-        return ", ".join(f"{phase} {1e3 * s:.1f} ms" for phase, s in parts)
+        return ", ".join(f"{phase} {1e3 * s:.1f} ms" for phase, s in self._last.items() if phase != IDLE and s >= 5e-5)
 
 
 def _no_time() -> dict[str, float]:
