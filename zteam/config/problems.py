@@ -93,7 +93,8 @@ def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
         for step in inner:
             value = value[step]
         if isinstance(error.__cause__, KeyValueError):
-            return [Problem((*path, *inner, error.__cause__.args[0]), error.__cause__.args[1])]
+            key, text = error.__cause__.args
+            return [Problem((*path, *inner, key), text)]
         return [Problem((*path, *inner), _in_words(text if at else place, value) + _choices(place, kind))]
     return []
 

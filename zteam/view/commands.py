@@ -168,17 +168,15 @@ class Commands:
 
     def stop_robots(self) -> str:
         """Stop all robots; which processes have not confirmed it, empty if all have."""
-        try:
-            _need_done(self._stops.engage())
-        except ZteamError as error:
-            return str(error)
-        finally:
-            self._state.ask_soon()
-        return ""
+        return self._done(lambda: _need_done(self._stops.engage()))
 
     def carry_out(self, request: requests.Command) -> str:
+        """Do it; why not, if it cannot be done."""
+        return self._done(lambda: self._act(request))
+
+    def _done(self, act: Callable[[], None]) -> str:
         try:
-            self._act(request)
+            act()
         except ZteamError as error:
             return str(error)
         finally:
