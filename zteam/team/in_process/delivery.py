@@ -34,9 +34,7 @@ class Delivery:
         self._posted: deque[tuple[Sequence[HubReceiver], Any]] = deque()
         """What the other threads put. The first one is being handled."""
         self._following: deque[tuple[Sequence[HubReceiver], Any]] = deque()
-        """What handlers put that the direct thread called."""
-        self._delivering = False
-        """Whether the direct thread calls handlers."""
+        """What the direct thread put, and handlers that it called."""
         self._changed = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._handle_posted, name="messages", daemon=True)
@@ -56,24 +54,21 @@ class Delivery:
             # This one may be newer than one of the same publisher that waits, and those that follow are older.
             self._post([*following, (receivers, news)])
             following.clear()
-        elif self._delivering:
-            following.append((receivers, news))
         else:
-            self._delivering = True
+            following.append((receivers, news))
             work = self._work
-            before = work.node
+            if work.call:
+                # A handler has put this.
+                return
+            node = work.node
             try:
-                work.call = next(CALLS)
-                for work.node, take in receivers:
-                    take(news)
                 while following:
                     receivers, news = following.popleft()
                     work.call = next(CALLS)
                     for work.node, take in receivers:
                         take(news)
             finally:
-                work.node, work.call = before, 0
-                self._delivering = False
+                work.node, work.call = node, 0
 
     def _post(self, news: list[tuple[Sequence[HubReceiver], Any]]) -> None:
         with self._changed:
