@@ -172,7 +172,7 @@ def test_a_flood_changes_no_run_and_grows_no_process(team: TeamFixture) -> None:
     assert hashes == hashes[:1] * len(hashes)
     assert team.report.hung == []
     assert not [line for name in pids for line in team.lines(name) if "router lost" in line]
-    told = [line for _, line in team.log if re.search(r"robot_\d{3}", line)]
+    told = [line for _, line in team._watch.log if re.search(r"robot_\d{3}", line)]
     assert len(told) < INVENTED / 4, told[-20:]
 
 

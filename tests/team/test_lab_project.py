@@ -146,7 +146,7 @@ def test_shadowed(team):
         team.start("arena", 1, behavior="lab.guard:Guard")
     with pytest.raises(ZteamError, match=r"^node 'crowd': .* module lab is .*src.* import .*away"):
         team.start("arena", 1, nodes={"crowd": "lab.counter:main"})
-    assert team.log == []
+    assert team._watch.log == []
 """
 OWN_CLASS = """
 from zteam import Behavior

@@ -12,7 +12,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.errors import UsageError
 from zteam.team.own_code import file_of, files_since, find_body, other_file, other_file_unless_in, search_folders
-from zteam.team.testing import processes
+from zteam.team.testing.team import _SITE
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_a_started_python_looks_behind_its_own_modules(lab: Path) -> None:
         path.write_text(f"print({name!r})")
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([processes._SITE, str(lab / "far" / "site")]),
+        "PYTHONPATH": os.pathsep.join([_SITE, str(lab / "far" / "site")]),
         "ZTEAM_PATH": str(lab / "far"),
     }
     done = subprocess.run(

@@ -130,7 +130,7 @@ def test_the_fixture_checks_a_team_file_too(tmp_path: Path) -> None:
     try:
         with pytest.raises(ConfigError, match=r"team\.toml:6: robots\[1\]\.id: the world has no robot 5"):
             team.launch(path)
-        assert team.log == []
+        assert team._watch.log == []
     finally:
         team.close()
 
@@ -196,7 +196,7 @@ def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Pat
     try:
         with pytest.raises(ConfigError, match=f"{told}leave in_process out"):
             team.launch(path, in_process=True)
-        assert team.log == []
+        assert team._watch.log == []
     finally:
         team.close()
     with pytest.raises(ConfigError, match=f"{told}give run_team a bus, or use zteam up"):

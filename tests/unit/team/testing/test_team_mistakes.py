@@ -87,4 +87,4 @@ def test_a_mistake_is_told_in_one_line(idle: Team, call: Callable[[Team], object
         call(idle)
     assert str(told.value).startswith(line)
     assert "\n" not in str(told.value)
-    assert idle.log == [] or call is start_twice
+    assert idle._watch.log == [] or call is start_twice
