@@ -15,15 +15,9 @@ FOREIGN = {
     "bus/router.py": "Zenoh", "bus/transport.py": "Zenoh", "bus/tls.py": "OpenSSL", "cli/usage.py": "argparse",
     "config/problems.py": "msgspec", "node/faults.py": "the system", "robot/behaviors/registry.py": "Python",
     "robot/teleop.py": "terminals", "robot/trials/subject.py": "numpy and Python", "team/file/sources.py": "tomllib",
-    "team/testing/hangs.py": "faulthandler", "view/files.py": "JavaScript",
+    "view/files.py": "JavaScript",
 }  # fmt: skip
 """Files that translate words of others: whose."""
-KNOWN = {
-    "cli/certs.py", "cli/sim.py", "monitor/doctor/checks.py", "node/reasons.py", "team/file/groups.py",
-    "team/launch/check.py", "team/launch/own_behaviors.py", "team/launch/plan.py", "team/security/certificates.py",
-    "team/testing/others.py", "team/testing/processes.py",
-}  # fmt: skip
-"""Files that still go by a text of ours: to be emptied."""
 FORMER = {"last", "before", "former", "shown", "logged", "told"}
 """Names of what was published before: whether a text has changed since may be asked."""
 IN_SCRIPT = re.compile(
@@ -145,7 +139,7 @@ def found_in_package() -> dict[str, list[str]]:
 
 def test_nothing_in_the_package_goes_by_a_text() -> None:
     """No file compares a text or searches it, but for those that translate words of others."""
-    assert {name: lines for name, lines in found_in_package().items() if name not in FOREIGN.keys() | KNOWN} == {}
+    assert {name: lines for name, lines in found_in_package().items() if name not in FOREIGN} == {}
 
 
 def test_each_translation_is_there() -> None:

@@ -140,7 +140,7 @@ def _renew(args: argparse.Namespace) -> None:
         for name in args.names:
             last = authority.index.last(name)
             _issue_now(authority, [name], args.host or (last.hosts if last else ()), args.days)
-            if last is not None and last.state in ("valid", "expires soon"):
+            if last is not None and last.state in ("valid", "expires_soon"):
                 print_line(
                     f"{name}.{last.serial} stays valid until {last.expires:%Y-%m-%d}, or until "
                     f"'zteam certs revoke {name}.{last.serial}'"
@@ -169,7 +169,7 @@ def _list(args: argparse.Namespace) -> None:
     if args.json:
         print_json(rows)
         return
-    cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state) for row in rows]
+    cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
     print_block(format_table(("name", "serial", "expires in", "state"), cells))
     _print_posing(args.folder)
 
@@ -189,7 +189,8 @@ def _explain(args: argparse.Namespace) -> None:
     if args.name not in rights:
         raise UsageError(f"{args.name}: no such name{did_you_mean(args.name, rights)}; known: {', '.join(rights)}")
     last = read_index(args.folder).last(args.name)
-    print_line(f"{args.name}: {f'{args.name}.{last.serial}, {last.state}' if last else 'no certificate yet'}")
+    state = "no certificate yet" if last is None else f"{args.name}.{last.serial}, {last.state.replace('_', ' ')}"
+    print_line(f"{args.name}: {state}")
     print_block(format_table(("may", "key"), explain(rights[args.name]), width=terminal_width()))
 
 

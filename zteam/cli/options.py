@@ -214,7 +214,7 @@ def run_tool(
 
 def run_process(
     build_parser: Callable[[], argparse.ArgumentParser],
-    read: Callable[[argparse.Namespace], "tuple[str, Callable[[], ProcessOptions]]"],
+    read: "Callable[[argparse.Namespace], tuple[str, Callable[[], ProcessOptions]]]",
     argv: Sequence[str] | None = None,
     *,
     needs_output: bool = True,

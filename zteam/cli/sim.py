@@ -115,7 +115,7 @@ def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
         x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "X Y YAW in metres and radians") for word in words)
     except UsageError as error:
         pose = " ".join(word.strip() for word in words)
-        raise UsageError(f"pose {pose!r}: {str(error).partition(': ')[2]}") from None
+        raise UsageError(f"pose {pose!r}: {error}") from None
     if problem := turn_problem(yaw):
         raise UsageError(f"YAW {problem}")
     return x, y, yaw

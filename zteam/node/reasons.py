@@ -12,7 +12,7 @@ class ReasonLog:
     """A reason is printed once until it changes, and not again and again while two of them take turns."""
 
     def __init__(self) -> None:
-        self._printed: dict[str, int] = {}
+        self._logged: dict[str, int] = {}
         """By reason: when it held last."""
 
     def admit(self, reason: str, now: int, *, is_known: bool = False) -> bool:
@@ -20,9 +20,9 @@ class ReasonLog:
 
         Called in each step, or with each change alone.
         """
-        self._printed = {each: held for each, held in self._printed.items() if abs(now - held) < REST}
-        if not reason or (reason not in self._printed and len(self._printed) >= _MOST):
+        logged = self._logged = {each: held for each, held in self._logged.items() if abs(now - held) < REST}
+        if not reason or (reason not in logged and len(logged) >= _MOST):
             return False
-        is_new = reason not in self._printed
-        self._printed[reason] = now
+        is_new = reason not in logged
+        logged[reason] = now
         return is_new and not is_known

@@ -172,7 +172,9 @@ class SimStatus(msgspec.Struct):
     joining: list[str] = []
     """Lock-step: the processes that take part from the next tick on."""
     waiting_for: str = ""
-    """Lock-step: what holds the world."""
+    """Lock-step: what holds the world, in words."""
+    silent: list[str] = []
+    """Lock-step: the participants that hold the world."""
     hung: list[str] = []
     """Lock-step: the participants that were left behind so far."""
     finished: bool = False

@@ -31,8 +31,8 @@ def check_world(facts: Facts) -> Iterator[Finding]:
 
 
 def _hold_step(facts: Facts) -> str:
-    waited = facts.sim.waiting_for.split(", ") if facts.sim else []
-    absent = [name for name in waited if name not in facts.alive and " " not in name]
+    waited = facts.sim.silent if facts.sim else []
+    absent = [name for name in waited if name not in facts.alive]
     if absent:
         robot_id = names.robot_id_of(absent[0])
         return f"start {absent[0]}" if robot_id is None else f"zteam-robot --id {robot_id}"

@@ -196,10 +196,14 @@ class OpenTick:
         self.members = [member for member in self.members if member != name]
         self.joining.discard(name)
 
+    def silent(self) -> list[str]:
+        """The participants that hold the world."""
+        absent = self.absent if self._start is Start.HELD else ()
+        return sorted({*_culprits(self.missing()), *absent})
+
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
-        absent = self.absent if self._start is Start.HELD else ()
-        silent = [_with_need(name, lacking) for name in sorted({*_culprits(self.missing()), *absent})]
+        silent = [_with_need(name, lacking) for name in self.silent()]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)

@@ -283,6 +283,7 @@ class Simulation:
 
     def status(self) -> SimStatus:
         lockstep = self.lockstep
+        held_by, silent = ("", list[str]()) if lockstep is None else lockstep.waiting_for()
         return SimStatus(
             world=self.world.name,
             robots=sorted(self.engine.robots),
@@ -296,7 +297,8 @@ class Simulation:
             lockstep=lockstep is not None,
             participants=lockstep.tick.members if lockstep else [],
             joining=sorted(lockstep.tick.joining) if lockstep else [],
-            waiting_for=lockstep.waiting_for() if lockstep else "",
+            waiting_for=held_by,
+            silent=silent,
             hung=list(lockstep.tick.hung) if lockstep else [],
             finished=self.boundary.finished,
             instance=self._instance,

@@ -25,7 +25,7 @@ _INWARD = 1e-6
 
 
 def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
-    """What keeps `robot` from standing at its pose, as `it would …`; empty if nothing does.
+    """What keeps `robot` from standing at its pose, as `would stand …`; empty if nothing does.
 
     `others` are the robots that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall.
     """
@@ -35,7 +35,7 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
     body = [(shape, place_shape(robot.pose, shape)) for shape in robot.shapes if shape.obstacle]
     for plan in world.floorplans:
         if plan.obstacle and any(_heights_overlap(plan, shape) and _meets_plan(plan, at) for shape, at in body):
-            return f"it would stand in a wall of {plan.name!r}"
+            return f"would stand in a wall of {plan.name!r}"
     reach = _reach(robot.shapes)
     for name, pose, shapes in _standing(world, others):
         if math.dist(pose[:2], robot.pose[:2]) > reach + _reach(shapes):
@@ -43,7 +43,7 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
         for shape in shapes:
             points = place_shape(pose, shape) if shape.obstacle else None
             if points is not None and any(_heights_overlap(shape, own) and _overlap(points, at) for own, at in body):
-                return f"it would stand in {name}"
+                return f"would stand in {name}"
     return ""
 
 
@@ -55,7 +55,7 @@ def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
     for robot_id, robot in enumerate(world.robots):
         hindrance = find_hindrance(world, robot, dict(enumerate(world.robots[:robot_id])))
         if hindrance:
-            yield robot_id, hindrance
+            yield robot_id, f"it {hindrance}"
 
 
 def find_bounds(world: World) -> tuple[Floats, Floats] | None:
@@ -92,7 +92,7 @@ def place_points(pose: Pose2, points: Floats) -> Floats:
 def _find_outside(world: World, pose: Pose2) -> str:
     """A world is open if a robot of its own starts beyond its bounds, or if it has neither a robot nor a bitmap."""
     if not max(abs(pose.x), abs(pose.y)) <= REACH:
-        return f"it would stand outside of the world, which ends {REACH:g} m from its origin"
+        return f"would stand outside of the world, which ends {REACH:g} m from its origin"
     bounds = find_bounds(world)
     if bounds is None or not (world.robots or world.floorplans):
         return ""
@@ -101,7 +101,7 @@ def _find_outside(world: World, pose: Pose2) -> str:
     if ((starts < low) | (starts > high)).any() or bool(((low <= pose[:2]) & (pose[:2] <= high)).all()):
         return ""
     return (
-        f"it would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
+        f"would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
         f"to x {high[0]:g}, y {high[1]:g}"
     )
 

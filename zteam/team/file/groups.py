@@ -72,9 +72,9 @@ class Expansion:
             told = 'robot ids such as "1-7" are expected'
         else:
             try:
-                return parse_robot_ids([str(value)], "ids")
+                return parse_robot_ids([str(value)], "")
             except UsageError as error:
-                told = str(error).removeprefix("ids").removeprefix(":").strip()
+                told = str(error).strip(": ")
         self.ids_known, self._previous = False, None
         self._tell(table, "ids", told)
         return ()

@@ -172,7 +172,7 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                 # Of two robots of the team only the second is told.
                 others = {j: other for j, other in standing.items() if j < entry.id or j not in ids}
                 if hindrance := find_hindrance(world, robot, others):
-                    text = f"robot {entry.id} {hindrance.removeprefix('it ')}"
+                    text = f"robot {entry.id} {hindrance}"
                     text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
                     yield Problem(("robots", i, "id"), text)
             elif not (entry.pose or entry.model):
@@ -187,7 +187,7 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                 yield Problem(("robots", i, "model"), str(error))
                 continue
             if hindrance := find_hindrance(world, robot, robots):
-                yield Problem(("robots", i, "pose"), f"{hindrance}; give a free place as x, y, yaw")
+                yield Problem(("robots", i, "pose"), f"it {hindrance}; give a free place as x, y, yaw")
             robots[entry.id] = robot
 
 

@@ -256,7 +256,11 @@ class Process:
                     continue
                 given = {field: value for field in Report.__struct_fields__ if (value := getattr(news, field))}
                 self.report = msgspec.structs.replace(self.report, **given)
-                self._on_report(self, news)
+                try:
+                    self._on_report(self, news)
+                except Exception:
+                    # The link is also the child's lifeline.
+                    log.exception("a report of %s could not be passed on", self.name)
 
     def _watch(self) -> None:
         """Wait until the process ends, and call `on_exit`."""

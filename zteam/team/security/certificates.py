@@ -55,7 +55,7 @@ _LOOPBACK = ("localhost", "127.0.0.1")
 _SHOWN = 3
 """Of many certificates, those that a line names."""
 
-State = Literal["valid", "expires soon", "expired", "revoked"]
+State = Literal["valid", "expires_soon", "expired", "revoked"]
 
 
 class Issued(msgspec.Struct):
@@ -113,7 +113,7 @@ def now() -> datetime:
 def state_until(expires: datetime) -> State:
     """That of a certificate which is not revoked."""
     left = expires - now()
-    return "expired" if left <= timedelta() else "expires soon" if left < SOON else "valid"
+    return "expired" if left <= timedelta() else "expires_soon" if left < SOON else "valid"
 
 
 def left_text(expires: datetime) -> str:

@@ -14,6 +14,7 @@ from zteam.bus.presence import find_processes
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.messages import Log
 from zteam.monitor.observer import TeamObserver
+from zteam.node.faults import log_fault
 from zteam.team.launch.process import exit_text
 
 RETURN = 2.5 * HOST_FACTOR
@@ -95,7 +96,7 @@ class Others:
             self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
 
     def _take(self, name: str, _key: str, message: Log) -> None:
-        if message.level >= logging.CRITICAL:
+        if message.level >= logging.CRITICAL and message.function == log_fault.__name__:
             self._faults[name] = message.msg
         level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
         self._team.take_line(name, f"{level}{message.msg}")

@@ -50,13 +50,13 @@ PILLAR = Obstacle("pillar", Pose2(2.0, 0.0, math.pi / 4), box(1.0, 1.0))
 def test_a_robot_does_not_stand_in_things(x: float, y: float, yaw: float, free: bool) -> None:
     """The bodies themselves count, however they are turned, and not the boxes around them."""
     told = find_hindrance(world(PILLAR), robot(x, y, yaw), {})
-    assert told == ("" if free else "it would stand in 'pillar'")
+    assert told == ("" if free else "would stand in 'pillar'")
 
 
 def test_a_cross_of_two_bars_collides() -> None:
     """Two bodies of which neither has a corner or its centre in the other."""
     bar = Obstacle("bar", Pose2(0.15, 0.0, 0.0), box(0.05, 3.0))
-    assert find_hindrance(world(bar), robot(0.0, 0.0), {}) == "it would stand in 'bar'"
+    assert find_hindrance(world(bar), robot(0.0, 0.0), {}) == "would stand in 'bar'"
 
 
 def test_touching_is_standing_beside() -> None:
@@ -64,7 +64,7 @@ def test_touching_is_standing_beside() -> None:
     wall = Obstacle("wall", Pose2(0.0, 1.0, 0.0), box(4.0, 0.2))
     assert find_hindrance(world(wall), robot(0.0, 0.8), {}) == ""
     assert find_hindrance(world(wall), robot(0.0, 0.8), {9: robot(0.4, 0.8)}) == ""
-    assert find_hindrance(world(wall), robot(0.0, 0.8), {9: robot(0.39, 0.8)}) == "it would stand in robot 9"
+    assert find_hindrance(world(wall), robot(0.0, 0.8), {9: robot(0.39, 0.8)}) == "would stand in robot 9"
 
 
 def test_what_is_above_or_no_obstacle_is_no_hindrance() -> None:
@@ -85,7 +85,7 @@ def test_the_walls_of_a_bitmap_are_in_the_way(yaw: float) -> None:
         return find_hindrance(world(plans=(plan(yaw=yaw),)), robot(x, y, yaw), {})
 
     assert told(5.0, 3.0) == told(0.31, 0.21) == told(9.69, 5.79) == ""
-    assert told(0.2, 3.0) == told(9.8, 3.0) == told(5.0, 0.1) == told(5.0, 5.9) == "it would stand in a wall of 'floor'"
+    assert told(0.2, 3.0) == told(9.8, 3.0) == told(5.0, 0.1) == told(5.0, 5.9) == "would stand in a wall of 'floor'"
 
 
 def test_a_part_of_a_cell_is_in_the_way() -> None:
@@ -93,7 +93,7 @@ def test_a_part_of_a_cell_is_in_the_way() -> None:
     cells = np.zeros((4, 4), bool)
     cells[2, 2] = True
     coarse = Floorplan("blocks", cells, (1.0, 1.0), Pose2(0.0, 0.0, 0.0), 0.0, 1.0)
-    assert find_hindrance(world(plans=(coarse,)), robot(1.86, 2.1), {}) == "it would stand in a wall of 'blocks'"
+    assert find_hindrance(world(plans=(coarse,)), robot(1.86, 2.1), {}) == "would stand in a wall of 'blocks'"
     assert find_hindrance(world(plans=(coarse,)), robot(1.84, 2.1), {}) == ""
 
 
@@ -103,13 +103,13 @@ def test_there_is_room_in_the_hollow_of_a_thing() -> None:
     dock = world(Obstacle("dock", Pose2(0.0, 0.0, 0.0), (Shape(points, 0.0, 1.0),)))
     assert find_hindrance(dock, robot(0.0, 0.1), {}) == find_hindrance(dock, robot(0.0, 0.75), {}) == ""
     for x, y in ((1.5, 1.0), (0.0, -0.5), (0.81, 1.0)):
-        assert find_hindrance(dock, robot(x, y), {}) == "it would stand in 'dock'"
+        assert find_hindrance(dock, robot(x, y), {}) == "would stand in 'dock'"
 
 
 def test_outside_is_beyond_what_stands_still() -> None:
     """A floor plan bounds a world; a plain with a pillar and no robots of its own goes on for 1,000 km."""
     told = find_hindrance(world(plans=(plan(),)), robot(40.0, 3.0), {})
-    assert told == "it would stand outside of the world, which reaches from x 1, y 2 to x 11, y 8"
+    assert told == "would stand outside of the world, which reaches from x 1, y 2 to x 11, y 8"
     assert "outside" in find_hindrance(world(plans=(plan(),)), robot(5.0, 1.5), {})
     assert find_hindrance(world(PILLAR), robot(40.0, 3.0), {}) == ""
     assert "outside" in find_hindrance(world(plans=(plan(),)), robot(1e308, -1e308), {})

@@ -241,7 +241,7 @@ def test_a_certificate_that_ends_is_told_in_time(folder: Path, later: Callable[[
     later(350)
     assert issued.state == "valid"
     later(352)
-    assert issued.state == "expires soon"
+    assert issued.state == "expires_soon"
     (line,) = prepare(folder, "", RIGHTS, "", ["robot_1"])
     assert line.startswith("the certificate robot_1.1 expires on ")
     assert line.endswith(f"'zteam certs renew robot_1 --folder {folder}'")
