@@ -15,11 +15,11 @@ from zteam.bus.lateness import LATE
 from zteam.clock import FREEZES, NS_PER_S, Every, monotonic, to_ns, to_seconds
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
+from zteam.config.simulation_options import SimOptions
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Clock, OccupancyGrid, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
-from zteam.node.process_options import SimOptions
 from zteam.simulator.client import (
     FaultRequest,
     MoveRequest,
