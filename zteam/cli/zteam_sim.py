@@ -51,8 +51,8 @@ def build_parser() -> Parser:
 def simulation_options(args: argparse.Namespace) -> Options:
     """The simulation options of a parsed command line. Raises UsageError."""
     try:
-        alphas = args.odom_alphas and tuple(map(float, args.odom_alphas.split(",")))
-        if alphas and len(alphas) != 4:
+        alphas = None if args.odom_alphas is None else tuple(map(float, args.odom_alphas.split(",")))
+        if alphas is not None and len(alphas) != 4:
             raise ValueError("--odom-alphas takes four numbers, such as 0.05,0.01,0.02,0.01")
         return read_options(Options, args, odom_alphas=alphas)
     except ValueError as error:
