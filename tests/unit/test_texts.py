@@ -80,7 +80,7 @@ def goes_by_text(node: ast.AST, known: set[str]) -> bool:
         case ast.Compare(ops=[ast.Eq() | ast.NotEq() | ast.In() | ast.NotIn() as ask, *_]):
             sides, names = looked_for(node), names_in(node)
             is_empty = any(isinstance(side, ast.Constant) and not side.value for side in sides)
-            is_former = isinstance(ask, ast.Eq | ast.NotEq) and bool({name.strip("_") for name in names} & FORMER)
+            is_former = bool({name.strip("_") for name in names} & FORMER)
             is_change = is_former and not any(map(literal, sides)) and not any(map(str.isupper, names))
             return not is_empty and not is_change and any(has_text(side, known) for side in sides)
         case ast.Call(func=ast.Attribute(attr="removesuffix"), args=[ast.Constant(value=": ")]):

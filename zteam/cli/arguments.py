@@ -3,24 +3,18 @@
 import argparse
 import os
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import msgspec
 
 from zteam.config.numbers import is_number, parse_number, parse_whole
 from zteam.errors import UsageError
 
 T = TypeVar("T")
+S = TypeVar("S", bound=msgspec.Struct)
 
-MIN_SEED, MAX_SEED = -(2**63), 2**63 - 1
 MAX_RATE = 1e4
 """Hz at which a command can repeat something."""
-MIN_RUN = 1e-6
-"""Simulated seconds of the shortest `--for`: the run ends with the tick of GO."""
-UNTIL_TICKS = (2, 10**12)
-"""Bounds of `--until`: the first tick is sent in any case."""
-GO_TIMEOUTS = (1e-3, 86400.0)
-"""Bounds of `--go-timeout`, host seconds."""
-LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
-"""Bounds of `--lockstep-timeout`, host seconds."""
 
 
 def number(low: float, high: float, what: str) -> Callable[[str], float]:
@@ -56,10 +50,44 @@ def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
     return parse_option
 
 
+def add_options(
+    parser: argparse._ActionsContainer, options: msgspec.Struct | type[msgspec.Struct], *names: str, **texts: str
+) -> None:
+    """Add the options that a struct declares with its fields (`zteam.config.option`), or those of `names` and `texts`.
+
+    `texts` replace help texts. If `options` is an instance, its values are the defaults.
+    """
+    kind = options if isinstance(options, type) else type(options)
+    for field in msgspec.structs.fields(kind):
+        name, metas = field.name, getattr(field.type, "__metadata__", ())
+        if not metas or ((names or texts) and name not in (*names, *texts)):
+            continue
+        default = field.default if options is kind else getattr(options, name)
+        keywords = {"dest": name, "default": default, "help": texts.get(name, metas[0].description), **metas[0].extra}
+        flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
+        if bounds := keywords.pop("typed", None):
+            keywords["type"] = (whole if isinstance(bounds[0], int) else number)(*bounds)
+        if isinstance(default, bool):
+            keywords["action"] = f"store_{not default}".lower()
+        elif default and "default" not in keywords["help"]:
+            keywords["help"] += f" (default: %(default){'g' if isinstance(default, float) else 's'})"
+        for part in (field.type.__origin__, *get_args(field.type.__origin__)):
+            if get_origin(part) is Literal:
+                keywords["choices"] = get_args(part)
+        parser.add_argument(f"--{flag}", **keywords)
+
+
+def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
+    """A struct of the values that a user gave to the options of `add_options`; `others` are its other fields."""
+    typed = {name: getattr(args, name) for name in kind.__struct_fields__ if hasattr(args, name)}
+    lists = {name: tuple(value) for name, value in typed.items() if isinstance(value, list)}
+    return kind(**{**typed, **lists, **others})
+
+
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--go-timeout",
-        type=number(*GO_TIMEOUTS, "host seconds"),
+        type=number(1e-3, 86400.0, "host seconds"),
         metavar="SECONDS",
         help="without GO after so many host seconds, name the robots that are missing and end with 1",
     )
@@ -79,15 +107,6 @@ def add_path_option(parser: argparse.ArgumentParser) -> None:
 def folders_of(args: argparse.Namespace) -> tuple[str, ...]:
     """Where modules are looked for: the folders of `--path`, those of $ZTEAM_PATH, and the current one."""
     return (*args.path, *filter(None, os.environ.get("ZTEAM_PATH", "").split(os.pathsep)), "")
-
-
-def add_seed_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--seed",
-        type=whole(MIN_SEED, MAX_SEED, "a seed"),
-        default=1,
-        help="seed of all random numbers (default: %(default)s)",
-    )
 
 
 def parse_speed(text: str) -> float | None:

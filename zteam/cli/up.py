@@ -15,22 +15,13 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
-from zteam.cli.arguments import (
-    LOCKSTEP_TIMEOUTS,
-    MAX_SEED,
-    MIN_RUN,
-    MIN_SEED,
-    UNTIL_TICKS,
-    add_go_timeout_option,
-    number,
-    parse_speed,
-    whole,
-)
+from zteam.cli.arguments import add_go_timeout_option, add_options, parse_speed
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.output import print_block
-from zteam.config.numbers import MAX_SECONDS, counted
+from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
+from zteam.config.simulation_options import LockStepOptions, SimOptions
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
 
@@ -53,23 +44,16 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--world", metavar="FILE", help="use this world file or shipped world (default: the team file's)"
     )
-    parser.add_argument(
-        "--seed", type=whole(MIN_SEED, MAX_SEED, "a seed"), help="use this seed (default: the team file's)"
+    add_options(
+        parser,
+        SimOptions,
+        "speed",
+        seed="use this seed (default: the team file's)",
+        run_for="end this many simulated seconds after GO",
+        until="end before this tick of the simulator",
     )
-    parser.add_argument(
-        "--for",
-        dest="run_for",
-        type=number(MIN_RUN, MAX_SECONDS, "simulated seconds"),
-        metavar="SECONDS",
-        help="end this many simulated seconds after GO",
-    )
-    parser.add_argument(
-        "--until", type=whole(*UNTIL_TICKS, "a tick"), metavar="TICK", help="end before this tick of the simulator"
-    )
+    parser.set_defaults(seed=None)
     parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for or --until")
-    parser.add_argument(
-        "--speed", metavar="X", help="simulated seconds per host second, or max (default: 1; max in lock-step)"
-    )
     parser.add_argument(
         "--secure",
         nargs="?",
@@ -106,7 +90,15 @@ def build_parser() -> Parser:
         "--compose", action="store_true", help="print a compose file with a container for each process, and end"
     )
     add_go_timeout_option(parser)
-    _add_lockstep_options(parser)
+    parser.add_argument(
+        "--lockstep", action="store_true", help="wait for every process in each tick: equal seeds give equal runs"
+    )
+    add_options(
+        parser,
+        LockStepOptions,
+        timeout="stop waiting for a live process that does not answer for so long",
+        expected="wait for these nodes of your own before the first tick; needs --lockstep",
+    )
     add_bus_options(parser)
     return parser
 
@@ -129,26 +121,6 @@ def _add_team_arguments(parser: Parser) -> None:
     parser.add_argument("--help-args", action="store_true", help="list the arguments that the team file takes, and end")
 
 
-def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--lockstep", action="store_true", help="wait for every process in each tick: equal seeds give equal runs"
-    )
-    parser.add_argument(
-        "--lockstep-timeout",
-        type=number(*LOCKSTEP_TIMEOUTS, "host seconds"),
-        default=10.0,
-        metavar="SECONDS",
-        help="stop waiting for a live process that does not answer for so long (default: %(default)g)",
-    )
-    parser.add_argument(
-        "--expect",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="wait for these nodes of your own before the first tick; needs --lockstep",
-    )
-
-
 def _check_options(args: argparse.Namespace) -> None:
     """Raise UsageError if an option is wrong, or needs another one."""
     if "=" in args.team and not Path(args.team).exists():
@@ -159,7 +131,7 @@ def _check_options(args: argparse.Namespace) -> None:
         parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
-    if args.expect and not args.lockstep:
+    if args.expected and not args.lockstep:
         raise UsageError("--expect needs --lockstep")
     if args.report and args.run_for is None and args.until is None:
         raise UsageError("--report needs --for SECONDS or --until TICK: only a run with an end has a report")
@@ -183,7 +155,7 @@ def _check_options(args: argparse.Namespace) -> None:
         args.bus = args.view
     if not args.in_process or args.bus:
         return
-    if args.expect:
+    if args.expected:
         raise UsageError("--expect needs processes, or --bus: no other process can join a team with --in-process")
     if args.connect is not None and args.connect != os.environ.get("ZTEAM_CONNECT"):
         raise UsageError("--connect needs processes, or --bus: a team with --in-process has no router")
@@ -265,7 +237,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
             args.seed,
         )
     resolved = world.resolve() if world else None
-    pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
+    pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None
     if args.view:
         view = structs.replace(ViewOptions.from_environment(), browser=not args.no_browser, name=VIEW)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from zteam import names
-from zteam.cli.arguments import add_go_timeout_option, number
+from zteam.cli.arguments import add_go_timeout_option, add_options, read_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError
@@ -18,17 +18,7 @@ def build_parser() -> Parser:
     parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
     parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
-    parser.add_argument(
-        "--in-world", action="store_true", help="with --ids: wait only for those that the simulator's world has"
-    )
-    parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
-    parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is sent and every robot runs")
-    parser.add_argument(
-        "--table",
-        type=number(0.1, 86400.0, "seconds"),
-        metavar="SECONDS",
-        help="also print the table this often, in host time, where the output is no terminal",
-    )
+    add_options(parser, MonitorOptions)
     add_go_timeout_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
@@ -54,7 +44,7 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:
     team_size, ids = parse_team(args.team_size, args.ids)
     if args.in_world and ids is None:
         raise UsageError("--in-world needs --ids")
-    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout, args.in_world)
+    options = read_options(MonitorOptions, args, team_size=team_size, ids=ids)
     return names.MONITOR, lambda: options
 
 

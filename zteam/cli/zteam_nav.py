@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from zteam import names
-from zteam.cli.arguments import add_seed_option
+from zteam.cli.arguments import add_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -38,7 +38,7 @@ def build_parser() -> Parser:
         choices=("amcl", "fake", "none"),
         help="how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all",
     )
-    add_seed_option(parser)
+    add_options(parser, NavigationOptions)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_path_option, add_seed_option, folders_of, option_type
+from zteam.cli.arguments import add_options, add_path_option, folders_of, option_type, read_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.problems import problems_of
 from zteam.config.toml_values import parse_value
@@ -46,11 +46,7 @@ def build_parser() -> Parser:
         help="set footprint or a limit instead of what base_info tells, e.g. max_vel_x=0.4 (repeatable)",
     )
     add_path_option(parser)
-    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
-    parser.add_argument(
-        "--no-safety", action="store_true", help="drive without the safety layer: nothing stops it before obstacles"
-    )
-    add_seed_option(parser)
+    add_options(parser, RobotOptions)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser
@@ -102,15 +98,9 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
         spec, params = "follow", {"leader": args.follow, **params}
     elif spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
-    options = RobotOptions(
-        robot_id=args.id,
-        behavior=spec,
-        params=params,
-        gate=not args.no_gate,
-        seed=args.seed,
-        base=read_base(args.base),
-        safety=not args.no_safety,
-        folders=folders_of(args),
+    base, folders = read_base(args.base), folders_of(args)
+    options = read_options(
+        RobotOptions, args, robot_id=args.id, behavior=spec, params=params, base=base, folders=folders
     )
     return names.robot_name(args.id), lambda: options
 

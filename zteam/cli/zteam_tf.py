@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import MAX_RATE, number
+from zteam.cli.arguments import add_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.node.process_options import AggregatorOptions
 
@@ -19,12 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         "team", nargs="?", metavar="TEAM.toml", help="read static transforms and robot descriptions from this team file"
     )
     parser.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help="arguments of the team file")
-    parser.add_argument(
-        "--rate",
-        type=number(1e-3, MAX_RATE, "bundles a second"),
-        metavar="HZ",
-        help="publish at this rate (default: once per tick)",
-    )
+    add_options(parser, AggregatorOptions)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser

@@ -124,7 +124,9 @@ def _shown(value: Any) -> str:
 
 
 def _choices(text: str, kind: Any) -> str:
-    if "enum value" not in text:
-        return ""
-    choices = [choice for part in get_args(kind) for choice in (get_args(part) or (part,))]
-    return f"; one of {', '.join(c for c in choices if isinstance(c, str))}"
+    return f"; one of {', '.join(_words_of(kind))}" if "enum value" in text else ""
+
+
+def _words_of(kind: Any) -> list[str]:
+    """All words that a type allows, as in `Annotated[Literal["amcl", "fake"] | None, …]`."""
+    return [kind] if isinstance(kind, str) else [word for part in get_args(kind) for word in _words_of(part)]

@@ -1,14 +1,21 @@
-"""Options of contacts and sensors: the `[simulation]` table of a team file, and options of `zteam-sim`."""
+"""Options of a simulator, as of `zteam-sim`; those of contacts and sensors are a team file's `[simulation]` table."""
 
 import math
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
 
+from zteam.config.fault import Fault
+from zteam.config.numbers import MAX_SECONDS
+from zteam.config.option import Seed, option
 from zteam.config.problems import KeyValueError
+from zteam.geometry import Pose2
 
 PHYSICS = ("dynamic", "stage", "kinematic")
 """Values of `Options.physics`."""
+LOCKSTEP_TIMEOUT = 10.0
+"""Host seconds until lock-step leaves a living participant behind that does not answer."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -17,26 +24,29 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     Raises ValueError for a value out of range.
     """
 
-    physics: Literal["dynamic", "stage", "kinematic"] | None = None
-    """`dynamic`: bodies slide and push (pymunk). `stage`: Stage's own steps; a robot does not make a step that would
-    collide. `kinematic`: the same with exact arcs; the fastest, for crowds. None: as the world file says."""
-    no_hit: Literal["range_max", "inf"] = "range_max"
-    """Range of a beam that hits nothing: Stage's range_max, or REP 117's inf."""
-    below_min: Literal["measured", "-inf", "zero"] = "measured"
-    """Range of a beam that hits something nearer than range_min: the true range as in Stage, REP 117's -inf, or 0."""
-    gaussian_noise: float = 0.0
-    """Standard deviation in metres of every laser, added to the world file's noise."""
-    proportional_noise: float = 0.0
-    """Standard deviation of every laser as a share of the range."""
-    odom_alphas: tuple[float, float, float, float] | None = None
-    """Thrun's four parameters for every robot (`Robot.odom_alphas`); None: as the world file says."""
-    dazzle: Literal["off", "drop", "max", "short", "scan"] = "off"
-    """Interference of two lasers at the same height that see each other. Beams towards the other laser read NaN
-    (`drop`), range_max (`max`) or a short range (`short`); or the whole scan reads NaN (`scan`)."""
-    dazzle_angle: float = math.radians(2.0)
-    """Angle in radians on either side of the other laser within which beams are affected."""
-    dazzle_probability: float = 1.0
-    """Share of the scans that are affected, of those in which two lasers see each other."""
+    physics: Annotated[
+        Literal["dynamic", "stage", "kinematic"] | None,
+        option("how contacts are simulated (default: what the world says, else dynamic)"),
+    ] = None
+    no_hit: Annotated[Literal["range_max", "inf"], option("range of a beam that hits nothing")] = "range_max"
+    below_min: Annotated[
+        Literal["measured", "-inf", "zero"], option("range of a beam that hits something nearer than range_min")
+    ] = "measured"
+    gaussian_noise: Annotated[float, option("noise of all lasers: standard deviation, m", "M", type=float)] = 0.0
+    proportional_noise: Annotated[
+        float, option("noise of all lasers: standard deviation / range", "SHARE", type=float)
+    ] = 0.0
+    odom_alphas: Annotated[
+        tuple[float, float, float, float] | None,
+        option("noise of all odometry (Thrun), e.g. 0.05,0.01,0.02,0.01", "A1,A2,A3,A4"),
+    ] = None
+    dazzle: Annotated[
+        Literal["off", "drop", "max", "short", "scan"], option("interference of lasers that see each other")
+    ] = "off"
+    dazzle_angle: Annotated[float, option("angle on either side of the other laser", "RAD", type=float)] = math.radians(
+        2.0
+    )
+    dazzle_probability: Annotated[float, option("share of dazzled scans", "P", type=float)] = 1.0
 
     def __post_init__(self) -> None:
         for name, values, high in (
@@ -49,3 +59,64 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             for value in values:
                 if not 0.0 <= value <= high:
                     raise KeyValueError(name, f"must be from 0 to {high:g}, not {value:g}")
+
+
+class LockStepOptions(msgspec.Struct, frozen=True):
+    """How the simulator keeps lock-step."""
+
+    expected: Annotated[
+        tuple[str, ...],
+        option(
+            "hold the first tick until these join, e.g. tf planner; needs --lockstep", "NAME", flag="expect", nargs="+"
+        ),
+    ] = ()
+    timeout: Annotated[
+        float,
+        option(
+            "stop waiting for a live participant that does not answer for so long",
+            "SECONDS",
+            flag="lockstep-timeout",
+            typed=(1e-3, 3600.0, "host seconds"),
+        ),
+    ] = LOCKSTEP_TIMEOUT
+    gate: Annotated[bool, option("do not wait for the monitor's GO in lock-step; needs --lockstep")] = True
+
+
+class SimOptions(msgspec.Struct, frozen=True):
+    """A simulator."""
+
+    world: Path
+    seed: Seed = 1
+    map_resolution: Annotated[
+        float, option("cell size of the published map, metres", "M", typed=(1e-4, 1e4, "metres a cell"))
+    ] = 0.05
+    has_map: Annotated[bool, option("publish no map: zteam-map serves another one", flag="no-map")] = True
+    added: tuple[tuple[int, str, Pose2], ...] = ()
+    """Further robots: id, model, pose in `map`."""
+    world_robots: Annotated[bool, option("leave out the world's own robots", flag="only-added")] = True
+    follows: dict[int, int] = msgspec.field(default_factory=dict)
+    """Pairs whose gap is measured: follower -> leader."""
+    engine: Options = Options()
+    run_for: Annotated[
+        float | None,
+        option(
+            "pause this many simulated seconds after GO, and keep answering queries",
+            "SECONDS",
+            flag="for",
+            # The shortest run ends with the tick of GO.
+            typed=(1e-6, MAX_SECONDS, "simulated seconds"),
+        ),
+    ] = None
+    # The first tick is sent in any case.
+    until: Annotated[
+        int | None, option("pause before this tick, and keep answering queries", "TICK", typed=(2, 10**12, "a tick"))
+    ] = None
+    speed: Annotated[
+        float | None,
+        option("simulated seconds per host second, or max (default: 1; max in lock-step)", "X", default=None),
+    ] = 1.0
+    """None = as fast as possible."""
+    paused: Annotated[bool, option("pause at the first tick ('zteam sim resume' continues)")] = False
+    lockstep: LockStepOptions | None = None
+    faults: tuple[Fault, ...] = ()
+    """On purpose, in lock-step: those that the simulator can carry out."""

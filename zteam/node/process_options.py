@@ -7,65 +7,25 @@ launcher hands them to its children as one line of JSON on their standard input.
 import json
 import os
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 import msgspec
 
 from zteam.bus.options import RouterOptions
-from zteam.config.fault import Fault
-from zteam.config.simulation_options import Options
+from zteam.config.option import Seed, option
+from zteam.config.simulation_options import LOCKSTEP_TIMEOUT as LOCKSTEP_TIMEOUT
+from zteam.config.simulation_options import LockStepOptions as LockStepOptions
+from zteam.config.simulation_options import SimOptions as SimOptions
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
 from zteam.messages import TransformStamped
 from zteam.messages.base import BaseOverride
 
-LOCKSTEP_TIMEOUT = 10.0
-"""Host seconds until lock-step leaves a living participant behind that does not answer."""
+PORTS = (0, 65535, "a port")
 DEFAULT_VIEW_PORT = 8765
 DEFAULT_FOXGLOVE_PORT = 8766
 
 MAX_LINE = 1 << 24
 """Characters of a launcher's line."""
-
-
-class LockStepOptions(msgspec.Struct, frozen=True):
-    """How the simulator keeps lock-step."""
-
-    expected: tuple[str, ...] = ()
-    """The first tick is held until these processes take part."""
-    timeout: float = LOCKSTEP_TIMEOUT
-    """Host seconds until a living participant that does not answer is dropped."""
-    gate: bool = True
-    """Hold the first tick until the monitor gives GO."""
-
-
-class SimOptions(msgspec.Struct, frozen=True):
-    """A simulator."""
-
-    world: Path
-    seed: int = 1
-    map_resolution: float = 0.05
-    """Metres a cell of the published map."""
-    has_map: bool = True
-    """Whether it publishes one."""
-    world_robots: bool = True
-    """Whether the world's own robots are simulated."""
-    added: tuple[tuple[int, str, Pose2], ...] = ()
-    """Further robots: id, model, pose in `map`."""
-    follows: dict[int, int] = msgspec.field(default_factory=dict)
-    """Pairs whose gap is measured: follower -> leader."""
-    engine: Options = Options()
-    run_for: float | None = None
-    """Stand still this many simulated seconds after GO."""
-    until: int | None = None
-    """Stand still before this tick."""
-    speed: float | None = 1.0
-    """Simulated seconds a second of the host; None = as fast as possible."""
-    paused: bool = False
-    """Stand still at the first tick."""
-    lockstep: LockStepOptions | None = None
-    faults: tuple[Fault, ...] = ()
-    """On purpose, in lock-step: those that the simulator can carry out."""
 
 
 class MapOptions(msgspec.Struct, frozen=True):
@@ -81,8 +41,10 @@ class AggregatorOptions(msgspec.Struct, frozen=True):
     static_transforms: tuple[TransformStamped, ...] = ()
     descriptions: dict[int, Path] = msgspec.field(default_factory=dict)
     """URDF files, by robot."""
-    rate: float | None = None
-    """Bundles a second; None = one a tick."""
+    rate: Annotated[
+        float | None,
+        option("publish at this rate (default: once per tick)", "HZ", typed=(1e-3, 1e4, "bundles a second")),
+    ] = None
 
 
 class MonitorOptions(msgspec.Struct, frozen=True):
@@ -91,14 +53,20 @@ class MonitorOptions(msgspec.Struct, frozen=True):
     team_size: int
     """0: look at the monitor that runs."""
     ids: tuple[int, ...] | None = None
-    json: bool = False
-    exit_on_go: bool = False
-    table: float | None = None
-    """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
+    json: Annotated[bool, option("print events as JSON lines: event, robot, text")] = False
+    exit_on_go: Annotated[bool, option("end with 0 once GO is sent and every robot runs")] = False
+    table: Annotated[
+        float | None,
+        option(
+            "also print the table this often, in host time, where the output is no terminal",
+            "SECONDS",
+            typed=(0.1, 86400.0, "seconds"),
+        ),
+    ] = None
+    """Infinity = a single one."""
     go_timeout: float | None = None
     """Host seconds without GO after which to give up. Simulated time may stand still until GO."""
-    in_world: bool = False
-    """Whether GO waits only for those of `ids` that the simulator's world has."""
+    in_world: Annotated[bool, option("with --ids: wait only for those that the simulator's world has")] = False
 
 
 class RobotOptions(msgspec.Struct, frozen=True):
@@ -109,13 +77,12 @@ class RobotOptions(msgspec.Struct, frozen=True):
     """Its name."""
     params: dict[str, Any] = {}
     """Of the behaviour, by name."""
-    gate: bool = True
-    """Wait for the monitor's GO."""
-    seed: int = 1
+    gate: Annotated[bool, option("drive without waiting for the monitor's GO")] = True
+    seed: Seed = 1
     base: BaseOverride = BaseOverride()
     """What holds instead of `base_info`."""
-    safety: bool = True
-    """Without it nothing but the limits of the base holds."""
+    safety: Annotated[bool, option("drive without the safety layer: nothing stops it before obstacles")] = True
+    """Without it only the limits of the base hold."""
     folders: tuple[str, ...] = ("",)
     """Where the module of a user's behaviour may lie; an empty name is the current folder."""
 
@@ -138,29 +105,31 @@ class NavigationOptions(msgspec.Struct, frozen=True):
 
     robots: dict[int, NavigatedRobot]
     """By id."""
-    seed: int = 1
+    seed: Seed = 1
 
 
 class ViewOptions(msgspec.Struct, frozen=True):
     """A view: where its page is served."""
 
-    host: str = "127.0.0.1"
-    port: int = DEFAULT_VIEW_PORT
-    """0: any."""
-    token: str = ""
-    """Empty: one is made."""
-    browser: bool = True
-    """Whether the page is opened in the user's browser."""
-    layout: Path | None = None
-    """A file with the layout that pages begin with."""
-    foxglove_port: int | None = None
+    host: Annotated[str, option("listen at this address (default: %(default)s; $ZTEAM_VIEW_HOST)")] = "127.0.0.1"
+    port: Annotated[int, option("listen at this port, 0 for any", typed=PORTS)] = DEFAULT_VIEW_PORT
+    public_url: Annotated[
+        str,
+        option(
+            "print this address: where browsers find the page behind a published port or a proxy ($ZTEAM_VIEW_URL)",
+            "URL",
+        ),
+    ] = ""
+    browser: Annotated[bool, option("print the address only")] = True
+    layout: Annotated[Path | None, option("begin with this layout, which the page has saved", "FILE", type=Path)] = None
+    token: Annotated[str, option("what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)")] = ""
+    foxglove_port: Annotated[int | None, option("where they find it (default: %(default)s)", typed=PORTS)] = None
     """Where Foxglove finds the team; 0: any, None: nowhere."""
-    foxglove_layout: Path | None = None
-    """A file to write a layout for Foxglove to, instead of a view."""
+    foxglove_layout: Annotated[
+        Path | None, option("write a layout of this team's topics for them, and end", "FILE", type=Path)
+    ] = None
     name: str = ""
     """Its name on the bus; empty: a new one of its kind."""
-    public_url: str = ""
-    """Where browsers find the page, if that is not where it is served: behind a published port, or a proxy."""
 
     @classmethod
     def from_environment(cls) -> "ViewOptions":

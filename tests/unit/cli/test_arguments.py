@@ -1,11 +1,19 @@
 """The numeric options of every command, and the values that several commands share."""
 
+import argparse
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
 import pytest
 
 from support.commands import exit_code
 from zteam.cli import bench, sim, tf, topic, up, world, zteam_robot, zteam_router, zteam_sim, zteam_tf
-from zteam.cli.arguments import negative_numbers, parse_speed
+from zteam.cli.arguments import add_options, negative_numbers, parse_speed, read_options
+from zteam.config.option import option
+from zteam.config.simulation_options import LockStepOptions, Options
 from zteam.errors import UsageError
+from zteam.node.process_options import AggregatorOptions, ViewOptions
 
 BAD = ("nan", "inf", "-inf", "1e308", "-1e308", "word", "", "1e-300x", "9" * 5000)
 """Values that every numeric option refuses."""
@@ -114,3 +122,61 @@ def test_negative_numbers_are_hidden_from_argparse() -> None:
     """Negative numbers in any notation get a space in front; options and other words stay."""
     words = ["move", "-1e-3", "-.5", "-inf", "2", "--force", "-x", "-"]
     assert negative_numbers(words) == ["move", " -1e-3", " -.5", " -inf", "2", "--force", "-x", "-"]
+
+
+class Sample(msgspec.Struct):
+    """One option of each kind, and a field that is none."""
+
+    plain: int = 7
+    cell_size: Annotated[float, option("metres", "M", typed=(0.1, 9.0, "metres"))] = 0.5
+    count: Annotated[int | None, option("how many", typed=(0, 9, "a count"))] = None
+    way: Annotated[Literal["near", "far"] | None, option("which way")] = None
+    quiet: Annotated[bool, option("print less")] = False
+    gate: Annotated[bool, option("drive at once")] = True
+    has_map: Annotated[bool, option("publish none", flag="no-map")] = True
+    names: Annotated[tuple[str, ...], option("wait for these", "NAME", flag="expect", nargs="+")] = ()
+    file: Annotated[Path | None, option("read it", "FILE", type=Path)] = None
+
+
+def sample(words: str, options: Any = Sample, *names: str, **texts: str) -> argparse.Namespace:
+    """A command line, parsed."""
+    parser = argparse.ArgumentParser()
+    add_options(parser, options, *names, **texts)
+    return parser.parse_args(words.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "given"),
+    [
+        ("", {}),
+        ("--cell-size 2 --count 3", {"cell_size": 2.0, "count": 3}),
+        ("--way far --quiet --no-gate --no-map", {"way": "far", "quiet": True, "gate": False, "has_map": False}),
+        ("--expect a b --file x.yaml", {"names": ("a", "b"), "file": Path("x.yaml")}),
+    ],
+)
+def test_fields_that_say_so_are_options(words: str, given: dict[str, Any]) -> None:
+    """What a user does not type has the default of its field; a field without an option is given by the command."""
+    assert read_options(Sample, sample(words), plain=8) == Sample(plain=8, **given)
+
+
+@pytest.mark.parametrize("words", ["--cell-size 10", "--count 1.5", "--way up", "--gate", "--plain 1"])
+def test_a_field_bounds_what_may_be_typed(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ranges and choices are those of the field; no option has two names."""
+    assert exit_code(sample, words) == 2
+    assert words.split()[0] in capsys.readouterr().err
+
+
+def test_a_command_may_take_some_options_with_texts_and_defaults_of_its_own() -> None:
+    """As `zteam up` takes those of the world from `zteam-sim`."""
+    parser = argparse.ArgumentParser()
+    add_options(parser, Sample(cell_size=3.0), "cell_size", way="the way home")
+    text = " ".join(parser.format_help().split())
+    assert "metres (default: 3)" in text
+    assert "the way home" in text
+    assert "--count" not in text
+
+
+@pytest.mark.parametrize("kind", [Options, LockStepOptions, AggregatorOptions, ViewOptions])
+def test_without_words_a_process_has_its_defaults(kind: type[msgspec.Struct]) -> None:
+    """A command line without options and a launcher without a team file start equal processes."""
+    assert read_options(kind, sample("", kind)) == kind()

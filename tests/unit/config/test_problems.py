@@ -1,6 +1,6 @@
 """Mistakes in a table, in words that name the value and what is expected."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import pytest
@@ -16,6 +16,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True):
     pose: tuple[float, float, float] = (0, 0, 0)
     on: bool = False
     leader: int | None = None
+    kind: Annotated[Literal["amcl", "fake"] | None, msgspec.Meta(description="how")] = None
     few: Annotated[list[int], msgspec.Meta(max_length=2)] = []
 
 
@@ -29,6 +30,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True):
         ({"pose": [1, 2, "x"]}, 'pose[2]: a number is expected, not "x"'),
         ({"on": 1}, "on: true or false is expected, not 1"),
         ({"leader": "s"}, 'leader: a whole number is expected, not "s"'),
+        ({"kind": "gps"}, "kind: Invalid enum value 'gps'; one of amcl, fake"),
         ({"few": [1, 2, 3]}, "few: a list of at most 2 values is expected, not [1, 2, 3]"),
         ({"share": "x" * 99}, f'share: a number is expected, not "{"x" * 38}…'),
     ],

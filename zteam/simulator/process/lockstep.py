@@ -13,11 +13,11 @@ from collections.abc import Callable, Container
 from zteam import names
 from zteam.bus.held_declarations import Held
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.config.simulation_options import LockStepOptions
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
-from zteam.node.process_options import LockStepOptions
 from zteam.simulator.process.open_tick import OpenTick
 
 log = logging.getLogger("zteam")

@@ -12,9 +12,9 @@ from zteam import names
 from zteam.clock import FREEZES, Every
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
+from zteam.config.simulation_options import SimOptions
 from zteam.messages import OccupancyGrid, Twist
 from zteam.node.process_node import ProcessNode
-from zteam.node.process_options import SimOptions
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.process.queries import Queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation

@@ -7,12 +7,13 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zteam.cli.arguments import MAX_SEED, number, whole
+from zteam.cli.arguments import number, whole
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.progress_text import bar, duration_text
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.numbers import MAX_SECONDS, counted
+from zteam.config.option import SEEDS
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
 from zteam.simulator.client import MAX_SPEED, MIN_SPEED
@@ -79,7 +80,7 @@ def tasks_of(args: argparse.Namespace) -> "list[Task]":
         raise UsageError("--speed needs --real-time")
     seeds = args.seeds or ("1" if args.real_time else "1-24")
     first, dash, last = seeds.partition("-")
-    if not (first.isdecimal() and (last.isdecimal() or not dash)) or not int(first) <= int(last or first) <= MAX_SEED:
+    if not (first.isdecimal() and (last.isdecimal() or not dash)) or not int(first) <= int(last or first) <= SEEDS[1]:
         raise UsageError(f"--seeds {seeds}: give the first and the last one, such as 1-24, or one")
     world = str(find_world(args.world).resolve()) if args.world else None
     teams = [word for word in args.what if "=" not in word]
