@@ -77,7 +77,7 @@ def constants(tree: ast.Module) -> set[str]:
 def goes_by_text(node: ast.AST, known: set[str]) -> bool:
     """Whether a node compares a text or searches it."""
     match node:
-        case ast.Compare(ops=[ast.Eq() | ast.NotEq() | ast.In() | ast.NotIn() as ask, *_]):
+        case ast.Compare(ops=[ast.Eq() | ast.NotEq() | ast.In() | ast.NotIn(), *_]):
             sides, names = looked_for(node), names_in(node)
             is_empty = any(isinstance(side, ast.Constant) and not side.value for side in sides)
             is_former = bool({name.strip("_") for name in names} & FORMER)

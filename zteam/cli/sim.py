@@ -112,10 +112,10 @@ def _change(make: Callable[[], T]) -> T:
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     """(x, y, yaw) of the words X Y YAW: metres and radians. Raises UsageError."""
     try:
-        x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "X Y YAW in metres and radians") for word in words)
-    except UsageError as error:
-        pose = " ".join(word.strip() for word in words)
-        raise UsageError(f"pose {pose!r}: {error}") from None
+        x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "a number") for word in words)
+    except UsageError:
+        pose, bounds = " ".join(word.strip() for word in words), f"from {-MAX_PLACE:g} to {MAX_PLACE:g}"
+        raise UsageError(f"pose {pose!r}: give X Y YAW in metres and radians {bounds}") from None
     if problem := turn_problem(yaw):
         raise UsageError(f"YAW {problem}")
     return x, y, yaw

@@ -1,4 +1,4 @@
-"""Options of a command line that are declared with the fields of a struct (`zteam.cli.arguments.add_options`)."""
+"""Options of a command line that are declared with the fields of a struct."""
 
 from typing import Annotated, Any
 

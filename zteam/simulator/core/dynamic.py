@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 import pymunk
+import pymunk.autogeometry
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Point2, Pose2
+from zteam.geometry import Point2, Pose2, is_convex
 from zteam.kernels.simulator import find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
@@ -31,7 +32,6 @@ from zteam.simulator.core.casting import (
     solid_bitmaps,
     solid_groups,
 )
-from zteam.simulator.core.convex import convex_parts
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
@@ -121,7 +121,7 @@ class Cores:
 
     def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
-        solid = solid_groups(groups)
+        solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
         self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
@@ -383,3 +383,13 @@ def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
     lines, begins = np.nonzero(change == 1)
     _, ends = np.nonzero(change == -1)
     return lines, begins, ends
+
+
+def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+    """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
+    if is_convex(points):
+        return [list(points)]
+    closed = [*points, points[0]]
+    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
+    # Chipmunk closes its polygons with their first corner.
+    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]

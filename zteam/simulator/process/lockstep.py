@@ -192,10 +192,15 @@ class LockStep:
         """Whether the open tick waited so long that the log has said what for."""
         return self._patience.waited > NAME_AFTER
 
-    def waiting_for(self) -> tuple[str, list[str]]:
-        """What holds the world, in words, empty for nothing; and the participants that do."""
+    def waiting_for(self) -> str:
+        """What holds the world, in words; empty for nothing."""
         with self._changed:
-            return self.tick.waiting_for(), self.tick.silent()
+            return self.tick.waiting_for()
+
+    def silent(self) -> list[str]:
+        """The participants that hold the world."""
+        with self._changed:
+            return self.tick.silent()
 
     def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands that came with the answers, of robots that are in the world, by id."""

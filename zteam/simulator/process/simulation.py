@@ -283,7 +283,6 @@ class Simulation:
 
     def status(self) -> SimStatus:
         lockstep = self.lockstep
-        held_by, silent = ("", list[str]()) if lockstep is None else lockstep.waiting_for()
         return SimStatus(
             world=self.world.name,
             robots=sorted(self.engine.robots),
@@ -297,8 +296,8 @@ class Simulation:
             lockstep=lockstep is not None,
             participants=lockstep.tick.members if lockstep else [],
             joining=sorted(lockstep.tick.joining) if lockstep else [],
-            waiting_for=held_by,
-            silent=silent,
+            waiting_for=lockstep.waiting_for() if lockstep else "",
+            silent=lockstep.silent() if lockstep else [],
             hung=list(lockstep.tick.hung) if lockstep else [],
             finished=self.boundary.finished,
             instance=self._instance,

@@ -1,32 +1,43 @@
 """`team.chaos`: faults on purpose, each of which returns when it is over and the team has recovered."""
 
 import threading
-from collections.abc import Container
+from collections.abc import Callable, Container
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from zteam import names
 from zteam.clock import monotonic, to_ns
 from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.monitor.motion import Motion
-from zteam.monitor.observer import TeamObserver
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.simulator.faults import is_simulated
 from zteam.team.chaos.means import Means, Stroke
 from zteam.team.chaos.run import Outcome, carry_out
 from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.testing.errors import TeamFailure
 
-if TYPE_CHECKING:
-    from zteam.team.testing.team import TeamFixture
+
+class Team(Protocol):
+    """What is needed of the fixture."""
+
+    @property
+    def is_go(self) -> bool: ...
+    @property
+    def now(self) -> float: ...
+    def alive(self, name: str) -> bool: ...
+    def robot(self, robot_id: int) -> RobotView: ...
+    def expect_end(self, *processes: str) -> None: ...
+    def run(self, seconds: float) -> None: ...
+    def until(self, condition: Callable[[], bool], within: float) -> None: ...
+    def wait_for(self, condition: Callable[[], bool]) -> None: ...
+    def wait_for_return(self, name: str) -> None: ...
 
 
 class TeamChaos:
     """Each call raises TeamFailure if the team does not recover, or if a robot moves on without commands."""
 
-    def __init__(
-        self, team: "TeamFixture", observer: TeamObserver, means: Means, restarting: Container[str], tick: int
-    ) -> None:
+    def __init__(self, team: Team, observer: TeamObserver, means: Means, restarting: Container[str], tick: int) -> None:
         """`restarting` are those that are started again; `tick` is simulated ns in lock-step, 0 in real time."""
         self._team, self._means, self._restarting, self._tick = team, means, restarting, tick
         self._watchdog = Watchdog(observer, lockstep=tick > 0)

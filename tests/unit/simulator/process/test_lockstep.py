@@ -22,7 +22,7 @@ def test_a_world_without_participants_does_not_wait(new_harness: HarnessFactory)
     assert (harness.lockstep.tick.members, harness.lockstep.resends, harness.lockstep.waiting_for()) == (
         [],
         0,
-        ("", []),
+        "",
     )
 
 
@@ -48,7 +48,7 @@ def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, new_harness: HarnessFa
     harness.open(3)
     harness.begin()
     first.answer()
-    assert harness.lockstep.waiting_for() == ("tf", ["tf"])
+    assert harness.lockstep.waiting_for() == "tf"
     assert harness.holds
     last.answer()
     assert harness.end()
@@ -67,7 +67,7 @@ def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: Harne
     harness.open(3)
     assert (harness.lockstep.tick.joining, harness.lockstep.tick.members) == (set(), ["planner", "robot_0"])
     harness.begin()
-    assert harness.lockstep.waiting_for() == ("planner", ["planner"])
+    assert harness.lockstep.waiting_for() == "planner"
     late.answer()
     assert harness.end()
 
@@ -224,7 +224,7 @@ def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: Ha
     assert harness.lockstep.take_commands({0: None}) == {}
     harness.open(2)
     harness.begin()
-    assert harness.lockstep.waiting_for() == ("robot_0", ["robot_0"])
+    assert harness.lockstep.waiting_for() == "robot_0"
     robot.answer()
     assert harness.end()
 
