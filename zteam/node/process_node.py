@@ -346,7 +346,7 @@ class ProcessNode:
     @property
     def ticks_tell_time(self) -> bool:
         """Whether this is lock-step, and time comes with the ticks."""
-        return self.clock.simulated and self._clock_input is None
+        return self._follows_clock and self._clock_input is None
 
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""

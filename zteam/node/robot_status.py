@@ -5,7 +5,7 @@ other processes ask for meanwhile is the last one again.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -130,7 +130,6 @@ class StatusReport:
         robot_id: int,
         behavior: str,
         readiness: Readiness,
-        in_lockstep: Callable[[], bool],
         stop: StopSwitch,
         *,
         safety: bool = True,
@@ -144,7 +143,6 @@ class StatusReport:
         self.note = ""
         """What else is wrong, for its text."""
         self._node = node
-        self._in_lockstep = in_lockstep
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
@@ -210,7 +208,7 @@ class StatusReport:
     @property
     def _goes_on_in_ticks(self) -> bool:
         """Whether the steps of lock-step alone may tell anything new."""
-        return self.readiness.released and self._in_lockstep()
+        return self.readiness.released and self._node.ticks_tell_time
 
     def say_again(self) -> None:
         """Publish the status at a moment of the host."""

@@ -88,6 +88,7 @@ def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Par
 
 def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
     """A robot. The robots of one process share `transforms` (`zteam.robot.process.inputs.TransformInputs`)."""
+    from zteam.node.node import Node
     from zteam.robot.behaviors.registry import find_behavior, load_behavior, look_in
     from zteam.robot.process.node import run_robot
 
@@ -95,7 +96,7 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
         look_in(options.folders)
     load_behavior(options.behavior, options.params, options.robot_id)
     kind = find_behavior(options.behavior)
-    return Part(lambda node: run_robot(node, kind, options, transforms), small=True)
+    return Part(lambda node: run_robot(node, kind, options, transforms), Node, small=True)
 
 
 def _navigation(options: NavigationOptions) -> Part:

@@ -12,13 +12,13 @@ import msgspec
 
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
-from zteam.messages import RobotDriver, Tick, Twist
+from zteam.messages import RobotDriver, Twist
+from zteam.node.node import Due, Node
 from zteam.node.pauses import Pauses
-from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.step_watch import StepWatch
-from zteam.node.stopping import STOPPED, StopSwitch
+from zteam.node.stopping import STOPPED
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
@@ -85,10 +85,7 @@ class StepInput(msgspec.Struct, frozen=True):
     view: View
     choice: Choice | None
     """What drives instead of the behaviour."""
-    epoch: int
-    """The GO that holds, 0 = none."""
-    tick: Tick | None
-    """That of lock-step; None in real time."""
+    due: Due
     is_first: bool
     """Whether this is the robot's first tick."""
     parameters: dict[str, Any]
@@ -107,18 +104,15 @@ class Driver:
 
     def __init__(
         self,
-        node: ProcessNode,
+        node: Node,
         inputs: RobotInputs,
         parameters: BehaviorParameters,
         status: StatusReport,
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
-        stop: StopSwitch,
-        in_lockstep: Callable[[], bool],
     ) -> None:
-        """`team()`: ids of the robots that are alive. It and `in_lockstep()` are asked under `node.changed`."""
-        self._node = node
-        self._team, self._stop, self._in_lockstep = team, stop, in_lockstep
+        """`team()`: ids of the robots that are alive; called under `node.changed`."""
+        self._node, self._team = node, team
         self._inputs = inputs
         self._parameters = parameters
         self.status = status
@@ -176,25 +170,22 @@ class Driver:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
 
-    def take_input(self, now: int, epoch: int, tick: Tick | None = None, *, is_first: bool = False) -> StepInput:
-        """The newest data, for a step at time `now` (ns) while the GO `epoch` holds (under `node.changed`).
+    def take_input(self, due: Due, *, is_first: bool = False) -> StepInput:
+        """The newest data, for the step that is `due` (under `node.changed`).
 
-        `tick` is that of lock-step. In the first one (`is_first`) nothing counts that others sent: chance says what
-        came before it.
+        In the first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
         """
+        now, inputs, in_lockstep = due.now, self._inputs, self._node.ticks_tell_time
         dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
-        inputs, team, in_lockstep = self._inputs, self._team(), self._in_lockstep()
         if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
             # The base has stood meanwhile.
             dt, self._rested = 0.0, True
-        if not is_first:
-            inputs.messages.handle_due(now)
         silent = inputs.declared.silent(now) if in_lockstep else self._silent()
-        view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
+        view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first, silent=silent)
         lacking = [] if self.readiness.released else inputs.missing()
         choice = None if is_first else inputs.mux.choose(now)
-        is_stopped = self._stop.is_stopped
-        return StepInput(view, choice, epoch, tick, is_first, self._parameters.given, lacking, is_stopped)
+        is_stopped = self._node.switch is not None and self._node.switch.is_stopped
+        return StepInput(view, choice, due, is_first, self._parameters.given, lacking, is_stopped)
 
     def _silent(self) -> Set[int]:
         """Real time: the robots that are silent though they could be heard."""
@@ -215,7 +206,7 @@ class Driver:
         self._rested = rests
         # In lock-step, where the main loop does not step, the next scan waits.
         asking = partial(ask, self.behavior, given.view)
-        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=given.tick is None)
+        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=given.due.tick is None)
         driver = RobotDriver.BEHAVIOR
         if given.choice is not None:
             driver, wanted, reason = *given.choice, ""
@@ -239,7 +230,7 @@ class Driver:
         """Report a step, with the reason why it does not do what was wanted; its command."""
         with self._node.lock:
             self._stepped = given.view.now
-            self.readiness.drive(reason, given.epoch)
+            self.readiness.drive(reason, given.due.epoch)
             self.status.take(driver, command)
             self.status.tell(logged=logged)
         return command
@@ -256,7 +247,7 @@ class Driver:
         was_released = self.readiness.released
         lacking = [] if was_released else self._lacking(given)
         with self._node.lock:
-            if not self.readiness.take(lacking, given.epoch):
+            if not self.readiness.take(lacking, given.due.epoch):
                 self.status.tell()
             elif not was_released:
                 log.info("GO: driving")
