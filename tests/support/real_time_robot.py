@@ -97,7 +97,7 @@ class RealTimeRobot:
 
     def _run(self) -> None:
         try:
-            self._node.drive()
+            self._node.drive(self.robot.watch.beat)
         except BaseException as error:
             self.failures.append(error)
 

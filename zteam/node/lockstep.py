@@ -193,6 +193,11 @@ class Participant:
         """Whether a tick waits for this process's step."""
         return self._state in _UNANSWERED
 
+    @property
+    def is_answered(self) -> bool:
+        """Whether the newest tick was answered."""
+        return self._state is TickState.ANSWERED
+
     def is_simulator(self, session: str) -> bool:
         """Whether this session's ticks count."""
         return self._ticks.count_of(session)

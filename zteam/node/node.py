@@ -1,7 +1,7 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import count
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -46,31 +46,12 @@ class Due(NamedTuple):
     """The GO that holds, 0 = none."""
     tick: Tick | None = None
     """That of lock-step; None in real time."""
+    is_first: bool = False
+    """Whether it is the process's first tick."""
 
 
-class Work:
-    """What a process does in its steps. `begin` and `end` run under `node.changed`, the others without it."""
-
-    status: StatusReport | None = None
-    """Of a robot's own process."""
-
-    def begin(self, due: Due) -> Any:
-        """What the step goes by. None: there is nothing to do, and a tick is answered without a command."""
-        raise NotImplementedError
-
-    def act(self, given: Any) -> Twist | None:
-        """Take the step; its command."""
-        raise NotImplementedError
-
-    def end(self, given: Any, command: Twist | None) -> None:
-        """The step is over, and this command goes out now."""
-
-    def look(self) -> None:
-        """Find out what the process lacks before GO. Called in lock-step after an input that makes no step due."""
-
-    def beat(self) -> None:
-        """The heartbeat of the main loop."""
-        self.look()
+Act = Callable[[Due], Twist | None]
+"""A step; the command of its robot."""
 
 
 class Pace(Protocol):
@@ -83,15 +64,11 @@ class Pace(Protocol):
         """The time (ns) of the step that is due; None if none is (under `node.changed`)."""
 
 
-class UserStep(Work):
-    """The steps of a user's node: `step(now)` every `period` seconds. It is their pace in real time, too."""
+class UserStep:
+    """The steps of a user's node, `step(now)`, and their pace in real time: every `period` seconds."""
 
-    def __init__(self, node: "Node", step: Step, period: float, *, gated: bool) -> None:
-        """With `gated` the steps begin with GO; a robot's own process then has a status, and is READY before."""
+    def __init__(self, node: "Node", step: Step, period: float) -> None:
         self._node, self._step, self._period = node, step, period
-        self._readiness = Readiness(gated=gated, way_out="zteam-monitor")
-        if gated and node.switch is not None and node.robot_id is not None:
-            self.status = StatusReport(node, node.robot_id, "zteam.Node", self._readiness, node.switch)
         is_own = names.navigated_robot_of(node.name) is None
         way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
         self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
@@ -111,9 +88,7 @@ class UserStep(Work):
         node, clock = self._node, self._node.clock
         if not clock.decided or clock.now() == 0:
             node.wait(lambda: clock.now() > 0, 0.1)
-        elif not self._is_open():
-            node.wait(self._is_open, 0.5)
-        else:
+        elif node.wait(lambda: node.pass_gate(node.lacking, node.epoch()), 0.5):
             period = to_ns(self._period)
             # The first moment is now.
             self._rate = self._rate or Rate(period, clock.steady() - period)
@@ -124,52 +99,28 @@ class UserStep(Work):
         is_due, self._is_due = self._is_due, False
         return self._node.clock.now() if is_due else None
 
-    def begin(self, due: Due) -> Due | None:
-        """None before GO."""
-        return due if self._passes([], due.epoch) else None
-
     def act(self, due: Due) -> Twist | None:
-        """Call the user's step; in the first tick, which comes again with GO, once."""
-        if due.now == self._held[0] and due.tick is not None:
+        """Call the user's step from GO on; in the first tick, which comes again with GO, once."""
+        if not self._node.pass_gate(self._node.lacking, due.epoch):
+            return None
+        if due.tick is not None and due.now == self._held[0]:
             return self._held[1]
         # In lock-step the next tick waits for it.
         command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
-        if command is None or self._node.robot_id is not None:
-            return None if command is None else checked_command(command, f"{self._node.name}: step")
-        if self._returned.due():
-            name, kind = self._node.name, type(command).__name__
-            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
-        return None
-
-    def end(self, due: Due, command: Twist | None) -> None:
-        """Report the command."""
+        if command is not None:
+            command = self._checked(command)
         if due.tick is not None:
             self._held = due.now if due.tick.epoch == 0 else -1, command
-        if self.status is not None and command is not None:
-            self.status.take(RobotDriver.BEHAVIOR, command)
-            self.status.tell()
-            if due.tick is not None:
-                self.status.keep_up(due.now)
+        self._node.report(due, RobotDriver.BEHAVIOR, command)
+        return command
 
-    def look(self) -> None:
-        """Report what is missing."""
-        if not self._readiness.released:
-            with self._node.changed:
-                self._passes(self._node.lacking(), 0)
-
-    def _is_open(self) -> bool:
-        """Real time: whether the steps may begin."""
-        with self._node.changed:
-            return self._readiness.released or self._passes(self._node.lacking(), self._node.epoch())
-
-    def _passes(self, lacking: Sequence[str], epoch: int) -> bool:
-        """Whether the steps may begin: nothing is `lacking` and GO `epoch` holds (0 = none); from then on for good."""
-        was_released = self._readiness.released
-        if self._readiness.take(lacking, epoch) and not was_released:
-            self._readiness.drive("")
-        if not was_released and self.status is not None and self._node.speaks:
-            self.status.tell()
-        return self._readiness.released
+    def _checked(self, command: Twist) -> Twist | None:
+        name, kind = self._node.name, type(command).__name__
+        if self._node.robot_id is not None:
+            return checked_command(command, f"{name}: step")
+        if self._returned.due():
+            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
+        return None
 
 
 class Node(ProcessNode):
@@ -180,6 +131,7 @@ class Node(ProcessNode):
     of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
     """
 
+    _act: Act
     _pace: Pace
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
@@ -207,7 +159,11 @@ class Node(ProcessNode):
         """The monitor's newest word, from `follow_go` on."""
         self.rivals = RivalWatch(bus)
         self._heartbeat = Every(HEARTBEAT)
-        self._work = Work()
+        self.readiness = Readiness(gated=False)
+        self.status: StatusReport | None = None
+        """Of a robot's own process."""
+        self._known_to: tuple[int, ...] = ()
+        """Lock-step: the robots that have had its status; none before its own first tick."""
         self._was_run = False
         self.part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
         """Its part in lock-step."""
@@ -358,17 +314,20 @@ class Node(ProcessNode):
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         self._was_run = True
+        status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
         if gate:
             self.follow_go()
-        own = UserStep(self, step, period, gated=gate)
-        self.adopt(own, own)
+            if self.robot_id is not None and self.switch is not None:
+                status = StatusReport(self, self.robot_id, "zteam.Node", readiness, self.switch)
+        own = UserStep(self, step, period)
+        self.adopt(own.act, own, readiness, status)
         self.become_present()
         log.info("node %s, a step every %g s%s", self.name, period, ": waiting for the monitor's GO" if gate else "")
-        self.drive()
+        self.drive(self.look)
 
-    def adopt(self, work: Work, pace: Pace) -> None:
-        """Let `work` take the steps: in lock-step once the process holds its name, in real time within `drive`."""
-        self._work, self._pace = work, pace
+    def adopt(self, act: Act, pace: Pace, readiness: Readiness, status: StatusReport | None) -> None:
+        """Let `act` take the steps: in lock-step once the process holds its name, in real time within `drive`."""
+        self._act, self._pace, self.readiness, self.status = act, pace, readiness, status
         self.on_input = self._advance
 
     def follow_go(self) -> None:
@@ -382,14 +341,18 @@ class Node(ProcessNode):
         """The GO that holds now by the monitor's word, 0 = none. In lock-step the ticks carry it."""
         return go_epoch(self.team, self.clock.now())
 
-    def drive(self) -> None:
-        """Take steps until the process is asked to stop. Raises what a step raises."""
+    def drive(self, beat: Callable[[], None]) -> None:
+        """Take steps until the process is asked to stop; call `beat()` once a second. Raises what a step raises."""
         # Only the process that holds the name may publish under it, so not before this.
         self.on_stop(self.halt)
         while not self.stopping:
             self.decide_clock(self.first_data)
             if self._heartbeat.due():
-                self._beat()
+                beat()
+                with self.changed:
+                    self.rivals.look()
+                    if self.status is not None:
+                        self.status.beat()
             if self.part.expected:
                 # The steps go on in handlers.
                 self.wait(lambda: not self.part.expected, self._heartbeat.left())
@@ -397,12 +360,10 @@ class Node(ProcessNode):
                 self._pace.wait(self._heartbeat.left())
                 self._step()
 
-    def _beat(self) -> None:
-        self._work.beat()
-        with self.changed:
-            self.rivals.look()
-            if self._work.status is not None:
-                self._work.status.beat()
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the robot of this process is stopped (`zteam stop`)."""
+        return self.switch is not None and self.switch.is_stopped
 
     @property
     def _may_step(self) -> bool:
@@ -421,9 +382,10 @@ class Node(ProcessNode):
         if self.part.active:
             return
         with self.changed:
-            self._command(None)
-            if self._work.status is not None:
-                self._work.status.say_again()
+            if self.is_stopped:
+                self._command(Twist())
+            if self.status is not None:
+                self.status.say_again()
 
     def halt(self) -> None:
         """Publish zero velocity, then the status; both leave before the session closes."""
@@ -431,8 +393,8 @@ class Node(ProcessNode):
             return
         with self.changed:
             self._command(Twist())
-            if self._work.status is not None:
-                self._work.status.stop()
+            if self.status is not None:
+                self.status.stop()
         log.info("%s stopped", self.name)
 
     def lacking(self) -> list[str]:
@@ -440,27 +402,55 @@ class Node(ProcessNode):
         tick = self.part.tick
         return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
 
-    # A step: `_begin`, then `_act`, then `_end`
+    def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
+        """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""
+        was_released = self.readiness.released
+        lacking = [] if was_released else lacks()
+        with self.lock:
+            is_released = self.readiness.take(lacking, epoch)
+            if self.status is not None and not was_released:
+                if is_released:
+                    log.info("GO: driving")
+                else:
+                    self.status.tell()
+        return is_released
+
+    def look(self) -> None:
+        """Find out what is missing before GO: a step that stops at the gate."""
+        self.take_step(lambda: None if self.readiness.released else Due(self.clock.now()), self._act)
+
+    def report(self, due: Due, driver: str, command: Twist | None, reason: str = "", *, logged: bool = True) -> None:
+        """A step has this command of `driver`, and a `reason` why it is not what was wanted; `logged`: see `tell`."""
+        with self.lock:
+            self.readiness.drive(reason, due.epoch)
+            if self.status is not None and command is not None:
+                self.status.take(driver, command)
+                self.status.tell(logged=logged)
+
+    # A step: `_begin`, then `_act` without `changed`, then `_end`
 
     def _advance(self) -> None:
-        """Lock-step: take the step of the open tick, if its inputs are there."""
-        if self.part.active and not (self.part.is_open and self._step()):
-            self._work.look()
+        """Lock-step: take the step of the open tick, if its inputs are there.
+
+        The first tick is held until all are ready, and what that takes may come after the answer.
+        """
+        if self.part.is_open:
+            self._step()
+        elif self.part.is_answered and not self.readiness.released:
+            self.look()
 
     def _step(self) -> bool:
         """Take the step that is due, if one is."""
         return self.take_step(self._begin, self._act, self._end)
 
-    def _begin(self) -> tuple[Due, Any] | None:
-        due = self._begin_tick() if self.part.active else self._begin_moment()
-        return None if due is None else (due, self._work.begin(due))
-
-    def _begin_tick(self) -> Due | None:
-        tick = self.part.begin()
-        return None if tick is None else Due(self.part.stamp, tick.epoch, tick)
-
-    def _begin_moment(self) -> Due | None:
-        if self.part.expected or self.stopping or not self._may_step:
+    def _begin(self) -> Due | None:
+        part = self.part
+        if part.active:
+            tick = part.begin()
+            if tick is None:
+                return None
+            return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
+        if part.expected or self.stopping or not self._may_step:
             return None
         now = self._pace.take()
         if now is None:
@@ -468,24 +458,22 @@ class Node(ProcessNode):
         self._messages.handle_due(None)
         return Due(now, go_epoch(self.team, now))
 
-    def _act(self, step: tuple[Due, Any]) -> Twist | None:
-        return None if step[1] is None else self._work.act(step[1])
-
-    def _end(self, step: tuple[Due, Any], command: Twist | None) -> None:
-        due, given = step
-        if command is not None and self.switch is not None and self.switch.is_stopped:
+    def _end(self, due: Due, command: Twist | None) -> None:
+        if command is not None and self.is_stopped:
+            # Perhaps during the step.
             command = Twist()
-        if given is not None:
-            self._work.end(given, command)
         if due.tick is None:
             self._command(command)
-        else:
-            self.part.answer(due.tick, command)
+            return
+        before, self._known_to = self._known_to, self.part.team
+        if self.status is not None:
+            if due.is_first or before is not self._known_to:
+                # A robot that has just come must know this one from the next tick on, not from a heartbeat by chance.
+                self.status.publish()
+            self.status.keep_up(due.now)
+        self.part.answer(due.tick, command)
 
     def _command(self, command: Twist | None) -> None:
-        """Send a command to the wheels: zero while the robot is stopped."""
-        if self.switch is not None and self.switch.is_stopped:
-            command = Twist()
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
 

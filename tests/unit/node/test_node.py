@@ -317,6 +317,6 @@ def test_a_user_without_a_step_is_not_told_to_do_less_in_it(hub: MemoryHub, monk
     ways: dict[str, str] = {}
     monkeypatch.setattr(node_module, "StepWatch", lambda step, _rhythm, way_out: ways.update({step: way_out}))
     for name in ("crowd", names.navigation_name(0)):
-        node_module.UserStep(zteam.Node(name, hub.bus(), Stop()), lambda now: None, 0.1, gated=False)
+        node_module.UserStep(zteam.Node(name, hub.bus(), Stop()), lambda now: None, 0.1)
     assert ways["crowd: step"] == "do less in a step"
     assert "machine" in ways["nav_0: step"]

@@ -24,14 +24,14 @@ from zteam.messages import (
 )
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.messages.topics import is_latched
-from zteam.node.node import Due, Node, Work
+from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport
 from zteam.node.tokens import TokenSet
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
-from zteam.robot.process.driver import ALONE, Driver, StepInput
+from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.robot.process.parameters import BehaviorParameters
 from zteam.simulator.client import absence_text, read_status
@@ -58,8 +58,6 @@ _TELL_EVERY = 5
 class DataWatch:
     """What a robot waits for before it drives: a place in the world, its first data, the rest of its team. And, in real
     time, why nothing comes any more: simulated time then stands still, and no step is taken.
-
-    Asked once a second by the main loop.
     """
 
     def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
@@ -80,12 +78,17 @@ class DataWatch:
         self._scan: LaserScan | None = None
         """The newest at the last look."""
 
-    def find_absence(self) -> None:
-        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
+    def beat(self) -> None:
+        """Look once a second, and not at the start, where all is on its way."""
         self._looks += 1
-        # At the start all is on its way.
-        if self._looks < _LOOKS:
-            return
+        if self._looks >= _LOOKS:
+            self._find_absence()
+            self._node.look()
+        with self._node.changed:
+            self._tell()
+
+    def _find_absence(self) -> None:
+        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
         before, self._scan = self._scan, self._inputs.scan
         if self._scan is not before:
             self._driver.absence = ""
@@ -104,7 +107,7 @@ class DataWatch:
         lacks = status is not None and robot_id not in status.robots
         name = names.robot_name(robot_id)
         self._driver.absence = f"{name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
-        if status is None and not self._driver.is_alone and self._driver.readiness.released and self._scan is None:
+        if status is None and not self._driver.is_alone and self._node.readiness.released and self._scan is None:
             # Without a gate nothing else says what the robot waits for. Later the monitor tells that data has stopped.
             log.info("waiting for a first scan: %s", ALONE)
         self._driver.is_alone = status is None
@@ -126,13 +129,15 @@ class DataWatch:
         """Say once why nothing comes, and once that it comes again."""
         with self._node.changed:
             # What it is said to be at first stays: a frozen simulator loses its token a little later.
-            if not self._driver.readiness.released or bool(why) == self._is_out:
+            if not self._node.readiness.released or bool(why) == self._is_out:
                 return
             self._is_out = bool(why)
             if why:
                 # The log has the router's loss and return.
                 self._is_logged = self._node.link_up
-                self._driver.stand(f"no data: {why}", logged=self._is_logged)
+                self._node.report(
+                    Due(0), self._driver.status.driver, Twist(), f"no data: {why}", logged=self._is_logged
+                )
             elif self._is_logged:
                 log.info("data comes again")
 
@@ -147,16 +152,10 @@ class DataWatch:
                     log.info("%s", NO_POSES if is_old else "poses come again")
                 self._driver.status.say_again()
 
-    def begin_look(self) -> StepInput | None:
-        """The input to find out what is missing, before GO: while nothing comes there is no other."""
-        # The first tick is held until all are ready, and what that takes may come after this robot's answer.
-        may_look = self._inputs.scan is not None if self._node.ticks_tell_time else self._looks >= _LOOKS
-        return self._driver.take_input(Due(self._node.clock.now())) if may_look else None
-
-    def tell(self) -> None:
+    def _tell(self) -> None:
         """Log what GO waits for, if that takes long (under `node.changed`)."""
         waiting_for = self._node.team.waiting_for
-        if self._driver.readiness.state != RobotState.READY or not waiting_for:
+        if self._node.readiness.state != RobotState.READY or not waiting_for:
             self._ready_for = 0
             return
         self._ready_for += 1
@@ -165,54 +164,12 @@ class DataWatch:
             log.info("ready; GO waits for %s", waiting_for)
 
 
-class ScanPace:
-    """Real time: a step is due with each scan, and again and again while none comes: then the robot has to stop."""
+class RobotNode:
+    """One robot on the bus: what comes for it, and the pace of its steps in real time.
 
-    def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
-        self._node, self._inputs, self._driver = node, inputs, driver
-        self.forget()
-
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._acted = 0
-        """Stamp of the scan that was acted on last."""
-        self._looked = 0
-        """When it acted last (ns), also before GO, where no step is taken."""
-
-    def wait(self, limit: float) -> None:
-        """Wait for a scan, and then for the transforms of its tick."""
-        node, inputs = self._node, self._inputs
-        if node.wait(self._is_due, min(limit, _LOOK)) and self._driver.behavior.uses_tf:
-            scan, now = inputs.scan, self._now()
-            node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
-
-    def take(self) -> int | None:
-        """The scan's time, or by the clock if that is later: a scan may have been held up on its way."""
-        if not self._is_due():
-            return None
-        if self._has_new_scan():
-            self._acted = self._inputs.scan_stamp
-            self._inputs.wait_no_longer()
-        self._looked = self._now()
-        return self._looked
-
-    def _is_due(self) -> bool:
-        """Whether there is a new scan, or none while time goes on: for STALE, and for a fifth of that since the last
-        step."""
-        now = self._node.clock.now()
-        return self._has_new_scan() or (now - self._acted > STALE and now - self._looked >= STALE // 5)
-
-    def _has_new_scan(self) -> bool:
-        return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
-
-    def _now(self) -> int:
-        return max(self._inputs.scan_stamp, self._node.clock.now())
-
-
-class RobotNode(Work):
-    """One robot on the bus: what comes for it, and its steps. Handlers of messages run under `node.changed`."""
-
-    status: StatusReport
+    A step is due with each scan, and again and again while none comes: then the robot has to stop. Handlers of messages
+    run under `node.changed`.
+    """
 
     def __init__(
         self, node: Node, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
@@ -228,13 +185,14 @@ class RobotNode(Work):
         self.driver = Driver(node, self._inputs, parameters, self.status, options, self._team)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
-        self._known_to: tuple[int, ...] = ()
-        """Lock-step: the robots that have had its status; none before its own first tick."""
         self._alive: TokenSet | None = None
         """The processes of robots that are alive, from the first question on."""
-        self._start = DataWatch(node, self._inputs, self.driver)
-        self._pace = ScanPace(node, self._inputs, self.driver)
-        node.adopt(self, self._pace)
+        self.watch = DataWatch(node, self._inputs, self.driver)
+        self._acted = 0
+        """Real time: stamp of the scan that was acted on last."""
+        self._looked = 0
+        """Real time: when it acted last (ns), also before GO, where no step is taken."""
+        node.adopt(self.driver.step, self, readiness, self.status)
         node.on_time_reset(self._on_time_reset)
         node.need(self._lacks)
         safety = names.service_key(node.name, SAFETY)
@@ -317,7 +275,7 @@ class RobotNode(Work):
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
         self._inputs.forget()
         self.driver.begin_anew()
-        self._pace.forget()
+        self._acted = self._looked = 0
 
     def _lacks(self, tick: Tick) -> list[str]:
         """What the tick brings to this robot and has not come."""
@@ -328,42 +286,39 @@ class RobotNode(Work):
             return [names.all_robots_key(names.BASE_INFO)]
         # Without an aggregator among the participants no transforms of this tick are promised. A bundle of lock-step is
         # whole; only at first the fixed transforms may still be on their way.
-        tf, connected = names.AGGREGATOR in tick.participants, not self.driver.readiness.released
+        tf, connected = names.AGGREGATOR in tick.participants, not self._node.readiness.released
         return self._inputs.lacking(self._node.part.stamp, tf=tf, connected=connected)
 
-    # Steps
+    # The pace in real time
 
-    def begin(self, due: Due) -> StepInput:
-        """The newest data."""
-        is_first = due.tick is not None and (due.tick.tick == 1 or not self._known_to)
-        return self.driver.take_input(due, is_first=is_first)
+    def wait(self, limit: float) -> None:
+        """Wait for a scan, and then for the transforms of its tick."""
+        node, inputs = self._node, self._inputs
+        if node.wait(self._is_due, min(limit, _LOOK)) and self.driver.behavior.uses_tf:
+            scan, now = inputs.scan, self._now()
+            node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
 
-    def act(self, given: StepInput) -> Twist | None:
-        """Ask the behaviour."""
-        return self.driver.step(given)
+    def take(self) -> int | None:
+        """The scan's time, or by the clock if that is later: a scan may have been held up on its way."""
+        if not self._is_due():
+            return None
+        if self._has_new_scan():
+            self._acted = self._inputs.scan_stamp
+            self._inputs.wait_no_longer()
+        self._looked = self._now()
+        return self._looked
 
-    def end(self, given: StepInput, command: Twist | None) -> None:
-        """In lock-step, publish the status where it is due."""
-        if given.due.tick is None:
-            return
-        team = self._node.part.team
-        if given.is_first or team is not self._known_to:
-            # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.
-            self._known_to = team
-            self.status.publish()
-        self.status.keep_up(given.due.now)
+    def _is_due(self) -> bool:
+        """Whether there is a new scan, or none while time goes on: for STALE, and for a fifth of that since the last
+        step."""
+        now = self._node.clock.now()
+        return self._has_new_scan() or (now - self._acted > STALE and now - self._looked >= STALE // 5)
 
-    def look(self) -> None:
-        """Find out what is missing before GO."""
-        if not self.driver.readiness.released:
-            self._node.take_step(self._start.begin_look, self.driver.pass_gate)
+    def _has_new_scan(self) -> bool:
+        return self._inputs.scan is not None and self._inputs.scan_stamp != self._acted
 
-    def beat(self) -> None:
-        """Once a second: look why nothing comes."""
-        self._start.find_absence()
-        self.look()
-        with self._node.changed:
-            self._start.tell()
+    def _now(self) -> int:
+        return max(self._inputs.scan_stamp, self._node.clock.now())
 
 
 def run_robot(
@@ -378,4 +333,4 @@ def run_robot(
     log.info("robot %d, behaviour %s%s: waiting for its data, %s", options.robot_id, options.behavior, behind, go)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
-    node.drive()
+    node.drive(robot.watch.beat)
