@@ -13,7 +13,7 @@ from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
-from zteam.messages.topics import has_one_writer, is_measured, type_of_key
+from zteam.messages.topics import has_one_writer, type_of_key
 from zteam.messages.velocity import checked_command
 from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant
@@ -164,7 +164,8 @@ class Node(ProcessNode):
         """Of a robot's own process."""
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
-        self._was_run = False
+        self.was_run = False
+        """Whether `run` was called."""
         self.part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
         """Its part in lock-step."""
         self.on_time_reset(self._forget)
@@ -173,11 +174,6 @@ class Node(ProcessNode):
         """Time has begun anew."""
         self._inputs.forget()
         self._messages.forget()
-
-    @property
-    def was_run(self) -> bool:
-        """Whether `run` was called."""
-        return self._was_run
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last
@@ -231,8 +227,6 @@ class Node(ProcessNode):
                 return
             if due is not None:
                 self._inputs.take(key, due)
-                if key == names.TF or is_measured(key):
-                    self.part.take_stamp(due)
 
         if latched:
             return super().subscribe(key_expr, message_type, take, latched=True)
@@ -282,7 +276,6 @@ class Node(ProcessNode):
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
-        self.part.take_stamp(stamp)
         if self.part.active:
             self._messages.hear(stamp, self.part.stamp)
 
@@ -313,7 +306,7 @@ class Node(ProcessNode):
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
-        self._was_run = True
+        self.was_run = True
         status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
         if gate:
             self.follow_go()

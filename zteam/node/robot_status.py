@@ -97,28 +97,19 @@ class Readiness:
 class StatusSource(Protocol):
     """What a status tells of what drives the robot: a behaviour has it."""
 
-    leader: int | None
-    follows: int | None
-    gap: float
-    turns: int
-    navigation: NavigationStatus | None
-
-    def why_it_rests(self) -> str:
-        """Why it wants zero velocity; empty = no word."""
-
-
-class OwnStep:
-    """The step of a `zteam.Node`, which has no place in a line and no goal."""
-
     leader: int | None = None
     follows: int | None = None
-    gap = 0.0
-    turns = -1
+    gap: float = 0.0
+    turns: int = -1
     navigation: NavigationStatus | None = None
 
     def why_it_rests(self) -> str:
-        """It gives no reason."""
+        """Why it wants zero velocity; empty = no word."""
         return ""
+
+
+class OwnStep(StatusSource):
+    """The step of a `zteam.Node`, which has no place in a line, no goal, and gives no reason."""
 
 
 class StatusReport:

@@ -111,7 +111,6 @@ class Aggregator:
             return
         # Frames of other processes say nothing of the tick: their stamps may be of the past or of the future.
         robot_id, stamp = target[0], base_stamp(target[0], message)
-        self._part.take_stamp(stamp)
         if self._part.active:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
