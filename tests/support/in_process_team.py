@@ -130,12 +130,11 @@ class InProcessTeam:
 
     def _make(self, name: str) -> ProcessNode:
         options = self.options
-        bus, robot_id = self._open_bus(self.hub, name), names.robot_id_of(name)
+        node = Node(name, self._open_bus(self.hub, name), Stop())
+        robot_id = names.robot_id_of(name)
         if robot_id is None:
-            aggregator = ProcessNode(name, bus, Stop())
-            Aggregator(aggregator, AggregatorOptions())
-            return aggregator
-        node = Node(name, bus, Stop())
+            Aggregator(node, AggregatorOptions())
+            return node
         if robot_id:
             behavior, params = "follow", {"leader": robot_id - 1}
         else:

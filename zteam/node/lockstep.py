@@ -161,7 +161,7 @@ class Participant:
         """
         self._node = node
         self._ready = ready
-        self._repeat = repeat
+        self.repeat = repeat
         self._lacks = lacks
         self._answer = Done()
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
@@ -256,7 +256,7 @@ class Participant:
                 self.team = tuple(sorted(i for i in ids if i is not None))
         if not is_new and not self.is_open:
             self._state = TickState.ANSWERED
-            self._repeat()
+            self.repeat()
             self._done.put(self._answer)
         else:
             self._state, self._heard = TickState.OPEN, monotonic()

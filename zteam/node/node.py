@@ -138,8 +138,6 @@ class Node(ProcessNode):
         """Raises UsageError for a name that no process of a user may have."""
         if problem := names.name_problem(name):
             raise UsageError(problem)
-        if names.is_taken(name):
-            raise UsageError(f"{name} is the name of a process of every team; choose another name")
         super().__init__(name, bus, stop, clock)
         self._inputs = TickInputs(lambda: self.part.robots)
         self._messages = TickMessages()
@@ -318,9 +316,12 @@ class Node(ProcessNode):
         log.info("node %s, a step every %g s%s", self.name, period, ": waiting for the monitor's GO" if gate else "")
         self.drive(self.look)
 
-    def adopt(self, act: Act, pace: Pace, readiness: Readiness, status: StatusReport | None) -> None:
+    def adopt(
+        self, act: Act, pace: Pace, readiness: Readiness | None = None, status: StatusReport | None = None
+    ) -> None:
         """Let `act` take the steps: in lock-step once the process holds its name, in real time within `drive`."""
-        self._act, self._pace, self.readiness, self.status = act, pace, readiness, status
+        self._act, self._pace, self.status = act, pace, status
+        self.readiness = readiness or self.readiness
         self.on_input = self._advance
 
     def follow_go(self) -> None:
@@ -340,18 +341,19 @@ class Node(ProcessNode):
         self.on_stop(self.halt)
         while not self.stopping:
             self.decide_clock(self.first_data)
-            if self._heartbeat.due():
-                beat()
-                with self.changed:
-                    self.rivals.look()
-                    if self.status is not None:
-                        self.status.beat()
             if self.part.expected:
                 # The steps go on in handlers.
                 self.wait(lambda: not self.part.expected, self._heartbeat.left())
             else:
                 self._pace.wait(self._heartbeat.left())
                 self._step()
+            if self.stopping or not self._heartbeat.due():
+                continue
+            beat()
+            with self.changed:
+                self.rivals.look()
+                if self.status is not None:
+                    self.status.beat()
 
     @property
     def is_stopped(self) -> bool:
@@ -477,9 +479,11 @@ class Node(ProcessNode):
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
-    """`body(node)`, with a word to the user if it returned without a step."""
+    """A user's `body(node)`, with a word to the user if it returned without a step, or if zteam needs its name."""
 
     def checked(node: Node) -> None:
+        if names.is_taken(node.name):
+            raise UsageError(f"{node.name} is the name of a process of every team; choose another name")
         body(node)
         if not (node.was_run or node.stopping):
             log.warning("%s: its main has returned without node.run(step), so it took no part in the team", node.name)

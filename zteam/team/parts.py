@@ -65,11 +65,12 @@ def _map_server(options: MapOptions) -> Part:
 
 
 def _aggregator(options: AggregatorOptions) -> Part:
+    from zteam.node.node import Node
     from zteam.transforms.process.node import run_aggregator
     from zteam.transforms.urdf import read_description
 
     descriptions = {robot_id: read_description(file) for robot_id, file in options.descriptions.items()}
-    return Part(lambda node: run_aggregator(node, options, descriptions), small=True)
+    return Part(lambda node: run_aggregator(node, options, descriptions), Node, small=True)
 
 
 def _monitor(options: MonitorOptions) -> Part:
