@@ -151,13 +151,10 @@ class Participant:
         ready: Callable[[Tick], bool],
         repeat: Callable[[], None] = lambda: None,
         lacks: Callable[[Tick], list[str]] = lambda tick: [],
-        *,
-        gives_away: bool = False,
     ) -> None:
         """`ready(tick)`: whether the inputs of that tick are there. `repeat()`: send what was sent for the last tick
         once more, because a subscriber may lack it. `lacks(tick)`: the keys whose message of that tick has not come;
-        asked without the lock, for the log. With `gives_away` the commands may be handed over: they have plain finite
-        numbers and do not change.
+        asked without the lock, for the log.
         """
         self._node = node
         self._ready = ready
@@ -169,7 +166,6 @@ class Participant:
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
-        self._send = self._done.hand_over if gives_away else self._done.put
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
         self._ticks = Ticks(node, self._on_tick, self._forget)
         node.follow_clock()
@@ -218,7 +214,7 @@ class Participant:
             self._done.hand_over(self._answer)
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
-            self._send(self._answer)
+            self._done.put(self._answer)
         self._state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)

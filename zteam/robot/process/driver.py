@@ -173,7 +173,7 @@ class Driver:
         if self._rested and not rests:
             self.behavior.on_release()
         self._rested = rests
-        # In lock-step, where the main loop does not step, the next scan waits.
+        # In lock-step the next scan waits.
         asking = partial(ask, self.behavior, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         driver = RobotDriver.BEHAVIOR
