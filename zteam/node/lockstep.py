@@ -144,6 +144,8 @@ class Participant:
     """When it came and when its step began, in host time."""
     stamp = 0
     """Of the newest tick, in ns."""
+    gives_away = False
+    """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
     def __init__(
         self,
@@ -214,7 +216,7 @@ class Participant:
             self._done.hand_over(self._answer)
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
-            self._done.put(self._answer)
+            (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
         self._state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)

@@ -192,6 +192,7 @@ class RobotNode:
         """Real time: stamp of the scan that was acted on last."""
         self._looked = 0
         """Real time: when it acted last (ns), also before GO, where no step is taken."""
+        node.part.gives_away = True
         node.adopt(self.driver.step, self, readiness, self.status)
         node.on_time_reset(self._on_time_reset)
         node.need(self._lacks)
