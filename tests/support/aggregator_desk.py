@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import TFMessage, TransformStamped, ns_from_time
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 from zteam.node.process_options import AggregatorOptions
 from zteam.node.shutdown import Stop
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest, StaticReply, StaticRequest
@@ -85,13 +85,17 @@ class Desk:
         self.link: CutTransport
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
-        self.node = ProcessNode(names.AGGREGATOR, bus, self.stop)
+        self.node = Node(names.AGGREGATOR, bus, self.stop)
         self.aggregator = Aggregator(self.node, AggregatorOptions(configured, rate=rate))
-        self.thread = threading.Thread(target=self.aggregator.run)
+        self.thread = threading.Thread(target=self._run)
 
     def start(self) -> None:
         """Run the main loop."""
+        self.node.become_present()
         self.thread.start()
+
+    def _run(self) -> None:
+        self.node.drive(self.aggregator.beat)
 
     def end(self) -> None:
         """Stop and wait."""

@@ -17,6 +17,7 @@ from zteam.bus import Bus, Change, MemoryHub
 from zteam.config.resources import find_world
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
+from zteam.node.node import Node
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.node.shutdown import Stop
@@ -129,7 +130,7 @@ class InProcessTeam:
 
     def _make(self, name: str) -> ProcessNode:
         options = self.options
-        node = ProcessNode(name, self._open_bus(self.hub, name), Stop())
+        node = Node(name, self._open_bus(self.hub, name), Stop())
         robot_id = names.robot_id_of(name)
         if robot_id is None:
             Aggregator(node, AggregatorOptions())

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from support.lockstep_doubles import INTERVAL
 from zteam.bus import Bus
 from zteam.messages import Bool, Tick, Twist
 from zteam.node.lockstep import Participant
@@ -44,11 +43,6 @@ class Desk:
     def feed(self) -> None:
         """Send it its input."""
         self._input.put(Bool(True))
-
-    def hear(self, tick: int) -> None:
-        """Data of that tick comes."""
-        with self.node.changed:
-            self.part.take_stamp(tick * INTERVAL)
 
     def _on_input(self, _key: str, _message: Bool) -> None:
         self.fed += 1

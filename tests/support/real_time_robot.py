@@ -27,7 +27,7 @@ from zteam.messages import (
     Twist,
     time_from_ns,
 )
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.follow import Follow
@@ -76,11 +76,11 @@ class RealTimeRobot:
         self.say_fixed(laser_on(1))
         self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
-        node = ProcessNode(names.robot_name(1), self._hub.bus(), self._stop)
+        self._node = node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
         self._waits, self._wait = threading.Event(), node.wait
         node.wait = self._note_wait  # type: ignore[method-assign]
-        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate, safety=safety))
+        self.robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate, safety=safety))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -97,7 +97,7 @@ class RealTimeRobot:
 
     def _run(self) -> None:
         try:
-            self._robot.run()
+            self._node.drive(self.robot.watch.beat)
         except BaseException as error:
             self.failures.append(error)
 
@@ -223,7 +223,7 @@ class RealTimeRobot:
 
     def halt(self) -> None:
         """What the process does last."""
-        self._robot.halt()
+        self._node.halt()
 
     def close(self) -> None:
         """End the thread."""

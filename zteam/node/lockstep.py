@@ -10,7 +10,7 @@ import msgspec
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.transport import Closeable
-from zteam.clock import FREEZES, monotonic
+from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.node.process_node import ProcessNode
 
@@ -18,8 +18,6 @@ log = logging.getLogger("zteam")
 
 _WINDOW = 1000
 """Ticks that timing looks back."""
-TICKLESS = 2.0
-"""Host seconds of newer and newer data without a tick after which this is real time."""
 
 
 class Ticks:
@@ -29,12 +27,14 @@ class Ticks:
     So only ticks count whose session holds the token of lock-step, which a simulator shows before that of its name.
     """
 
-    def __init__(self, node: ProcessNode, take: Callable[[Tick], None]) -> None:
-        """It hears ticks from `listen` on."""
+    def __init__(
+        self, node: ProcessNode, take: Callable[[Tick], None], on_end: Callable[[], None] = lambda: None
+    ) -> None:
+        """It hears ticks from `listen` on. It calls `on_end()`, as `take`, when the last token is gone for good."""
         self._node = node
-        self._take = take
-        self._simulators: dict[str, bool] = {}
-        """Whether ticks are expected, by session, of each that holds the token."""
+        self._take, self._on_end = take, on_end
+        self._simulators: set[str] = set()
+        """The sessions that hold the token."""
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
@@ -55,28 +55,28 @@ class Ticks:
         """Whether this session is a simulator in lock-step."""
         return session in self._simulators
 
-    def doubt(self) -> None:
-        """Expect no ticks of the simulators of now before the next one comes."""
-        self._simulators = dict.fromkeys(self._simulators, False)
-
     @property
     def expected(self) -> bool:
         """Whether a simulator in lock-step is there."""
-        return True in self._simulators.values()
+        return bool(self._simulators)
 
     def _on_token(self, key: str, alive: bool) -> None:
         session = key.rpartition("/")[2]
         if not alive:
-            self._simulators.pop(session, None)
+            self._simulators.discard(session)
+            if not self._simulators:
+                # The next simulator may not work in lock-step.
+                self._node.take_time_from_clock()
+                self.listen()
+                self._on_end()
             return
-        self._simulators[session] = True
+        self._simulators.add(session)
         if self._early is not None and self._early[0] == session:
             (_, tick), self._early = self._early, None
             self._take(tick)
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
         if source in self._simulators:
-            self._simulators[source] = True
             self._take(tick)
             return
         if self._early is not None:
@@ -144,8 +144,8 @@ class Participant:
     """When it came and when its step began, in host time."""
     stamp = 0
     """Of the newest tick, in ns."""
-    _ahead: tuple[float, int] | None = None
-    """Host time and stamp of the first data that is newer than the newest tick."""
+    gives_away = False
+    """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
     def __init__(
         self,
@@ -153,17 +153,14 @@ class Participant:
         ready: Callable[[Tick], bool],
         repeat: Callable[[], None] = lambda: None,
         lacks: Callable[[Tick], list[str]] = lambda tick: [],
-        *,
-        gives_away: bool = False,
     ) -> None:
         """`ready(tick)`: whether the inputs of that tick are there. `repeat()`: send what was sent for the last tick
         once more, because a subscriber may lack it. `lacks(tick)`: the keys whose message of that tick has not come;
-        asked without the lock, for the log. With `gives_away` the commands may be handed over: they have plain finite
-        numbers and do not change.
+        asked without the lock, for the log.
         """
         self._node = node
         self._ready = ready
-        self._repeat = repeat
+        self.repeat = repeat
         self._lacks = lacks
         self._answer = Done()
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
@@ -171,11 +168,9 @@ class Participant:
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
-        self._send = self._done.hand_over if gives_away else self._done.put
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
-        self._ticks = Ticks(node, self._on_tick)
+        self._ticks = Ticks(node, self._on_tick, self._forget)
         node.follow_clock()
-        node.on_simulator_lost(self._forget)
         self._ticks.listen()
 
     @property
@@ -192,6 +187,11 @@ class Participant:
     def is_open(self) -> bool:
         """Whether a tick waits for this process's step."""
         return self._state in _UNANSWERED
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether the newest tick was answered."""
+        return self._state is TickState.ANSWERED
 
     def is_simulator(self, session: str) -> bool:
         """Whether this session's ticks count."""
@@ -216,28 +216,10 @@ class Participant:
             self._done.hand_over(self._answer)
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
-            self._send(self._answer)
+            (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
         self._state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
-
-    def take_stamp(self, stamp: int) -> None:
-        """Data of the simulator of time `stamp` (ns) has come.
-
-        Its tick follows within moments. Data that goes on without ticks is of a simulator in real time.
-        """
-        if self.tick is None or stamp <= self.stamp:
-            return
-        since, first = self._ahead or (monotonic(), stamp)
-        # The least one: a single message may have a stamp of another clock.
-        self._ahead = since, min(first, stamp)
-        # While it was frozen, no tick could come.
-        if stamp > first and monotonic() - max(since, FREEZES.look()) > TICKLESS:
-            log.warning("data goes on without a tick for %g s: not in lock-step any more", TICKLESS)
-            self._forget()
-            self._node.take_time_from_clock()
-            self._ticks.doubt()
-            self._node.wake()
 
     def _timing(self) -> RoundTiming:
         count = max(1, len(self._acts))
@@ -254,7 +236,7 @@ class Participant:
         before, self.tick = self.tick, tick
         if before is None:
             self._node.take_time_from_ticks()
-        self.stamp, self._ahead = ns_from_time(tick.stamp), None
+        self.stamp = ns_from_time(tick.stamp)
         self.robots = frozenset(tick.robots.tolist())
         self._node.set_time(self.stamp)
         if self._node.name not in tick.participants:
@@ -272,12 +254,12 @@ class Participant:
                 self.team = tuple(sorted(i for i in ids if i is not None))
         if not is_new and not self.is_open:
             self._state = TickState.ANSWERED
-            self._repeat()
+            self.repeat()
             self._done.put(self._answer)
         else:
             self._state, self._heard = TickState.OPEN, monotonic()
 
     def _forget(self) -> None:
-        self.tick = self._ahead = None
+        self.tick = None
         self._state = TickState.NONE
         self._answer = Done()

@@ -1,28 +1,29 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import count
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, Publisher, connect
-from zteam.bus.transport import Closeable
+from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist, ns_from_time
+from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
-from zteam.messages.topics import is_measured, type_of_key
+from zteam.messages.topics import has_one_writer, type_of_key
 from zteam.messages.velocity import checked_command
 from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
+from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.node.step_watch import StepWatch
 from zteam.node.stopping import StopSwitch
-from zteam.node.tick_messages import HeldMessage, TickInputs, TickMessages, stamp_of_tick
+from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
 
 log = logging.getLogger("zteam")
 
@@ -30,94 +31,96 @@ M = TypeVar("M", bound=Message)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+HEARTBEAT = 1.0
+"""Host seconds between two heartbeats."""
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
 """What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
 
-class NodeGate:
-    """Holds the steps of `node` until GO: what `zteam-robot` does by itself, READY and then GO, behind one option.
-
-    A robot's own process (`robot_N`) also tells the monitor that it is ready. The node's main loop calls `beat` and
-    `is_open`; the caller of the others holds `node.changed`.
-    """
-
-    def __init__(
-        self,
-        node: ProcessNode,
-        lacking: Callable[[], list[str]],
-        in_lockstep: Callable[[], bool],
-        stop: StopSwitch | None,
-    ) -> None:
-        """`lacking()` names the inputs that are missing, `in_lockstep()` says whether ticks call the steps.
-
-        `stop` is that of a robot's own process.
-        """
-        self._node = node
-        self._in_lockstep = in_lockstep
-        self._lacking = lacking
-        self._readiness = Readiness(gated=True, way_out="zteam-monitor")
-        robot_id = names.robot_id_of(node.name)
-        self._report: StatusReport | None = None
-        if robot_id is not None and stop is not None:
-            self._report = StatusReport(node, robot_id, "zteam.Node", self._readiness, in_lockstep, stop)
-        self._heartbeat = Every(1.0)
-        self._team = TeamStatus()
-        """The monitor's newest word."""
-        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        self._team = status
-
-    def beat(self) -> None:
-        """Find out what is missing, and say once a second what the robot is."""
-        with self._node.changed:
-            self.passes(self._lacking(), 0)
-            if self._heartbeat.due():
-                self.say_again()
-
-    def is_open(self) -> bool:
-        """In real time: whether the steps may begin, by the monitor's word. In lock-step the ticks carry GO."""
-        with self._node.changed:
-            return self.passes(self._lacking(), go_epoch(self._team, self._node.clock.now()))
-
-    def passes(self, lacking: Sequence[str], epoch: int) -> bool:
-        """Whether the steps may begin: nothing is `lacking` and GO `epoch` holds (0 = none); from then on for good."""
-        was_released = self._readiness.released
-        if self._readiness.take(lacking, epoch) and not was_released:
-            self._readiness.drive("")
-        self._tell()
-        return self._readiness.released
-
-    def take(self, command: Twist) -> None:
-        """The newest command of the node's step."""
-        if self._report is not None:
-            self._report.take(RobotDriver.BEHAVIOR, command)
-            self._tell()
-            if self._in_lockstep():
-                self._report.keep_up(self._node.clock.now())
-
-    def _tell(self) -> None:
-        if self._report is not None and self._node.speaks:
-            self._report.tell()
-
-    def say_again(self) -> None:
-        """Say what the robot is."""
-        if self._report is not None:
-            self._report.say_again()
-
-    def stop(self) -> None:
-        """Say that the process ends."""
-        if self._report is not None:
-            self._report.stop()
-
-
-class _Due(NamedTuple):
+class Due(NamedTuple):
     """A step that is due."""
 
     now: int
     """Its time in ns."""
+    epoch: int = 0
+    """The GO that holds, 0 = none."""
     tick: Tick | None = None
     """That of lock-step; None in real time."""
+    is_first: bool = False
+    """Whether it is the process's first tick."""
+
+
+Act = Callable[[Due], Twist | None]
+"""A step; the command of its robot."""
+
+
+class Pace(Protocol):
+    """When steps are due in real time. In lock-step the ticks say so (`Participant`)."""
+
+    def wait(self, limit: float) -> None:
+        """Wait until a step is due, or for at most `limit` host seconds."""
+
+    def take(self) -> int | None:
+        """The time (ns) of the step that is due; None if none is (under `node.changed`)."""
+
+
+class UserStep:
+    """The steps of a user's node, `step(now)`, and their pace in real time: every `period` seconds."""
+
+    def __init__(self, node: "Node", step: Step, period: float) -> None:
+        self._node, self._step, self._period = node, step, period
+        is_own = names.navigated_robot_of(node.name) is None
+        way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
+        self._watch = StepWatch(f"{node.name}: step", "one is due every", way_out)
+        self._returned = Every(60.0)
+        self._rate: Rate | None = None
+        self._is_due = False
+        self._forget()
+        node.on_time_reset(self._forget)
+
+    def _forget(self) -> None:
+        self._held: tuple[int, Twist | None] = -1, None
+        """Time (ns) and command of the first tick, which is held: GO opens that tick anew, and chance decides if it was
+        answered before."""
+
+    def wait(self, limit: float) -> None:
+        """Wait for simulated time, then for GO, then for the next moment."""
+        node, clock = self._node, self._node.clock
+        if not clock.decided or clock.now() == 0:
+            node.wait(lambda: clock.now() > 0, 0.1)
+        elif node.wait(lambda: node.pass_gate(node.lacking, node.epoch()), 0.5):
+            period = to_ns(self._period)
+            # The first moment is now.
+            self._rate = self._rate or Rate(period, clock.steady() - period)
+            self._is_due = node.wait_for_moment(self._rate)
+
+    def take(self) -> int | None:
+        """The time of the moment that has come."""
+        is_due, self._is_due = self._is_due, False
+        return self._node.clock.now() if is_due else None
+
+    def act(self, due: Due) -> Twist | None:
+        """Call the user's step from GO on; in the first tick, which comes again with GO, once."""
+        if not self._node.pass_gate(self._node.lacking, due.epoch):
+            return None
+        if due.tick is not None and due.now == self._held[0]:
+            return self._held[1]
+        # In lock-step the next tick waits for it.
+        command = self._watch.run(lambda: self._step(due.now), self._period if due.tick is None else 0.0, paced=True)
+        if command is not None:
+            command = self._checked(command)
+        if due.tick is not None:
+            self._held = due.now if due.tick.epoch == 0 else -1, command
+        self._node.report(due, RobotDriver.BEHAVIOR, command)
+        return command
+
+    def _checked(self, command: Twist) -> Twist | None:
+        name, kind = self._node.name, type(command).__name__
+        if self._node.robot_id is not None:
+            return checked_command(command, f"{name}: step")
+        if self._returned.due():
+            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", name, kind)
+        return None
 
 
 class Node(ProcessNode):
@@ -128,46 +131,47 @@ class Node(ProcessNode):
     of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
     """
 
+    _act: Act
+    _pace: Pace
+
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         """Raises UsageError for a name that no process of a user may have."""
         if problem := names.name_problem(name):
             raise UsageError(problem)
-        if names.is_taken(name):
-            raise UsageError(f"{name} is the name of a process of every team; choose another name")
         super().__init__(name, bus, stop, clock)
-        self._inputs = TickInputs(lambda: self._part.robots)
+        self._inputs = TickInputs(lambda: self.part.robots)
         self._messages = TickMessages()
         self._numbers = count()
-        self._first_data = 0.0
+        self.first_data = 0.0
         """Host time of the first message that may be of a base; 0 before."""
-        self._part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
-        self.on_input = self._advance
-        self._step: Step = lambda now: None
+        self.robot_id = names.robot_id_of(name)
+        """Of a robot's own process; None of any other."""
+        self.switch: StopSwitch | None = None
+        """Whether its robot is stopped."""
         self._cmd_vel: Publisher[Twist] | None = None
-        self._switch: StopSwitch | None = None
+        if self.robot_id is not None:
+            self._cmd_vel = bus.publisher(names.robot_key(self.robot_id, names.CMD_VEL), Twist)
+            self.switch = StopSwitch(bus, self.robot_id, self._on_switch)
+            self.on_present(self._learn_stop)
+        self.team = TeamStatus()
+        """The monitor's newest word, from `follow_go` on."""
+        self.rivals = RivalWatch(bus)
+        self._heartbeat = Every(HEARTBEAT)
+        self.readiness = Readiness(gated=False)
+        self.status: StatusReport | None = None
         """Of a robot's own process."""
-        self._returned = Every(60.0)
-        self._gate: NodeGate | None = None
-        is_own = names.navigated_robot_of(name) is None
-        way_out = "do less in a step" if is_own else "the machine is too busy for it, or it has too many robots"
-        self._watch = StepWatch(f"{name}: step", "one is due every", way_out)
-        self._period: float | None = None
-        """Seconds between two steps in real time; None before `run`."""
-        self._held: tuple[int, Twist | None] = -1, None
-        """Time (ns) and command of the first tick, which is held: GO opens that tick anew, and chance decides if it was
-        answered before."""
+        self._known_to: tuple[int, ...] = ()
+        """Lock-step: the robots that have had its status; none before its own first tick."""
+        self.was_run = False
+        """Whether `run` was called."""
+        self.part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
+        """Its part in lock-step."""
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
         """Time has begun anew."""
         self._inputs.forget()
         self._messages.forget()
-        self._held = -1, None
-
-    @property
-    def was_run(self) -> bool:
-        """Whether `run` was called."""
-        return self._period is not None
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last
@@ -205,32 +209,73 @@ class Node(ProcessNode):
         """
         if every_tick:
             self._inputs.declare(key_expr, message_type)
-        number, handle = next(self._numbers), self._failing(callback)
+        number, call = next(self._numbers), self._failing(callback)
 
-        def take(key: str, message: Message, source: str = "") -> None:
+        def handle(key: str, message: Message, _stamp: int = 0) -> None:
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (latched or isinstance(message, _OF_PROCESSES)):
-                self._first_data = self._first_data or monotonic()
-            if (every_tick or isinstance(message, RobotStatus)) and self.ended_time.has(
-                key, lambda: stamp_of_tick(message), self.clock.now()
-            ):
-                return
-            part, due = self._part, stamp_of_tick(message) if every_tick else None
-            if latched or not part.active:
+                self.first_data = self.first_data or monotonic()
+            call(key, message)
+
+        def take(key: str, message: Message, source: str = "") -> None:
+            due = stamp_of_tick(message) if every_tick else None
+            if latched:
                 handle(key, message)
-            else:
-                arrival = HeldMessage(number, key, message, source, part.is_simulator(source), due, handle)
-                if problem := self._messages.take(arrival, part.stamp, is_open=part.is_open):
-                    self.bus.counters.drop(key, problem)
-                    return
+            elif not self._take(HeldMessage(number, key, message, source, self.part.is_simulator(source), due, handle)):
+                return
             if due is not None:
                 self._inputs.take(key, due)
-                if key == names.TF or is_measured(key):
-                    part.take_stamp(due)
 
         if latched:
             return super().subscribe(key_expr, message_type, take, latched=True)
         return self.subscribe_from(key_expr, message_type, take)
+
+    hear = ProcessNode.subscribe
+    """As `subscribe`, but at once in lock-step too, and an error of the callback does not end the process."""
+
+    def receive(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        handle: Handle,
+        problem: Callable[[RawSample], str] | None = None,
+        *,
+        latched: bool = False,
+    ) -> Closeable:
+        """Call `handle(key, message, stamp)` with what others send: in lock-step with each sender's newest message, in
+        the tick after the one in which it was sent, whose `stamp` (ns) is given; else at once. For `problem` see
+        `subscribe_from`.
+        """
+        number = next(self._numbers)
+
+        def take(key: str, message: Message, source: str = "") -> None:
+            self._take(HeldMessage(number, key, message, source, False, None, handle, newest_only=True))
+
+        if latched:
+            # Its bus lets one sender's message count alone: the one with the newest time.
+            return super().subscribe(key_expr, message_type, take, latched=True)
+        return self.subscribe_from(key_expr, message_type, take, problem)
+
+    def _take(self, arrival: HeldMessage) -> bool:
+        """Handle a message now, or keep it for its tick; False if it is dropped."""
+        key, message, part = arrival.key, arrival.message, self.part
+        if has_one_writer(key):
+            self.rivals.take(key, arrival.source)
+        has_tick = arrival.due is not None or isinstance(message, RobotStatus)
+        if has_tick and self.ended_time.has(key, lambda: stamp_of_tick(message), self.clock.now()):
+            return False
+        if not part.active:
+            self._messages.handle_due(None)
+            arrival.handle(key, message, self.clock.now())
+        elif problem := self._messages.take(arrival, part.stamp, is_open=part.is_open):
+            self.bus.counters.drop(key, problem)
+            return False
+        return True
+
+    def hear_stamp(self, stamp: int) -> None:
+        """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
+        if self.part.active:
+            self._messages.hear(stamp, self.part.stamp)
 
     def need(self, lacks: Callable[[Tick], list[str]]) -> None:
         """In lock-step, let `step` wait while `lacks(tick)` names keys; it is asked after each message."""
@@ -243,7 +288,7 @@ class Node(ProcessNode):
     def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
         """A user's `callback`, whose error ends the process."""
 
-        def handle(key: str, value: Any, _tick: int = 0) -> None:
+        def handle(key: str, value: Any) -> None:
             try:
                 callback(key, value)
             except BaseException as error:
@@ -259,137 +304,186 @@ class Node(ProcessNode):
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
-        self._step, self._period = step, period
-        robot_id = names.robot_id_of(self.name)
-        if robot_id is not None:
-            self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
-            self._switch = StopSwitch(self.bus, robot_id, self._on_switch)
-            self.on_present(self._learn_stop)
+        self.was_run = True
+        status, readiness = None, Readiness(gated=gate, way_out="zteam-monitor")
         if gate:
-            self._gate = NodeGate(self, self._lacking, lambda: self._part.active, self._switch)
+            self.follow_go()
+            if self.robot_id is not None and self.switch is not None:
+                status = StatusReport(self, self.robot_id, "zteam.Node", readiness, self.switch)
+        own = UserStep(self, step, period)
+        self.adopt(own.act, own, readiness, status)
         self.become_present()
         log.info("node %s, a step every %g s%s", self.name, period, ": waiting for the monitor's GO" if gate else "")
-        # Only the process that holds the name may publish under it, so not before this.
-        self.on_stop(self._halt)
-        self._keep_pace(period)
+        self.drive(self.look)
 
-    def _keep_pace(self, period: float) -> None:
-        pace: Rate | None = None
-        is_open: Callable[[], bool] = (lambda: True) if self._gate is None else self._gate.is_open
+    def adopt(
+        self, act: Act, pace: Pace, readiness: Readiness | None = None, status: StatusReport | None = None
+    ) -> None:
+        """Let `act` take the steps: in lock-step once the process holds its name, in real time within `drive`."""
+        self._act, self._pace, self.status = act, pace, status
+        self.readiness = readiness or self.readiness
+        self.on_input = self._advance
+
+    def follow_go(self) -> None:
+        """Take the monitor's word."""
+        self.hear(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        self.team = status
+
+    def epoch(self) -> int:
+        """The GO that holds now by the monitor's word, 0 = none. In lock-step the ticks carry it."""
+        return go_epoch(self.team, self.clock.now())
+
+    def drive(self, beat: Callable[[], None]) -> None:
+        """Take steps until the process is asked to stop; call `beat()` once a second. Raises what a step raises."""
+        # Only the process that holds the name may publish under it, so not before this.
+        self.on_stop(self.halt)
         while not self.stopping:
-            self.decide_clock(self._first_data)
-            if self._gate is not None:
-                self._gate.beat()
-            if not self.clock.decided or self.clock.now() == 0:
-                self.wait(lambda: self.clock.now() > 0, 0.1)
-            elif self._part.expected:
-                self.wait(lambda: not self._part.expected, 0.5)
-            elif not is_open():
-                self.wait(lambda: self._part.active or is_open(), 0.5)
-            elif pace is None:
-                # The first moment is now.
-                pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
-            elif self.wait_for_moment(pace):
-                self.take_step(self._begin_moment, self._ask_step, self._end_step)
+            self.decide_clock(self.first_data)
+            if self.part.expected:
+                # The steps go on in handlers.
+                self.wait(lambda: not self.part.expected, self._heartbeat.left())
+            else:
+                self._pace.wait(self._heartbeat.left())
+                self._step()
+            if self.stopping or not self._heartbeat.due():
+                continue
+            beat()
+            with self.changed:
+                self.rivals.look()
+                if self.status is not None:
+                    self.status.beat()
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the robot of this process is stopped (`zteam stop`)."""
+        return self.switch is not None and self.switch.is_stopped
 
     @property
     def _may_step(self) -> bool:
         """Whether it is known if the robot of this process is stopped."""
-        return self._switch is None or self._switch.is_known
+        return self.switch is None or self.switch.is_known
 
     def _learn_stop(self) -> None:
-        assert self._switch is not None
-        self._switch.learn()
-        self._advance()
+        assert self.switch is not None
+        self.switch.learn()
+        self.on_input()
 
     def _on_switch(self) -> None:
-        """A query has stopped or released its robot: out of lock-step at once, else from the next tick on."""
-        if self._part.active:
+        """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
+        of one; in lock-step it counts from the next tick on.
+        """
+        if self.part.active:
             return
-        self._drive(None)
-        if self._gate is not None:
-            self._gate.say_again()
-
-    def _halt(self) -> None:
         with self.changed:
-            self._drive(Twist())
-            if self._gate is not None:
-                self._gate.stop()
+            if self.is_stopped:
+                self._command(Twist())
+            if self.status is not None:
+                self.status.say_again()
 
-    def _lacking(self) -> list[str]:
+    def halt(self) -> None:
+        """Publish zero velocity, then the status; both leave before the session closes."""
+        if self.robot_id is None:
+            return
+        with self.changed:
+            self._command(Twist())
+            if self.status is not None:
+                self.status.stop()
+        log.info("%s stopped", self.name)
+
+    def lacking(self) -> list[str]:
         """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
-        tick = self._part.tick
+        tick = self.part.tick
         return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
 
-    # A step: `_begin_moment` or `_begin_tick`, then `_ask_step`, then `_end_step`
+    def pass_gate(self, lacks: Callable[[], list[str]], epoch: int) -> bool:
+        """Whether the steps may begin: `lacks()` names nothing and GO `epoch` holds (0 = none); then for good."""
+        was_released = self.readiness.released
+        lacking = [] if was_released else lacks()
+        with self.lock:
+            is_released = self.readiness.take(lacking, epoch)
+            if self.status is not None and not was_released:
+                if is_released:
+                    log.info("GO: driving")
+                else:
+                    self.status.tell()
+        return is_released
+
+    def look(self) -> None:
+        """Find out what is missing before GO: a step that stops at the gate."""
+        self.take_step(lambda: None if self.readiness.released else Due(self.clock.now()), self._act)
+
+    def report(self, due: Due, driver: str, command: Twist | None, reason: str = "", *, logged: bool = True) -> None:
+        """A step has this command of `driver`, and a `reason` why it is not what was wanted; `logged`: see `tell`."""
+        with self.lock:
+            self.readiness.drive(reason, due.epoch)
+            if self.status is not None and command is not None:
+                self.status.take(driver, command)
+                self.status.tell(logged=logged)
+
+    # A step: `_begin`, then `_act` without `changed`, then `_end`
 
     def _advance(self) -> None:
-        """Lock-step: take the step of the open tick, if its inputs are there."""
-        if self._part.is_open:
-            self.take_step(self._begin_tick, self._ask_step, self._end_step)
+        """Lock-step: take the step of the open tick, if its inputs are there.
 
-    def _begin_moment(self) -> _Due | None:
-        """Real time: the step of now."""
-        if self._part.expected or self.stopping:
+        The first tick is held until all are ready, and what that takes may come after the answer.
+        """
+        if self.part.is_open:
+            self._step()
+        elif self.part.is_answered and not self.readiness.released:
+            self.look()
+
+    def _step(self) -> bool:
+        """Take the step that is due, if one is."""
+        return self.take_step(self._begin, self._act, self._end)
+
+    def _begin(self) -> Due | None:
+        part = self.part
+        if part.active:
+            tick = part.begin()
+            if tick is None:
+                return None
+            return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
+        if part.expected or self.stopping or not self._may_step:
+            return None
+        now = self._pace.take()
+        if now is None:
             return None
         self._messages.handle_due(None)
-        return _Due(self.clock.now())
+        return Due(now, go_epoch(self.team, now))
 
-    def _begin_tick(self) -> _Due | None:
-        """Lock-step: the step of the open tick. One that needs none is answered at once."""
-        tick = self._part.begin()
-        if tick is None:
-            return None
-        now = ns_from_time(tick.stamp)
-        if self._gate is not None and not self._gate.passes([], tick.epoch):
-            self._part.answer(tick, None)
-            return None
-        if now == self._held[0]:
-            self._part.answer(tick, self._held[1])
-            return None
-        return _Due(now, tick)
-
-    def _ask_step(self, due: _Due) -> Twist | None:
-        # In lock-step the next tick waits for it.
-        period = self._period if due.tick is None else 0.0
-        command = self._watch.run(lambda: self._step(due.now), period or 0.0, paced=True)
-        return None if command is None else self._checked(command)
-
-    def _checked(self, command: Twist) -> Twist | None:
-        if self._cmd_vel is not None:
-            return checked_command(command, f"{self.name}: step")
-        if self._returned.due():
-            kind = type(command).__name__
-            log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", self.name, kind)
-        return None
-
-    def _end_step(self, due: _Due, command: Twist | None) -> None:
-        if command is not None and self._switch is not None and self._switch.is_stopped:
+    def _end(self, due: Due, command: Twist | None) -> None:
+        if command is not None and self.is_stopped:
+            # Perhaps during the step.
             command = Twist()
-        if command is not None and self._gate is not None:
-            self._gate.take(command)
         if due.tick is None:
-            self._drive(command)
-        else:
-            self._held = due.now if due.tick.epoch == 0 else -1, command
-            self._part.answer(due.tick, command)
+            self._command(command)
+            return
+        before, self._known_to = self._known_to, self.part.team
+        if self.status is not None:
+            if due.is_first or before is not self._known_to:
+                # A robot that has just come must know this one from the next tick on, not from a heartbeat by chance.
+                self.status.publish()
+            self.status.keep_up(due.now)
+        self.part.answer(due.tick, command)
 
-    def _drive(self, command: Twist | None) -> None:
-        if self._switch is not None and self._switch.is_stopped:
-            command = Twist()
+    def _command(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
 
     def _has_inputs(self, tick: Tick) -> bool:
-        self._messages.handle_due(self._part.stamp)
+        self._messages.handle_due(self.part.stamp)
         # A message that was due may have ended the process.
         return self.speaks and self._may_step and not self._inputs.lacking(tick)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
-    """`body(node)`, with a word to the user if it returned without a step."""
+    """A user's `body(node)`, with a word to the user if it returned without a step, or if zteam needs its name."""
 
     def checked(node: Node) -> None:
+        if names.is_taken(node.name):
+            raise UsageError(f"{node.name} is the name of a process of every team; choose another name")
         body(node)
         if not (node.was_run or node.stopping):
             log.warning("%s: its main has returned without node.run(step), so it took no part in the team", node.name)

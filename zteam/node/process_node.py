@@ -114,7 +114,6 @@ class ProcessNode:
         self.was_dropped = False
         """Whether the last loss of the link followed from a freeze of this process."""
         self._simulators: set[str] = set()
-        self._on_simulator_lost: list[Callable[[], None]] = []
         self._clock_input: Closeable | None = None
         self._follows_clock = False
         self.claim = Claim(bus, name)
@@ -346,7 +345,7 @@ class ProcessNode:
     @property
     def ticks_tell_time(self) -> bool:
         """Whether this is lock-step, and time comes with the ticks."""
-        return self.clock.simulated and self._clock_input is None
+        return self._follows_clock and self._clock_input is None
 
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
@@ -364,10 +363,6 @@ class ProcessNode:
     def has_simulator(self) -> bool:
         """Whether the process of a simulator is there (out of a process that follows the clock: False)."""
         return bool(self._simulators)
-
-    def on_simulator_lost(self, callback: Callable[[], None]) -> None:
-        """Call `callback()` under `changed` when the last simulator is gone."""
-        self._on_simulator_lost.append(callback)
 
     def wait_for_moment(self, pace: Rate) -> bool:
         """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
@@ -397,11 +392,6 @@ class ProcessNode:
         (self._simulators.add if alive else self._simulators.discard)(key)
         if alive:
             self.clock.use_simulated()
-        elif not self._simulators:
-            # The next one may not work in lock-step.
-            self.take_time_from_clock()
-            for callback in self._on_simulator_lost:
-                callback()
 
 
 N = TypeVar("N", bound=ProcessNode)

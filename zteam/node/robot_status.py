@@ -5,7 +5,7 @@ other processes ask for meanwhile is the last one again.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -97,28 +97,19 @@ class Readiness:
 class StatusSource(Protocol):
     """What a status tells of what drives the robot: a behaviour has it."""
 
-    leader: int | None
-    follows: int | None
-    gap: float
-    turns: int
-    navigation: NavigationStatus | None
-
-    def why_it_rests(self) -> str:
-        """Why it wants zero velocity; empty = no word."""
-
-
-class OwnStep:
-    """The step of a `zteam.Node`, which has no place in a line and no goal."""
-
     leader: int | None = None
     follows: int | None = None
-    gap = 0.0
-    turns = -1
+    gap: float = 0.0
+    turns: int = -1
     navigation: NavigationStatus | None = None
 
     def why_it_rests(self) -> str:
-        """It gives no reason."""
+        """Why it wants zero velocity; empty = no word."""
         return ""
+
+
+class OwnStep(StatusSource):
+    """The step of a `zteam.Node`, which has no place in a line, no goal, and gives no reason."""
 
 
 class StatusReport:
@@ -130,7 +121,6 @@ class StatusReport:
         robot_id: int,
         behavior: str,
         readiness: Readiness,
-        in_lockstep: Callable[[], bool],
         stop: StopSwitch,
         *,
         safety: bool = True,
@@ -144,7 +134,6 @@ class StatusReport:
         self.note = ""
         """What else is wrong, for its text."""
         self._node = node
-        self._in_lockstep = in_lockstep
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
@@ -210,7 +199,7 @@ class StatusReport:
     @property
     def _goes_on_in_ticks(self) -> bool:
         """Whether the steps of lock-step alone may tell anything new."""
-        return self.readiness.released and self._in_lockstep()
+        return self.readiness.released and self._node.ticks_tell_time
 
     def say_again(self) -> None:
         """Publish the status at a moment of the host."""

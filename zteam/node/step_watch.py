@@ -39,7 +39,7 @@ class StepWatch:
         """Where this process has several: whose steps they are."""
         self._began: float | None = None
         """Host time at which the step began that is under way."""
-        self._worked = self._interval = 0.0
+        self._interval = 0.0
         self._looks = 0
         """How often it was seen under way."""
         self._late = 0
@@ -57,33 +57,26 @@ class StepWatch:
         return self._looks * LOOK >= LONG
 
     def run(self, step: Callable[[], T], interval: float, *, paced: bool) -> T:
-        """What `step()` returns, watched from `begin` to `end`."""
-        self.begin(interval)
-        try:
-            return step()
-        finally:
-            self.end(paced=paced)
-
-    def begin(self, interval: float) -> None:
-        """A step begins; the next one is due after `interval` seconds, 0 where that is not known."""
+        """What `step()` returns. The next step is due after `interval` seconds, 0 where that is not known; where it is
+        `paced` by a clock, this step is too slow if it misses the next one.
+        """
         self._interval, self._looks = interval, 0
-        self._work = WORK[threading.get_ident()]
-        self._outer_call, self._work.call = self._work.call, next(CALLS)
-        self._worked, self._began = thread_time(), monotonic()
+        work = WORK[threading.get_ident()]
+        outer_call, work.call = work.call, next(CALLS)
+        worked, began = thread_time(), monotonic()
+        self._began = began
         _under_way.add(self)
         if _thread is None:
             _start()
-
-    def end(self, *, paced: bool) -> None:
-        """The step is over. Where it is `paced` by a clock, it is too slow if it misses the next one."""
-        _under_way.discard(self)
-        self._work.call = self._outer_call
-        assert self._began is not None
-        seconds, self._began = monotonic() - self._began, None
-        is_late = paced and 0.0 < self._interval < seconds
-        self._late = self._late + 1 if is_late else 0
-        if (self._late >= SLOW_STEPS or self.is_long or thread_time() - self._worked >= LONG) and self._slow.due():
-            log.warning("%s", self._text("takes", seconds))
+        try:
+            return step()
+        finally:
+            _under_way.discard(self)
+            work.call = outer_call
+            seconds, self._began = monotonic() - began, None
+            self._late = self._late + 1 if paced and 0.0 < interval < seconds else 0
+            if (self._late >= SLOW_STEPS or self.is_long or thread_time() - worked >= LONG) and self._slow.due():
+                log.warning("%s", self._text("takes", seconds))
 
     def look(self) -> None:
         """The step is under way. Called by the thread that looks."""

@@ -66,6 +66,8 @@ class HeldMessage(NamedTuple):
     due: int | None
     """The stamp (ns) of its tick if the node's step waits for it."""
     handle: Handle
+    newest_only: bool = False
+    """Whether it replaces the one before of the same tick, sender and key."""
 
 
 _Place = tuple[int, str, int, str, int]
@@ -76,9 +78,7 @@ subscription, the sender, and a number."""
 class TickMessages:
     """The messages that a process will handle in a later tick. Stamps are in ns."""
 
-    def __init__(self, *, newest_only: bool = False) -> None:
-        """With `newest_only`, a message of a tick replaces the one before of the same sender and key."""
-        self._newest_only = newest_only
+    def __init__(self) -> None:
         self._numbers = count(1)
         self._of_ticks: list[HeldMessage] = []
         """What belongs to a tick that has not come."""
@@ -118,10 +118,15 @@ class TickMessages:
         """Whether it has come before: a tick that is not answered is sent again with its data."""
         stamp, place = stamp_of(arrival.message), (arrival.subscription, arrival.key)
         # The sender chooses the id of its session. So what it sends on its own keys delays no other's messages.
-        if stamp <= open_stamp + MAX_AHEAD and is_measured(arrival.key):
-            self._heard = max(self._heard, stamp)
+        if is_measured(arrival.key):
+            self.hear(stamp, open_stamp)
         known, self._newest[place] = self._newest.get(place, 0), stamp
         return known == stamp > 0
+
+    def hear(self, stamp: int, open_stamp: int) -> None:
+        """The simulator's data of `stamp` has come, whose tick may be on its way."""
+        if stamp <= open_stamp + MAX_AHEAD:
+            self._heard = max(self._heard, stamp)
 
     def _fullness(self, key: str) -> str:
         """Why no further message of a key is kept; empty if one is. One key does not keep out the others."""
@@ -136,7 +141,7 @@ class TickMessages:
         key, sender = arrival.key, (arrival.source, arrival.key)
         # What a sender sent later on a key is handled later.
         tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
-        place = tick, key, arrival.subscription, arrival.source, 0 if self._newest_only else next(self._numbers)
+        place = tick, key, arrival.subscription, arrival.source, 0 if arrival.newest_only else next(self._numbers)
         if place not in self._sent:
             if problem := self._fullness(key):
                 return problem

@@ -65,11 +65,12 @@ def _map_server(options: MapOptions) -> Part:
 
 
 def _aggregator(options: AggregatorOptions) -> Part:
+    from zteam.node.node import Node
     from zteam.transforms.process.node import run_aggregator
     from zteam.transforms.urdf import read_description
 
     descriptions = {robot_id: read_description(file) for robot_id, file in options.descriptions.items()}
-    return Part(lambda node: run_aggregator(node, options, descriptions), small=True)
+    return Part(lambda node: run_aggregator(node, options, descriptions), Node, small=True)
 
 
 def _monitor(options: MonitorOptions) -> Part:
@@ -88,6 +89,7 @@ def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Par
 
 def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
     """A robot. The robots of one process share `transforms` (`zteam.robot.process.inputs.TransformInputs`)."""
+    from zteam.node.node import Node
     from zteam.robot.behaviors.registry import find_behavior, load_behavior, look_in
     from zteam.robot.process.node import run_robot
 
@@ -95,7 +97,7 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
         look_in(options.folders)
     load_behavior(options.behavior, options.params, options.robot_id)
     kind = find_behavior(options.behavior)
-    return Part(lambda node: run_robot(node, kind, options, transforms), small=True)
+    return Part(lambda node: run_robot(node, kind, options, transforms), Node, small=True)
 
 
 def _navigation(options: NavigationOptions) -> Part:

@@ -69,9 +69,9 @@ def test_only_fresh_data_tells_of_a_base(hub: MemoryHub, make: Make) -> None:
     node.subscribe("robot_0/odom", Odometry, lambda key, odom: None)
     bus.publisher("robot_0/status", RobotStatus).put(RobotStatus())
     bus.publisher(names.TF_STATIC, TFMessage, latched=True).put(TFMessage())
-    assert node._first_data == 0.0
+    assert node.first_data == 0.0
     bus.publisher("robot_0/odom", Odometry).put(Odometry())
-    assert node._first_data > 0.0
+    assert node.first_data > 0.0
 
 
 class Host:
@@ -317,6 +317,6 @@ def test_a_user_without_a_step_is_not_told_to_do_less_in_it(hub: MemoryHub, monk
     ways: dict[str, str] = {}
     monkeypatch.setattr(node_module, "StepWatch", lambda step, _rhythm, way_out: ways.update({step: way_out}))
     for name in ("crowd", names.navigation_name(0)):
-        zteam.Node(name, hub.bus(), Stop())
+        node_module.UserStep(zteam.Node(name, hub.bus(), Stop()), lambda now: None, 0.1)
     assert ways["crowd: step"] == "do less in a step"
     assert "machine" in ways["nav_0: step"]

@@ -57,6 +57,7 @@ def test_in_real_time_it_boots_is_ready_and_goes(hub: MemoryHub, make: Make) -> 
     clock, monitor = bus.publisher(names.CLOCK, Clock), ScriptedMonitor(hub)
 
     def script() -> Iterator[None]:
+        yield
         assert (heard[-1].state, heard[-1].text) == (RobotState.BOOT, f"waiting for {ODOM}")
         clock.put(Clock(time_from_ns(TICK)))
         bus.publisher(ODOM, Odometry).put(odometry(1))

@@ -44,7 +44,7 @@ def test_the_status_is_published_at_each_change_and_its_reason_is_logged_once(hu
     node = ProcessNode("robot_0", hub.bus(), Stop())
     node.clock.use_simulated()
     readiness = Readiness(gated=False)
-    report = StatusReport(node, 0, "avoid", readiness, lambda: False, StopSwitch(hub.bus(), 0))
+    report = StatusReport(node, 0, "avoid", readiness, StopSwitch(hub.bus(), 0))
     with captured_log() as log:
         for tick in range(100):
             node.set_time(1 + tick * TICK)

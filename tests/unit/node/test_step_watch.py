@@ -34,11 +34,13 @@ def watch() -> StepWatch:
 
 def step(watch: StepWatch, host: Host, seconds: float, *, paced: bool = True, looks: int = 0) -> None:
     """A step of so long, which is seen under way so often."""
-    watch.begin(0.1)
-    host.now += seconds
-    for _ in range(looks):
-        watch.look()
-    watch.end(paced=paced)
+
+    def work() -> None:
+        host.now += seconds
+        for _ in range(looks):
+            watch.look()
+
+    watch.run(work, 0.1, paced=paced)
 
 
 def test_steps_that_outlast_their_interval_are_named(watch: StepWatch, host: Host) -> None:
@@ -71,23 +73,27 @@ def test_a_frozen_process_is_not_blamed(watch: StepWatch, host: Host) -> None:
 
 def test_work_that_lets_no_thread_look_is_named(watch: StepWatch, host: Host) -> None:
     """Compiled code may keep the interpreter for all of its step."""
-    watch.begin(0.1)
-    host.now = host.worked = 3.0
+
+    def work() -> None:
+        host.now = host.worked = 3.0
+
     with captured_log() as log:
-        watch.end(paced=False)
+        watch.run(work, 0.1, paced=False)
         assert log.count("Slow.step takes 3.0 s") == 1
 
 
 def test_a_step_that_lasts_is_named_while_it_does(watch: StepWatch, host: Host) -> None:
     """Once, with how long it has lasted; until it returns it is among those that hang."""
-    watch.begin(0.1)
-    with captured_log() as log:
+
+    def work() -> None:
         for _ in range(3 * SECOND):
             host.now += LOOK
             assert (watch in hanging()) == bool(log.lines)
             watch.look()
         assert log.lines == ["Slow.step has not returned for 1.0 s, a scan comes every 0.1 s; try zteam check b:Slow"]
-        watch.end(paced=False)
+
+    with captured_log() as log:
+        watch.run(work, 0.1, paced=False)
     assert watch not in hanging()
 
 

@@ -183,11 +183,11 @@ def test_what_tells_no_tick_counts_by_its_arrival() -> None:
 def test_a_robot_takes_the_last_message_of_each_tick() -> None:
     """The message of the tick before stays until its step; of two of one tick the last one counts, and none waits that
     another has replaced."""
-    messages, taken = TickMessages(newest_only=True), list[tuple[float, int]]()
+    messages, taken = TickMessages(), list[tuple[float, int]]()
 
     def hold(stamp: int, value: float) -> None:
         take = lambda _, sent, tick: taken.append((sent.pose.position.x, tick))  # noqa: E731
-        messages.hold(HeldMessage(1, "goal", pose(stamp, value), "a", False, None, take), 2 * TICK)
+        messages.hold(HeldMessage(1, "goal", pose(stamp, value), "a", False, None, take, newest_only=True), 2 * TICK)
 
     hold(2 * TICK, 1.0)
     for _ in range(MOST + 1):

@@ -11,7 +11,6 @@ from support.participant_desk import NAME, Desk
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Tick, ns_from_time, time_from_ns
-from zteam.node import lockstep as module
 
 REFUSED = "dropped a message on sim/tick"
 
@@ -52,8 +51,8 @@ def lose(desk: Desk, script: ScriptedSimulator) -> None:
     """Let the simulator vanish, and wait until that is certain."""
     script.vanish()
     with desk.node.changed:
-        desk.node.changed.wait_until(lambda: not desk.node._simulators, LIMIT)
-        assert not desk.node._simulators
+        desk.node.changed.wait_until(lambda: not desk.part.active, LIMIT)
+        assert not desk.part.active
 
 
 def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: ScriptedSimulator) -> None:
@@ -156,33 +155,12 @@ def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
     desk.node.close()
 
 
-def test_data_that_goes_on_without_ticks_is_of_real_time(
-    desk: Desk, script: ScriptedSimulator, log: LogCapture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The participant is idle again, and the clock counts; a tick takes it back into lock-step. One message with a
-    stamp of another clock does not hide the others."""
-    monkeypatch.setattr(module, "TICKLESS", 0.0, raising=False)
+def test_lock_step_ends_with_its_token(hub: MemoryHub, desk: Desk, script: ScriptedSimulator) -> None:
+    """Also where a simulator in real time is there by then: the participant is idle, and the clock counts."""
     script.tick(2, NAME)
-    desk.hear(10**9)
-    # Of the tick itself, and of the next one, which may come before it.
-    for stamp in (2, 2, 3, 3, 3):
-        desk.hear(stamp)
-        assert desk.part.active
-    desk.hear(4)
-    assert not desk.part.active
-    assert log.count("not in lock-step any more") == 1
-    script.tell(9 * INTERVAL)
+    other = ScriptedSimulator(hub, NAME)
+    show_simulator(other.bus, lockstep=False)
+    script.vanish()
+    assert desk.node.wait(lambda: not desk.part.active, LIMIT)
+    other.tell(9 * INTERVAL)
     assert desk.node.clock.now() == 9 * INTERVAL
-    script.take()
-    script.tick(10, NAME)
-    assert desk.node.wait(lambda: script.answers == [Done(1, 10)], LIMIT)
-    assert desk.part.active
-
-
-def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: ScriptedSimulator) -> None:
-    """Scans come a moment before their tick, for as long as there are ticks."""
-    for tick in range(2, 50):
-        desk.hear(tick)
-        desk.hear(tick)
-        script.tick(tick, NAME)
-    assert desk.acted == [*range(2, 50)]

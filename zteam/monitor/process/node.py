@@ -31,7 +31,6 @@ class Monitor:
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._ticks = Ticks(node, self._on_tick)
         node.follow_clock()
-        node.on_simulator_lost(self._ticks.listen)
         self._ticks.listen()
         node.clock.sim.on_jump_back(lambda _old, new: self.gate.renew(new))
         self.watch = TeamWatch(node, self.gate)

@@ -8,21 +8,19 @@ from functools import partial
 from types import CodeType
 from typing import Any
 
-import msgspec
-
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
-from zteam.messages import RobotDriver, Tick, Twist
+from zteam.messages import RobotDriver, Twist
+from zteam.node.node import Due, Node
 from zteam.node.pauses import Pauses
-from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.step_watch import StepWatch
-from zteam.node.stopping import STOPPED, StopSwitch
+from zteam.node.stopping import STOPPED
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along
-from zteam.robot.process.inputs import Choice, RobotInputs
+from zteam.robot.process.inputs import RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
 from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing, old_data
 from zteam.robot.safety.motion import DRIVE_MARGIN
@@ -79,50 +77,26 @@ def _cause(trouble: str, view: View) -> str:
     return f"obstacle {away:.2f} m ahead of the laser" if math.isfinite(away) else trouble
 
 
-class StepInput(msgspec.Struct, frozen=True):
-    """What one step goes by."""
-
-    view: View
-    choice: Choice | None
-    """What drives instead of the behaviour."""
-    epoch: int
-    """The GO that holds, 0 = none."""
-    tick: Tick | None
-    """That of lock-step; None in real time."""
-    is_first: bool
-    """Whether this is the robot's first tick."""
-    parameters: dict[str, Any]
-    """The behaviour's, as in `BehaviorParameters`."""
-    missing: list[str]
-    """What the robot lacks before it is released that its view does not show, as nouns."""
-    is_stopped: bool
-    """Whether `zteam stop` holds it."""
-
-
 class Driver:
     """Asks the behaviour of a robot, and has its status told.
 
-    `node.take_step` calls `step` and `pass_gate`, without `node.changed`: nothing that they go by changes meanwhile.
+    The node calls `step` without `node.changed`: nothing that it goes by changes meanwhile.
     """
 
     def __init__(
         self,
-        node: ProcessNode,
+        node: Node,
         inputs: RobotInputs,
         parameters: BehaviorParameters,
         status: StatusReport,
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
-        stop: StopSwitch,
-        in_lockstep: Callable[[], bool],
     ) -> None:
-        """`team()`: ids of the robots that are alive. It and `in_lockstep()` are asked under `node.changed`."""
-        self._node = node
-        self._team, self._stop, self._in_lockstep = team, stop, in_lockstep
+        """`team()`: ids of the robots that are alive."""
+        self._node, self._team = node, team
         self._inputs = inputs
         self._parameters = parameters
         self.status = status
-        self.readiness = status.readiness
         self.robot_id = options.robot_id
         self._seed = options.seed
         self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
@@ -176,97 +150,68 @@ class Driver:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
 
-    def take_input(self, now: int, epoch: int, tick: Tick | None = None, *, is_first: bool = False) -> StepInput:
-        """The newest data, for a step at time `now` (ns) while the GO `epoch` holds (under `node.changed`).
-
-        `tick` is that of lock-step. In the first one (`is_first`) nothing counts that others sent: chance says what
-        came before it.
-        """
-        dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
-        inputs, team, in_lockstep = self._inputs, self._team(), self._in_lockstep()
-        if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
-            # The base has stood meanwhile.
-            dt, self._rested = 0.0, True
-        if not is_first:
-            inputs.messages.handle_due(now)
-        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
-        view = inputs.view(now, dt, team, self._seed, is_first=is_first, silent=silent)
-        lacking = [] if self.readiness.released else inputs.missing()
-        choice = None if is_first else inputs.mux.choose(now)
-        is_stopped = self._stop.is_stopped
-        return StepInput(view, choice, epoch, tick, is_first, self._parameters.given, lacking, is_stopped)
-
     def _silent(self) -> Set[int]:
         """Real time: the robots that are silent though they could be heard."""
         if self._rested:
             self._heard_from = monotonic()
         return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
-    def step(self, given: StepInput) -> Twist | None:
-        """The command for this input; None while the gate is shut."""
-        self.pass_gate(given)
-        if not self.readiness.released:
+    def step(self, due: Due) -> Twist | None:
+        """The command of the step that is `due`; None while the gate is shut."""
+        view = self._look(due)
+        self._prepare_behavior()
+        if not self._node.pass_gate(partial(self._lacking, view), due.epoch):
             return None
-        if given.is_stopped:
-            return self._stand(given)
-        rests = bool(old_data(self.behavior, given.view))
+        choice = None if due.is_first else self._inputs.mux.choose(due.now)
+        if self._node.is_stopped:
+            # Its behaviour is not asked.
+            self._rested = True
+            self._layer.halt(view)
+            driver = RobotDriver.BEHAVIOR if choice is None else choice.driver
+            return self._note(due, driver, Twist(), STOPPED, logged=False)
+        rests = bool(old_data(self.behavior, view))
         if self._rested and not rests:
             self.behavior.on_release()
         self._rested = rests
-        # In lock-step, where the main loop does not step, the next scan waits.
-        asking = partial(ask, self.behavior, given.view)
-        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=given.tick is None)
+        # In lock-step the next scan waits.
+        asking = partial(ask, self.behavior, view)
+        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         driver = RobotDriver.BEHAVIOR
-        if given.choice is not None:
-            driver, wanted, reason = *given.choice, ""
-        command, trouble = self._layer.limit(wanted, given.view, reason)
+        if choice is not None:
+            driver, wanted, reason = *choice, ""
+        command, trouble = self._layer.limit(wanted, view, reason)
         # A behaviour that old data keeps from wanting anything is not stopped.
-        is_stopped = bool(trouble) and not (rests and given.choice is None)
+        is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
-            self._safety.take(driver, wanted, trouble, given.view)
+            self._safety.take(driver, wanted, trouble, view)
         reason = trouble or reason
         # What the safety layer stops has lines of its own.
-        return self._note(given, driver, command, reason and (self.absence or reason), logged=not is_stopped)
+        return self._note(due, driver, command, reason and (self.absence or reason), logged=not is_stopped)
 
-    def _stand(self, given: StepInput) -> Twist:
-        """The command of a robot that is stopped: zero, and its behaviour is not asked."""
-        self._rested = True
-        self._layer.halt(given.view)
-        driver = RobotDriver.BEHAVIOR if given.choice is None else given.choice.driver
-        return self._note(given, driver, Twist(), STOPPED, logged=False)
+    def _look(self, due: Due) -> View:
+        """The newest data. In the first tick of lock-step nothing counts that others sent: chance says what came before
+        it."""
+        now, inputs, in_lockstep = due.now, self._inputs, self._node.ticks_tell_time
+        dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
+        if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
+            # The base has stood meanwhile.
+            dt, self._rested = 0.0, True
+        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
+        return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
 
-    def _note(self, given: StepInput, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:
+    def _note(self, due: Due, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:
         """Report a step, with the reason why it does not do what was wanted; its command."""
-        with self._node.lock:
-            self._stepped = given.view.now
-            self.readiness.drive(reason, given.epoch)
-            self.status.take(driver, command)
-            self.status.tell(logged=logged)
+        self._stepped = due.now
+        self._node.report(due, driver, command, reason, logged=logged)
         return command
 
-    def stand(self, reason: str, *, logged: bool) -> None:
-        """No step is due any more, for this `reason`: the wheels stand by now (under `node.changed`)."""
-        self.readiness.drive(reason)
-        self.status.take(self.status.driver, Twist())
-        self.status.tell(logged=logged)
-
-    def pass_gate(self, given: StepInput) -> None:
-        """Release the robot when nothing is missing and GO has come; until then say what it waits for. No step."""
-        self._prepare_behavior(given)
-        was_released = self.readiness.released
-        lacking = [] if was_released else self._lacking(given)
-        with self._node.lock:
-            if not self.readiness.take(lacking, given.epoch):
-                self.status.tell()
-            elif not was_released:
-                log.info("GO: driving")
-
-    def _prepare_behavior(self, given: StepInput) -> None:
+    def _prepare_behavior(self) -> None:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
+        parameters = self._parameters.given
         if self._begins_anew:
-            self._make_behavior(given.parameters)
-        elif self._given is not given.parameters:
-            self.behavior.params, self._given = self._parameters.read(given.parameters), given.parameters
+            self._make_behavior(parameters)
+        elif self._given is not parameters:
+            self.behavior.params, self._given = self._parameters.read(parameters), parameters
             self.behavior.on_params()
         else:
             return
@@ -274,11 +219,11 @@ class Driver:
         with self._node.changed:
             self.status.publish()
 
-    def _lacking(self, given: StepInput) -> list[str]:
-        has_none = given.view.scan is None and not given.view.scan_needs
+    def _lacking(self, view: View) -> list[str]:
+        has_none = view.scan is None and not view.scan_needs
         if self.absence and has_none:
             return [f"its first scan: {self.absence}"]
-        lacking = missing(given.view, self.behavior) + given.missing
+        lacking = missing(view, self.behavior) + self._inputs.missing()
         if self.is_alone and has_none:
             lacking[-1] += f": {ALONE}"
         return lacking

@@ -18,7 +18,6 @@ from zteam.messages import (
     Odometry,
     RobotDriver,
     RobotStatus,
-    TeamStatus,
     TFMessage,
     TransformStamped,
     Twist,
@@ -27,7 +26,6 @@ from zteam.messages import (
 )
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.node.tick_messages import TickMessages
 from zteam.robot.behaviors.behavior import SILENT_AFTER, DeclaredInput, FindPose, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
@@ -214,8 +212,6 @@ class RobotInputs:
         """Whether the robot does without `base_info`."""
         self._waits_since = 0.0
         """Host time of the first scan in real time; 0 before."""
-        self.messages = TickMessages(newest_only=True)
-        """For `mux` and `declared`: those of lock-step that do not count yet."""
         self.mux = Mux()
         self.declared = DeclaredInputs(declared or [])
         self.scan: LaserScan | None = None
@@ -227,7 +223,6 @@ class RobotInputs:
         self.odom: Odometry | None = None
         self.odom_stamp = 0
         """Stamp of the newest odometry; 0 = none."""
-        self.team: TeamStatus | None = None
         self.transforms = transforms or TransformInputs()
         self._fixed = Buffer()
         """The fixed frames that the base itself publishes: a robot needs no aggregator to know where its laser is."""
@@ -290,20 +285,25 @@ class RobotInputs:
             self.bases, self._robots = {i: self._told[i] for i in sorted(robots)}, robots
         return True
 
-    def complete_for(self, stamp: int, *, tf: bool = True, connected: bool = False) -> bool:
-        """Whether all needed data of time `stamp` has come, and `base_info` and the base's fixed frames at all.
+    def lacking(self, stamp: int, *, tf: bool = True, connected: bool = False) -> list[str]:
+        """The keys whose data of time `stamp` has not come, or at all that of `base_info` and the base's fixed frames.
 
         `tf` = False leaves the transforms out. With `connected` the transforms must lead from the map to the robot: the
         fixed ones may come later than the first bundle.
         """
-        if self._id not in self._told or not self._has_fixed or self.scan is None or self.scan_stamp < stamp:
-            return False
-        if self.odom is None or self.odom_stamp < stamp:
-            return False
-        if not tf or self.transforms.stamp < stamp:
-            return not tf
-        newest = self.transforms.newest(names.MAP_FRAME, self._base) if connected else stamp
-        return newest is not None and newest >= stamp
+        came = {
+            names.BASE_INFO: self._id in self._told,
+            names.TF_STATIC: self._has_fixed,
+            names.BASE_SCAN: self.scan is not None and self.scan_stamp >= stamp,
+            names.ODOM: self.odom is not None and self.odom_stamp >= stamp,
+        }
+        lacking = [names.robot_key(self._id, topic) for topic in came if not came[topic]]
+        if tf and not lacking:
+            newest: int | None = self.transforms.stamp
+            if connected and self.transforms.stamp >= stamp:
+                newest = self.transforms.newest(names.MAP_FRAME, self._base)
+            lacking = [names.TF] if newest is None or newest < stamp else []
+        return lacking
 
     def view(
         self,
@@ -340,7 +340,6 @@ class RobotInputs:
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""
         self.transforms.forget()
-        self.messages.forget()
         self.mux.forget()
         self.declared.forget()
         self.scan = self.odom = None

@@ -57,7 +57,7 @@ def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[s
 
         robot = options
         # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
-        return Part(lambda node: robot_part(robot, transforms).body(node))
+        return Part(lambda node: robot_part(robot, transforms).body(node), Node)
     return part_of(options)
 
 

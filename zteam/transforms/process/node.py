@@ -12,10 +12,9 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
-from zteam.clock import FREEZES, Every, Rate, monotonic, to_ns, wall_ns
+from zteam.clock import FREEZES, Rate, monotonic, to_ns, wall_ns
 from zteam.messages import JointState, TFMessage, Tick, encode, ns_from_time
-from zteam.node.lockstep import Participant
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Due, Node
 from zteam.node.process_options import AggregatorOptions
 from zteam.node.tokens import GRACE, TokenLossFilter, TokenSet
 from zteam.transforms.client import BundleReply, HistoryRequest, LookupRequest, StaticReply, StaticRequest
@@ -35,20 +34,20 @@ _SESSION = holder_text(None, "")
 
 
 class Aggregator:
-    """The merged tree on the bus. Callbacks run under `node.changed`.
+    """The merged tree on the bus, and the pace of its bundles in real time. Callbacks run under `node.changed`.
 
     A broadcaster's fixed frames have its session as their authority. A caller's fixed frame is dropped when the
     caller's token is gone for good.
     """
 
     def __init__(
-        self, node: ProcessNode, options: AggregatorOptions, descriptions: Mapping[int, Description] | None = None
+        self, node: Node, options: AggregatorOptions, descriptions: Mapping[int, Description] | None = None
     ) -> None:
         """`descriptions` are those of `options`, read from their files."""
         self._node = node
         self._given_rate = options.rate
-        self._first_data = 0.0
-        """Host time of the first moving transform; 0 before."""
+        self._pace: Rate | None = None
+        self._is_due = False
         self._descriptions = descriptions or {}
         self._tokens = TokenSet()
         self._lost_callers = TokenLossFilter()
@@ -58,10 +57,12 @@ class Aggregator:
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = Participant(node, self._has_inputs, self._repeat)
-        node.on_input = self._advance
+        self._part = node.part
+        self._part.repeat = self._repeat
+        node.need(self._lacks)
+        node.adopt(self.act, self)
         node.clock.sim.on_jump_back(self._on_jump_back)
-        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
+        node.hear(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(names.all_robots_key(names.TF_STATIC), self._on_statics)
         node.bus.watch_link(self._on_link)
@@ -76,7 +77,7 @@ class Aggregator:
         for robot_id, description in self._descriptions.items():
             self._merger.describe(robot_id, description.static_transforms())
         if self._descriptions:
-            node.subscribe(names.all_robots_key(names.JOINT_STATES), JointState, self._on_joint_states)
+            node.hear(names.all_robots_key(names.JOINT_STATES), JointState, self._on_joint_states)
         self._publish_statics()
 
     @property
@@ -111,7 +112,6 @@ class Aggregator:
             return
         # Frames of other processes say nothing of the tick: their stamps may be of the past or of the future.
         robot_id, stamp = target[0], base_stamp(target[0], message)
-        self._part.take_stamp(stamp)
         if self._part.active:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
@@ -120,7 +120,7 @@ class Aggregator:
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
         """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""
-        self._first_data = self._first_data or monotonic()
+        self._node.first_data = self._node.first_data or monotonic()
         if self._rate is None and self._bundle.ends_with(stamp):
             # Transforms of the tick before must not wait any longer.
             self._flush_late()
@@ -134,19 +134,22 @@ class Aggregator:
         if stamp <= part.stamp + MAX_APART:
             bundle.take_in_lockstep(robot_id, stamp, part.stamp)
         self._merge(robot_id, message, bundle.begun(part.stamp))
-        if not self._advance() and (leaves := bundle.leaves(part.robots)) is not None:
+        if (leaves := bundle.leaves(part.robots)) is not None:
             self._flush(leaves)
 
-    def _advance(self) -> bool:
-        """Lock-step: send the bundle of the open tick, if it is whole; return whether it was."""
-        return self._part.is_open and self._node.take_step(self._part.begin, lambda _: None, self._end_tick)
+    def _lacks(self, tick: Tick) -> list[str]:
+        is_whole = self._bundle.has_all(self._part.robots, self._part.stamp)
+        return [] if is_whole else [names.all_robots_key(names.TF)]
 
-    def _end_tick(self, tick: Tick, _: None) -> None:
-        self._flush(self._part.stamp)
-        self._part.answer(tick, None)
-
-    def _has_inputs(self, tick: Tick) -> bool:
-        return self._bundle.has_all(self._part.robots, self._part.stamp)
+    def act(self, due: Due) -> None:
+        """Send the bundle: in lock-step that of the tick, which is whole."""
+        with self._node.changed:
+            if due.tick is not None:
+                self._flush(due.now)
+            elif self._rate is None:
+                self._flush_late()
+            else:
+                self._flush()
 
     def _repeat(self) -> None:
         if self._last.transforms:
@@ -220,47 +223,40 @@ class Aggregator:
         if self._merger.statics.changed:
             self._tf_static.put(self._merger.statics.message())
 
-    def run(self) -> None:
-        """Send late bundles, and log conflicts, until the process is asked to stop."""
-        pace: Rate | None = None
-        may_log = Every(1.0)
-        while not self._node.stopping:
-            self._node.decide_clock(self._first_data)
-            rate = None if self._part.active else self._rate
-            if rate is None:
-                self._send_late()
-            else:
-                pace = pace or Rate(to_ns(1.0 / rate), self._node.clock.steady())
-                if self._node.wait_for_moment(pace):
-                    with self._node.changed:
-                        self._flush()
-            with self._node.changed:
-                self._drop_lost()
-                conflicts = self._merger.take_conflicts() if may_log.due() else []
-            _log_conflicts(conflicts)
+    def wait(self, limit: float) -> None:
+        """Wait for the next bundle at its rate, or for one that does not leave in time."""
+        node, rate = self._node, self._rate
+        if rate is None:
+            node.wait(lambda: self._bundle.is_open, 0.5)
+            self._is_due = node.wait(lambda: self._bundle.is_old(monotonic()), PATIENCE)
+        else:
+            self._pace = self._pace or Rate(to_ns(1.0 / rate), node.clock.steady())
+            self._is_due = node.wait_for_moment(self._pace)
+        with node.changed:
+            self._drop_lost()
 
-    def _send_late(self) -> None:
-        """Wait for a bundle, and send it if it does not leave in time."""
-        self._node.wait(lambda: self._bundle.is_open, 0.5)
-        self._node.wait(lambda: self._bundle.is_old(monotonic()), PATIENCE)
+    def take(self) -> int | None:
+        """Now, if a bundle is due."""
+        is_due = self._is_due and (self._rate is not None or self._bundle.is_old(monotonic()))
+        return self._node.clock.now() if is_due else None
+
+    def beat(self) -> None:
+        """Log the conflicts of the last second."""
         with self._node.changed:
-            if self._bundle.is_old(monotonic()):
-                self._flush_late()
+            self._drop_lost()
+            conflicts = self._merger.take_conflicts()
+        for conflict in conflicts[:_MOST_CONFLICTS]:
+            log.warning("%s", conflict)
+        if len(conflicts) > _MOST_CONFLICTS:
+            log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
 
 
 def _caller(caller: str) -> str:
     return f"{names.STATIC_CALLER} {caller}"
 
 
-def _log_conflicts(conflicts: list[str]) -> None:
-    for conflict in conflicts[:_MOST_CONFLICTS]:
-        log.warning("%s", conflict)
-    if len(conflicts) > _MOST_CONFLICTS:
-        log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
-
-
-def run_aggregator(node: ProcessNode, options: AggregatorOptions, descriptions: Mapping[int, Description]) -> None:
+def run_aggregator(node: Node, options: AggregatorOptions, descriptions: Mapping[int, Description]) -> None:
     aggregator = Aggregator(node, options, descriptions)
     node.become_present()
     log.info("aggregator of transforms: waiting for those of the robots (robot_N/tf)")
-    aggregator.run()
+    node.drive(aggregator.beat)

@@ -36,7 +36,7 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.process.node import RobotNode
@@ -109,7 +109,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
     hub = MemoryHub()
     simulator = ScriptedSimulator(hub, "robot_0")
     put = {topic: simulator.bus.publisher(names.robot_key(0, topic), kind).put for topic, kind in DATA.items()}
-    node = ProcessNode("robot_0", hub.bus(), Stop())
+    node = Node("robot_0", hub.bus(), Stop())
     robot = RobotNode(node, Listener, RobotOptions(0, "Listener", gate=False, safety=False))
     simulator.appear()
     node.become_present()
@@ -122,7 +122,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
     senders = [hub.bus() for _ in range(3)]
     for event in arrive(sent, random):
         if random.random() < 0.3:
-            robot._status.say_again()
+            robot.status.say_again()
         if isinstance(event, Data):
             header = Header(time_from_ns(event.tick * TICK), names.BASE_LASER_LINK)
             put[names.ODOM](Odometry(header))
@@ -135,7 +135,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
             key, message = message_of(event)
             senders[event.source].publisher(key, type(message)).put(message)
     answers = [done for done in simulator.take() if done.tick]
-    behavior = robot._driver.behavior
+    behavior = robot.driver.behavior
     assert isinstance(behavior, Listener)
     node.close()
     told = [status for status, _ in groupby(statuses)]

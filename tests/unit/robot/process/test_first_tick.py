@@ -11,7 +11,7 @@ from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
 from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.process.node import RobotNode
@@ -45,7 +45,7 @@ def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Monk
     monkeypatch.setattr(Seen, "models", [], raising=False)
     monkeypatch.setattr(Seen, "told", [], raising=False)
     put(hub, names.TF_STATIC, laser_on(0), latched=True)
-    node = ProcessNode("robot_0", hub.bus(), Stop())
+    node = Node("robot_0", hub.bus(), Stop())
     made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
     node.become_present()
@@ -152,7 +152,7 @@ def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(
     put_inputs(hub, 2)
     counts = [len(heard)]
     for _ in range(3):
-        robot._status.beat()
+        robot.status.beat()
         counts.append(len(heard) - counts[0])
     assert counts[1:] == [0, 1, 2]
     assert heard[-1] == heard[counts[0] - 1]

@@ -39,18 +39,18 @@ def inputs() -> RobotInputs:
 def test_a_tick_needs_all_its_data(inputs: RobotInputs, late: str) -> None:
     """Data of the tick before does not count, of whichever kind it is."""
     give(inputs, S)
-    assert inputs.complete_for(S)
+    assert not inputs.lacking(S)
     give(inputs, 2 * S, **{late: False})
-    assert not inputs.complete_for(2 * S)
+    assert inputs.lacking(2 * S)
     give(inputs, 2 * S)
-    assert inputs.complete_for(2 * S)
+    assert not inputs.lacking(2 * S)
 
 
 @pytest.mark.parametrize("late", ["scan", "odom", "tf"])
 def test_without_data_no_tick_is_complete(inputs: RobotInputs, late: str) -> None:
     """Each kind has to come at least once, also for the first tick at time 0."""
     give(inputs, S, **{late: False})
-    assert not inputs.complete_for(1)
+    assert inputs.lacking(1)
 
 
 @pytest.mark.parametrize("stamp", [S, 2 * S, 9 * S])
@@ -60,25 +60,25 @@ def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: RobotInputs, sta
     give(inputs, 2 * S, tf=False)
     for _ in range(2):
         inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
-    assert not inputs.complete_for(2 * S)
+    assert inputs.lacking(2 * S)
     give(inputs, 2 * S)
     inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
-    assert inputs.complete_for(2 * S)
+    assert not inputs.lacking(2 * S)
 
 
 def test_newer_data_completes_a_tick(inputs: RobotInputs) -> None:
     """Data of a later time answers an earlier tick too."""
     give(inputs, 2 * S)
-    assert inputs.complete_for(S)
+    assert not inputs.lacking(S)
 
 
 def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: RobotInputs) -> None:
     """Without an aggregator no transforms of the tick are promised; the safety layer needs the odometry always."""
     give(inputs, S, odom=False, tf=False)
-    assert not inputs.complete_for(S, tf=False)
+    assert inputs.lacking(S, tf=False)
     give(inputs, S, tf=False)
-    assert inputs.complete_for(S, tf=False)
-    assert not inputs.complete_for(S)
+    assert not inputs.lacking(S, tf=False)
+    assert inputs.lacking(S)
 
 
 def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> None:
@@ -101,10 +101,10 @@ def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     inputs.take_base(1, BaseInfo())
     inputs.take_fixed(laser_on(1))
     give(inputs, S)
-    assert inputs.complete_for(S)
-    assert not inputs.complete_for(S, connected=True)
+    assert not inputs.lacking(S)
+    assert inputs.lacking(S, connected=True)
     inputs.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
-    assert inputs.complete_for(S, connected=True)
+    assert not inputs.lacking(S, connected=True)
 
 
 def test_no_tick_is_complete_without_the_base() -> None:
@@ -112,13 +112,13 @@ def test_no_tick_is_complete_without_the_base() -> None:
     inputs = RobotInputs(1)
     give(inputs, S)
     inputs.take_base(1, BaseInfo())
-    assert not inputs.complete_for(S)
+    assert inputs.lacking(S)
     inputs.take_fixed(laser_on(1))
-    assert inputs.complete_for(S)
+    assert not inputs.lacking(S)
     inputs = RobotInputs(1)
     give(inputs, S)
     inputs.take_fixed(laser_on(1))
-    assert not inputs.complete_for(S)
+    assert inputs.lacking(S)
 
 
 def test_look_ups_give_the_newest_pose(inputs: RobotInputs) -> None:
@@ -139,7 +139,7 @@ def test_after_a_jump_only_what_is_fixed_stays(inputs: RobotInputs) -> None:
     assert inputs.lookup("map", "robot_1/base_footprint") is None
     assert inputs.lookup("map", "robot_1/odom") is not None
     give(inputs, S)
-    assert inputs.complete_for(S, connected=True)
+    assert not inputs.lacking(S, connected=True)
 
 
 def test_robots_of_one_process_share_the_transforms() -> None:

@@ -45,7 +45,7 @@ def test_the_velocity_of_a_source_is_that_of_its_message() -> None:
 
 def test_a_velocity_of_lock_step_counts_from_the_next_tick_on() -> None:
     """What is sent in tick 3 drives in the ticks 4 to 8, also if tick 3 is not answered yet when it comes."""
-    mux, messages = Mux(), TickMessages(newest_only=True)
+    mux, messages = Mux(), TickMessages()
     take = partial(mux.take, TELEOP)
     messages.hold(
         HeldMessage(0, "robot_1/cmd_vel_teleop", Twist(Vector3(0.3)), "a", False, None, take),

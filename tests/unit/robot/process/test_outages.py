@@ -12,6 +12,7 @@ from zteam.bus import NoRequest
 from zteam.bus.presence import own_info
 from zteam.clock import FREEZES, monotonic
 from zteam.messages import RobotStatus, Twist, Vector3
+from zteam.node import node as node_module
 from zteam.robot.behaviors.behavior import SILENT_AFTER, declared_inputs
 from zteam.robot.behaviors.line import STATUSES
 from zteam.robot.process import node as robot_module
@@ -43,7 +44,7 @@ class Counting(Behavior):
 @pytest.fixture
 def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[RealTimeRobot]:
     """A robot that drives, and that looks often at what comes."""
-    monkeypatch.setattr(robot_module, "_HEARTBEAT", 0.05)
+    monkeypatch.setattr(node_module, "HEARTBEAT", 0.05)
     monkeypatch.setattr(robot_module, "_LOOKS", 0)
     made = RealTimeRobot(Counting)
     made.ready(1)

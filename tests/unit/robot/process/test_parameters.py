@@ -168,7 +168,7 @@ def test_a_follower_is_told_another_leader() -> None:
         robot.say_transforms(1)
         robot.say_scan(1)
         robot.wait_for_commands(1)
-        behavior = robot._robot._driver.behavior
+        behavior = robot.robot.driver.behavior
         assert behavior.leader == 0
         with pytest.raises(UsageError, match="robot 1 cannot follow itself; name another robot"):
             robot.parameters().set(NAME, {"leader": 1})

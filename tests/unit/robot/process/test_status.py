@@ -10,6 +10,7 @@ from support.real_time_robot import RealTimeRobot
 from support.transports import wait_until_true
 from zteam.behaviors import Behavior, View
 from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
+from zteam.node import node as node_module
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.straight import Idle
 from zteam.robot.process import node as robot_module
@@ -68,7 +69,7 @@ def tick_to(robot: RealTimeRobot, first: int, last: int, distance: float = 9.0) 
 
 def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """Behaviour, driver, speed and reason follow the newest command; the old text stays what it was."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(Asks)
     try:
         before = robot.wait_for_status(lambda status: True)
@@ -92,7 +93,7 @@ def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], mo
 
 def test_a_shipped_behaviour_says_why_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its own word is in the status, and neither in the text nor a line of the log."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(Idle)
     try:
         with captured_log() as log:
@@ -138,7 +139,7 @@ def test_undeclared_look_ups_are_named_once(kind: type[Behavior], lines: int) ->
 
 def test_a_robot_without_a_simulator_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """It may be a real one, too: then its base sends no scan. With the first scan that is over."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(Idle, gate=True)
     lacks = ": no simulator runs yet (zteam-sim WORLD), and no base sends data"
     try:
@@ -155,7 +156,7 @@ def test_a_robot_without_a_simulator_says_so(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_robot_without_a_gate_says_that_no_simulator_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """It has no status to wait in, so the log says it, once."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     line = "waiting for a first scan: no simulator runs yet (zteam-sim WORLD), and no base sends data"
     with captured_log() as log:
         robot = RealTimeRobot(Idle, gate=False)
@@ -177,7 +178,7 @@ def test_a_follower_names_its_leader() -> None:
 
 def test_a_new_speed_is_no_reason_to_publish(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """Speeds that change with every tick go out with the heartbeat alone."""
-    monkeypatch.setattr(robot_module, "Every", NoBeat)
+    monkeypatch.setattr(node_module, "Every", NoBeat)
     robot = RealTimeRobot(Asks)
     try:
         wants(0.1)
@@ -196,7 +197,7 @@ def test_a_new_speed_is_no_reason_to_publish(wants: Callable[..., None], monkeyp
 @pytest.mark.parametrize("gate", [True, False])
 def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, gate: bool) -> None:
     """Which robots the world has, and how to add this one; once it has come, what else is missing."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(gate=gate)
     lacks = "robot_1 is not in the world; it has 0, 3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
     try:
@@ -218,7 +219,7 @@ def test_a_robot_that_was_taken_out_of_the_world_says_so(
     wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """While it runs, too: its scans have become stale because the world no longer has it."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(Asks)
     try:
         wants(0.4)
@@ -237,7 +238,7 @@ def test_a_robot_that_was_taken_out_of_the_world_says_so(
 
 def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also before the first scan or tick, when there is no turn to take."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     robot = RealTimeRobot(gate=True)
     try:
         robot.wait_for_status(lambda status: status.text.startswith("waiting for a first scan (robot_1/base_scan)"))
@@ -248,7 +249,7 @@ def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.Monke
 @pytest.mark.gate
 def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the monitor waits for is in its log once, when it has been ready for a while, and again when it changes."""
-    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
     monkeypatch.setattr(robot_module, "_TELL_EVERY", 2)
     with captured_log() as log:
         robot = RealTimeRobot(Asks, gate=True)
