@@ -19,6 +19,9 @@ log = logging.getLogger("zteam.bus")
 Request = TypeVar("Request", bound=msgspec.Struct)
 T = TypeVar("T")
 
+_DECODERS: dict[Any, msgspec.json.Decoder[Any]] = {}
+"""By type. msgspec 0.22 crashes if two threads use a type for the first time at once, so they are made under a lock."""
+_MAKING = threading.Lock()
 MAX_DEFERRED = 64
 """Deferred answers of a session at once; each has a thread."""
 
@@ -49,8 +52,12 @@ def decode_json(payload: bytes, kind: type[T]) -> T:
     """A request or an answer. Raises DecodeError."""
     if problem := size_problem(payload):
         raise DecodeError(problem)
+    with _MAKING:
+        if kind not in _DECODERS:
+            _DECODERS[kind] = msgspec.json.Decoder(kind)
     try:
-        return msgspec.json.decode(payload, type=kind)
+        decoded: T = _DECODERS[kind].decode(payload)
+        return decoded
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise DecodeError(str(error)) from None
     except RecursionError:
