@@ -40,9 +40,9 @@ class Recoveries:
 
     def note_failure(self, name: str) -> None:
         """The process has failed now and will be started again. One that fails before it is back is away since then."""
+        self._failed.setdefault(name, monotonic())
         if (robot_id := names.robot_id_of(name)) is not None:
             self._observer.observe(names.STATUS, robot_id=robot_id)
-        self._failed.setdefault(name, monotonic())
 
     def restarted(self) -> dict[str, Restarted]:
         """What was started again, by name."""
