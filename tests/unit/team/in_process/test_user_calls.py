@@ -201,8 +201,6 @@ def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.Monkey
     assert watch.hung == set()
     hang(new)
     assert watch.hung == {new.node}
-    new.end(paced=False)
-    old.end(paced=False)
 
 
 def test_a_call_that_another_team_left_behind_fails_no_later_one(deliver: Callable[..., threading.Thread]) -> None:
