@@ -77,8 +77,8 @@ if TYPE_CHECKING:
     from zteam.simulator.client import SimulatorClient
     from zteam.team.file.entries import Team
     from zteam.team.file.reading import load_team
-    from zteam.team.in_process.team_run import run_team
     from zteam.team.run.report import RunReport
+    from zteam.team.run.run_team import run_team
     from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
     from zteam.transforms.listener import TransformListener
 
@@ -138,7 +138,7 @@ _HOMES = {
     "connect": "bus.connection",
     "load_team": "team.file.reading",
     "run": "node.node",
-    "run_team": "team.in_process.team_run",
+    "run_team": "team.run.run_team",
     "shipped_team": "config.resources",
     "shipped_world": "config.resources",
 }

@@ -26,6 +26,8 @@ QUESTIONS = [
     "Where is `late_steps` counted?",
     "Where is a step's `dt` made?",
     "Where does a value of the team file reach a robot?",
+    "What differs between real time and lock-step?",
+    "How does a child report to its launcher?",
     "How do I add a behaviour, a sensor, a process?",
 ]
 

@@ -54,7 +54,7 @@ Act = Callable[[Due], Twist | None]
 """A step; the command of its robot."""
 
 
-class Pace(Protocol):
+class StepTimer(Protocol):
     """When steps are due in real time. In lock-step the ticks say so (`Participant`)."""
 
     def wait(self, limit: float) -> None:
@@ -65,7 +65,7 @@ class Pace(Protocol):
 
 
 class UserStep:
-    """The steps of a user's node, `step(now)`, and their pace in real time: every `period` seconds."""
+    """The steps of a user's node, `step(now)`, and their timer in real time: every `period` seconds."""
 
     def __init__(self, node: "Node", step: Step, period: float) -> None:
         self._node, self._step, self._period = node, step, period
@@ -132,7 +132,7 @@ class Node(ProcessNode):
     """
 
     _act: Act
-    _pace: Pace
+    _timer: StepTimer
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         """Raises UsageError for a name that no process of a user may have."""
@@ -317,10 +317,10 @@ class Node(ProcessNode):
         self.drive(self.look)
 
     def adopt(
-        self, act: Act, pace: Pace, readiness: Readiness | None = None, status: StatusReport | None = None
+        self, act: Act, timer: StepTimer, readiness: Readiness | None = None, status: StatusReport | None = None
     ) -> None:
         """Let `act` take the steps: in lock-step once the process holds its name, in real time within `drive`."""
-        self._act, self._pace, self.status = act, pace, status
+        self._act, self._timer, self.status = act, timer, status
         self.readiness = readiness or self.readiness
         self.on_input = self._advance
 
@@ -345,7 +345,7 @@ class Node(ProcessNode):
                 # The steps go on in handlers.
                 self.wait(lambda: not self.part.expected, self._heartbeat.left())
             else:
-                self._pace.wait(self._heartbeat.left())
+                self._timer.wait(self._heartbeat.left())
                 self._step()
             if self.stopping or not self._heartbeat.due():
                 continue
@@ -447,7 +447,7 @@ class Node(ProcessNode):
             return Due(part.stamp, tick.epoch, tick, tick.tick == 1 or not self._known_to)
         if part.expected or self.stopping or not self._may_step:
             return None
-        now = self._pace.take()
+        now = self._timer.take()
         if now is None:
             return None
         self._messages.handle_due(None)

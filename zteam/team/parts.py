@@ -46,7 +46,7 @@ def _simulator(options: SimOptions) -> Part:
 
     world = load_world(options.world)
     if (options.engine.physics or world.physics) == "dynamic":
-        # Not in the thread of a simulator in one process (`in_process/run.py`).
+        # Not in the thread of a simulator in one process (`run/threads.py`).
         import zteam.simulator.core.dynamic  # noqa: F401
     robots = dict(enumerate(world.robots)) if options.world_robots else {}
     for robot_id, model, pose in options.added:

@@ -165,7 +165,7 @@ class DataWatch:
 
 
 class RobotNode:
-    """One robot on the bus: what comes for it, and the pace of its steps in real time.
+    """One robot on the bus: what comes for it, and the timer of its steps in real time.
 
     A step is due with each scan, and again and again while none comes: then the robot has to stop. Handlers of messages
     run under `node.changed`.
@@ -290,7 +290,7 @@ class RobotNode:
         tf, connected = names.AGGREGATOR in tick.participants, not self._node.readiness.released
         return self._inputs.lacking(self._node.part.stamp, tf=tf, connected=connected)
 
-    # The pace in real time
+    # The timer in real time
 
     def wait(self, limit: float) -> None:
         """Wait for a scan, and then for the transforms of its tick."""

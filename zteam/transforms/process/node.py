@@ -34,7 +34,7 @@ _SESSION = holder_text(None, "")
 
 
 class Aggregator:
-    """The merged tree on the bus, and the pace of its bundles in real time. Callbacks run under `node.changed`.
+    """The merged tree on the bus, and the timer of its bundles in real time. Callbacks run under `node.changed`.
 
     A broadcaster's fixed frames have its session as their authority. A caller's fixed frame is dropped when the
     caller's token is gone for good.

@@ -12,7 +12,7 @@ from studies.chains.tours import LEAD_IN, Tour
 from studies.processes import run_processes
 from zteam.config.toml_values import toml_text
 from zteam.robot.behaviors.polyline import Polyline
-from zteam.team.in_process.team_run import run_team
+from zteam.team.run.run_team import run_team
 
 GAP = 0.8
 """Metres of arc length between neighbours at the start, and afterwards where a law keeps a gap."""

@@ -26,8 +26,8 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.node.node import Node
-from zteam.team.in_process.team_run import run_team
 from zteam.team.run.report import RunReport
+from zteam.team.run.run_team import run_team
 
 _ENDS = (NavigationState.SUCCEEDED, NavigationState.ABORTED)
 _START = 2.0

@@ -21,8 +21,8 @@ from studies.study.cases import CASES
 from studies.study.driver import TELEOP, Driver
 from zteam.clock import to_ns
 from zteam.config.resources import find_team
-from zteam.team.in_process.team_run import run_team
 from zteam.team.run.report import RunReport
+from zteam.team.run.run_team import run_team
 
 HELD = 3.0
 """Metres: a follower is held while the robot that it follows is so near."""
