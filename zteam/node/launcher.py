@@ -1,10 +1,11 @@
 """The link of a process to the launcher that has started it: one inherited descriptor, a socket.
 
-The process writes reports to it, one line of JSON each. It reads the end of the file when the launcher is gone.
+The process writes reports to it, one line of JSON each. Its reads end when the launcher is gone.
 """
 
 import contextlib
 import os
+import stat
 from typing import Any
 
 import msgspec
@@ -39,9 +40,10 @@ def take_link() -> int | None:
     """The descriptor of the link, None without a launcher; the children of this process do not inherit it."""
     global _link
     number = os.environ.pop(LINK, "")
-    if number.isdigit():
-        _link = int(number)
-        with contextlib.suppress(OSError):
+    # A program between the launcher and this process may have closed the descriptor and passed on the variable.
+    with contextlib.suppress(OSError):
+        if number.isdigit() and stat.S_ISSOCK(os.fstat(int(number)).st_mode):
+            _link = int(number)
             os.set_inheritable(_link, False)
     return _link
 

@@ -221,8 +221,13 @@ class _Output(logging.Handler):
 _OUTPUT = _Output()
 
 
-def start_logging(name: str, level: str = "info", form: str = "text") -> None:
-    """Send the log of zteam and of a user's modules to stderr under the process's name, and begin to keep its lines."""
+def start_logging(name: str, level: str = "", form: str = "") -> None:
+    """Send the log of zteam and of a user's modules to stderr under the process's name, and begin to keep its lines.
+
+    Without a level or a form, the environment chooses.
+    """
+    level = level or os.environ.get("ZTEAM_LOG_LEVEL", "info")
+    form = form or os.environ.get("ZTEAM_LOG_FORMAT", "text")
     _OUTPUT.process, _OUTPUT.as_json = name, form == "json"
     own, everything = logging.getLogger("zteam"), logging.getLogger()
     own.handlers[:] = [_OUTPUT]

@@ -103,6 +103,9 @@ class Stop:
         try:
             while os.read(descriptor, 1):
                 pass
+        except ConnectionResetError:
+            # The launcher has gone before it read a report.
+            pass
         except OSError as error:
             log.debug("link to the launcher: %s", error)
             return

@@ -1,7 +1,6 @@
 """`python -P -m zteam.team.member`: one process of a team. Its name and its options are a line on standard input
 (`process_options.to_line`); the environment has the options of the bus and of the log."""
 
-import os
 import sys
 from collections.abc import Callable
 
@@ -27,13 +26,15 @@ def main() -> int:
         name, options = from_line(sys.stdin.readline(MAX_LINE))
         kind = kinds.kind_of(name)
         show_name("zteam-node" if kind is None else kind.command)
-        start_logging(name, os.environ.get("ZTEAM_LOG_LEVEL", "info"), os.environ.get("ZTEAM_LOG_FORMAT", "text"))
+        start_logging(name)
         if isinstance(options, RouterOptions):
             return run_router(options)
         bus = BusOptions.from_environment()
         return run_member(name, options, lambda small: msgspec.structs.replace(bus, small=small))
     except ZteamError as error:
         return _fail(name, str(error), error.exit_code)
+    except KeyboardInterrupt:
+        return 130
     except BaseException as error:
         # Zenoh's panics are no Exception.
         if text := shortage_text(error):

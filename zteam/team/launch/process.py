@@ -204,8 +204,10 @@ class Process:
         """What it has reported, the newest of each field."""
         self._on_line, self._on_report, self._on_exit = on_line, on_report, on_exit
         self._link, theirs = socket.socketpair()
-        with theirs:
+        with theirs, contextlib.ExitStack() as failing:
+            failing.callback(self._link.close)
             self._child = start_child(command, theirs.fileno(), environment or {}, folder)
+            failing.pop_all()
         self._readers = [
             threading.Thread(target=read, name=f"{what} of {name}", daemon=True)
             for read, what in ((self._read, "output"), (self._read_reports, "reports"))
@@ -259,7 +261,7 @@ class Process:
                 try:
                     self._on_report(self, news)
                 except Exception:
-                    # The link is also the child's lifeline.
+                    # The end of this thread would close the link, and so stop the child.
                     log.exception("a report of %s could not be passed on", self.name)
 
     def _watch(self) -> None:

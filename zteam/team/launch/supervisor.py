@@ -192,8 +192,8 @@ class Supervisor:
         self._jobs: dict[str, Job] = {}
         self.restarts = Restarts(self._start_after_failure)
         self._closing = threading.Event()
-        self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
-        self._sampler.start()
+        self._sampler: threading.Thread | None = None
+        """None before there is a process."""
 
     @property
     def processes(self) -> dict[str, Process]:
@@ -246,6 +246,9 @@ class Supervisor:
         except OSError as error:
             reason = shortage_text(error) or error.strerror or error
             raise ZteamError(f"{name}: cannot start {job.command[0]}: {reason}") from None
+        if self._sampler is None:
+            self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
+            self._sampler.start()
         if job.words:
             process.write_line(job.words, last=False)
         if name in self._told:
@@ -338,7 +341,8 @@ class Supervisor:
         for process in self.processes.values():
             process.join(GRACE)
         self._closing.set()
-        self._sampler.join(GRACE)
+        if self._sampler is not None:
+            self._sampler.join(GRACE)
 
     def measure(self) -> None:
         """Update the memory and processor time of every process."""

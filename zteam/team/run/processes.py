@@ -194,9 +194,6 @@ class Processes:
             self._connect()
             connected()
         self.start_missing(plan.nodes)
-        if self.links is not None:
-            assert self.bus is not None
-            self.links.serve(self.bus)
 
     def start_missing(self, jobs: Mapping[str, Job]) -> None:
         """Start those of these jobs whose processes do not run."""
@@ -246,16 +243,22 @@ class Processes:
     def _connect(self) -> None:
         options = msgspec.structs.replace(self._options_of(self._name), connect=self.endpoint)
         self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
+        if self.links is not None:
+            self.links.serve(self.bus)
 
     def _wait_for_router(self, router: Process) -> None:
         """Learn the endpoint of the team's own router. Raises BusError if it does not listen."""
         self.endpoint = wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
         if not self.endpoint:
+            # Its last line may still be on its way.
+            router.join(1.0)
             why = f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)[-1:]}"
             raise BusError("stopped" if self._stop.requested else why)
 
     def close(self) -> None:
         """End the session, and kill what still runs."""
-        if self.bus is not None:
-            self.bus.close()
-        self.supervisor.close()
+        try:
+            if self.bus is not None:
+                self.bus.close()
+        finally:
+            self.supervisor.close()

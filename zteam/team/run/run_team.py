@@ -16,11 +16,12 @@ from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import with_faults
 from zteam.team.launch.process import exit_text
+from zteam.team.launch.supervisor import Member
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import Body, NodeThread, Threads, open_outside
+from zteam.team.run.threads import Body, Threads, open_outside
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
@@ -65,7 +66,7 @@ def run_team(
     stop, signals = Stop(), Stop()
     signals.on_request(lambda: stop.request(signals.reason))
 
-    def on_end(node: NodeThread) -> None:
+    def on_end(node: Member) -> None:
         stop.request(f"{node.name} ended")
 
     def carry_out() -> RunReport | None:
@@ -77,9 +78,10 @@ def run_team(
         nullcontext() if bus is None else open_outside(bus, pace) as outside,
         stopping_in_order(signals) if threading.current_thread() is threading.main_thread() else nullcontext(),
         TeamRun(
-            members := Threads(nodes, outside, on_end=on_end, prefix_log=True),
+            members := Threads(nodes, outside, prefix_log=True),
             launch,
             stop,
+            on_end=on_end,
             since_start=lambda: monotonic() - began,
         ) as run,
     ):

@@ -52,7 +52,7 @@ _NEXT = {
     RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
     RunState.RUNNING: {RunState.STOPPING},
     # `finish` stops the members, and leaving the context once more what is left.
-    RunState.STOPPING: {RunState.STOPPING, RunState.ENDED},
+    RunState.STOPPING: {RunState.STOPPING},
     RunState.ENDED: set[RunState](),
 }
 """The states that may follow each state."""
@@ -70,10 +70,12 @@ class TeamRun:
         stop: Stop | None = None,
         *,
         is_launcher: bool = True,
+        on_end: Callable[[Member], None] = lambda _member: None,
         since_start: Callable[[], float] = seconds_since_start,
     ) -> None:
         """Without a `launch`, `plan_for` follows. `is_launcher` says whether this process holds the namespace, and
-        starts processes on request. `since_start()` is host seconds since the run was asked for.
+        starts processes on request. `on_end(member)` is called when one has failed for good. `since_start()` is host
+        seconds since the run was asked for.
         """
         self.members, self.supervisor = members, members.supervisor
         self.plan = LaunchPlan({})
@@ -81,6 +83,7 @@ class TeamRun:
         self.chaos: ChaosReport | None = None
         """How the team took the faults of the launch, after `finish`; None if it has none."""
         self._stop, self._is_launcher, self._since_start = stop or Stop(), is_launcher, since_start
+        self._on_end = on_end
         self.state = RunState.NEW
         self._hurry = False
         self._progress: Progress | None = None
@@ -91,7 +94,8 @@ class TeamRun:
         self._starts: RobotStarts | None = None
         self._hung: set[str] = set()
         self._ends = ExitStack()
-        """Of what it holds on the bus."""
+        """Of what it holds on the bus, and then of the members."""
+        self._ends.callback(members.close)
         self.supervisor.on_failure = self._on_failure
         self._stop.on_request(self._wake)
         if launch is not None:
@@ -110,18 +114,19 @@ class TeamRun:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self.state is RunState.ENDED:
+            return
         try:
             self._stop_all()
         finally:
+            self.state = RunState.ENDED
             self._ends.close()
-            self.members.close()
-            self._enter(RunState.ENDED)
 
     def open(self) -> None:
         """Have a router and a session, before there are members."""
-        self._enter(RunState.OPEN)
         self.members.open()
         self._connected()
+        self._enter(RunState.OPEN)
 
     def reconnect(self) -> None:
         """Have a new session in place of the one before."""
@@ -178,7 +183,9 @@ class TeamRun:
 
     def _on_failure(self, member: Member, again: Again) -> None:
         log_failure(member.name, member.exit_code, again)
-        if self._recoveries is not None and again.delay is not None:
+        if again.delay is None:
+            self._on_end(member)
+        elif self._recoveries is not None:
             self._recoveries.note_failure(member.name)
 
     def team_overview(self) -> TeamOverview:

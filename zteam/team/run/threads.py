@@ -104,7 +104,7 @@ class NodeThread:
         self.error: BaseException | None = None
         """What ended it, if that was an error."""
         self.lines: deque[str] = deque()
-        """None: what it says is in the log of this process."""
+        """Empty: what it says is in the log of this process."""
         self.stopping = False
         """Whether it was asked to end."""
         self._stop = Stop()
@@ -205,21 +205,19 @@ class Threads:
         *,
         name: str = names.LAUNCHER,
         on_line: Callable[[str, str], None] = lambda _name, _text: None,
-        on_end: Callable[[NodeThread], None] = lambda _node: None,
         ends_calls: bool = False,
         prefix_log: bool = False,
     ) -> None:
         """`nodes` are the bodies of own nodes, by name; tools `outside` find the team. `name` is that of the caller.
 
-        `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `on_end(node)`
-        is called when a node has ended for good without being asked to. `ends_calls`: those that do not return, in real
-        time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
+        `on_line(name, text)` prints what a node writes: the monitor's events, which are in its log too. `ends_calls`:
+        those that do not return, in real time too. `prefix_log` is the `prefix` of `LogKeeper.naming_nodes`.
         """
         self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
         self.bus: Bus | None = None
         self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
-        self._on_end, self._ends_calls, self._prefix_log = on_end, ends_calls, prefix_log
+        self._ends_calls, self._prefix_log = ends_calls, prefix_log
         self.calls: CallWatch | None = None
         """None before there is a team."""
         self._ends = ExitStack()
@@ -274,7 +272,7 @@ class Threads:
 
         In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
         """
-        simulator, result = self._make(names.SIMULATOR), Future[R]()
+        simulator = self._make(names.SIMULATOR)
         self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 
         def run() -> R:
@@ -310,12 +308,7 @@ class Threads:
         self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self.sessions, self._take_end)
-
-    def _take_end(self, node: NodeThread) -> None:
-        self.supervisor.take_end(node)
-        if node in self.supervisor.failures:
-            self._on_end(node)
+        return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)
 
     def environment_of_new(self, _name: str) -> dict[str, str]:
         """What lets a process join from outside."""
@@ -324,7 +317,7 @@ class Threads:
 
     def close(self) -> None:
         """End the session, and kill what still runs."""
-        if self.bus is not None:
-            self.bus.close()
-        self.supervisor.close()
-        self._ends.close()
+        with self._ends:
+            self._ends.callback(self.supervisor.close)
+            if self.bus is not None:
+                self.bus.close()

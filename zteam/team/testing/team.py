@@ -131,7 +131,7 @@ class TeamFixture:
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
-        self._watch.may_end.update(processes)
+        self._watch.expect_end(*processes)
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""

@@ -130,9 +130,10 @@ class Watch:
     def words(self, name: str) -> str:
         """The error that ended a process, its last line first, else the last lines of the process."""
         member = self.run.supervisor.members.get(name)
-        lines = (
-            self._others.fault(name) if member is None and self._others else member.fault if member else ""
-        ).splitlines()
+        fault = "" if member is None else member.fault
+        if member is None and self._others is not None:
+            fault = self._others.fault(name)
+        lines = fault.splitlines()
         return "\n".join([*lines[-1:], *lines] or self.lines(name)[-_LAST_LINES:])
 
     def wait(self, condition: Callable[[], bool], limit: float) -> bool:
@@ -179,7 +180,7 @@ class Watch:
         self.participants = {*status.participants}
         self.watch_others(status.participants, expected=False)
         if (others := self._others) is not None and left - self._not_awaited():
-            # `_check` fails for those that stay away.
+            # `check` fails for those that stay away.
             self.wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
         for name in left.intersection(self.run.supervisor.members) - self.may_end - self.restarts:
             if not self.wait(partial(self._has_ended_or_joined, name), self.silence_limit):

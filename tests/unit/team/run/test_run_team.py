@@ -15,8 +15,8 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.clock import HOST_FACTOR
 from zteam.messages import Bool, LaserScan, RobotStatus
-from zteam.team.in_process import team_run
 from zteam.team.launch.team_launch import Pace
+from zteam.team.run import run_team as running
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'
 FAULTY = """
@@ -149,7 +149,7 @@ def test_a_loop_of_an_own_node_is_raised(caplog: pytest.LogCaptureFixture, monke
         node.subscribe("robot_0/base_scan", LaserScan, loop)
         node.run(lambda _now: None)
 
-    monkeypatch.setattr(team_run, "Pace", partial(Pace, timeout=HOST_FACTOR))
+    monkeypatch.setattr(running, "Pace", partial(Pace, timeout=HOST_FACTOR))
     with pytest.raises(zteam.ZteamError, match=r"^planner hangs: after .* s loop has not returned \(.*\)\n") as told:
         zteam.run_team("arena", seconds=10.0, nodes={"planner": main})
     assert f'File "{__file__}", line ' in str(told.value)
