@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from zteam.bus.options import TlsFiles
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
@@ -15,25 +14,13 @@ from zteam.cli.output import Clean, painted, print_block, print_json
 from zteam.cli.tables import terminal_width
 from zteam.config.map_files import read_floor_map
 from zteam.config.numbers import counted
-from zteam.errors import ZteamError, printable
+from zteam.errors import printable
 from zteam.monitor.doctor.examination import examine
-from zteam.monitor.doctor.facts import Finding, Level, problem
+from zteam.monitor.doctor.facts import Finding, Level
 from zteam.simulator.client import MapInfo
 
 _COLORS: dict[Level, int] = {"ok": 32, "note": 33, "problem": 31}
 _NEXT = "-> "
-
-
-def check_authority(tls: TlsFiles) -> list[Finding]:
-    """A problem if certificates of the team's authority pass as the router's."""
-    from zteam.team.security.certificates import posing, posing_text
-
-    folder = Path(tls.certificate).parent
-    try:
-        found = posing(folder)
-    except ZteamError as error:
-        return [problem("authority", str(error))]
-    return [problem("authority", *posing_text(found, folder))] if found else []
 
 
 def build_parser() -> Parser:
@@ -48,7 +35,9 @@ def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else (args.map, _read_map(Path(args.map)))
     raise_from_now()
-    findings = examine(options, [] if options.tls is None else check_authority(options.tls), map_file)
+    from zteam.team.security.certificates import check_authority
+
+    findings = examine(options, map_file, check_authority)
     if args.json:
         print_json(findings)
     else:

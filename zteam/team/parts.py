@@ -117,6 +117,7 @@ def _navigation(options: NavigationOptions) -> Part:
 
 
 def _view(options: ViewOptions) -> Part:
+    from zteam.team.security.certificates import check_authority
     from zteam.view.node import run_view
 
     if options.foxglove_port is not None:
@@ -124,7 +125,7 @@ def _view(options: ViewOptions) -> Part:
 
         require_sdk()
     return Part(
-        lambda node: run_view(node, options, partial(print, flush=True)),
+        lambda node: run_view(node, options, partial(print, flush=True), check_authority),
         small=True,
         name=options.name or names.view_name(),
     )

@@ -10,12 +10,13 @@ from support.certificates import Authority
 from zteam.bus import BusOptions
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router
-from zteam.cli.doctor import check_authority, format_findings
+from zteam.cli.doctor import format_findings
 from zteam.monitor.doctor import examination
 from zteam.monitor.doctor.examination import check_certificate, check_default_port, check_router
 from zteam.monitor.doctor.facts import note, ok, problem
 from zteam.team.security import certificates
 from zteam.team.security.access import Rights
+from zteam.team.security.certificates import check_authority
 
 FINDINGS = [
     ok("data", "data on 7 keys"),

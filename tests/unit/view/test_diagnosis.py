@@ -24,7 +24,7 @@ class Doctor:
         monkeypatch.setattr(diagnoses, "examine", self._examine)
         self.diagnosis = Diagnosis(BusOptions(namespace="left"), self._done.release)
 
-    def _examine(self, options: BusOptions) -> list[Finding]:
+    def _examine(self, options: BusOptions, **_: Any) -> list[Finding]:
         self.runs.append(options)
         if self.fault is not None:
             raise self.fault

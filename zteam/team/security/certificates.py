@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
     from cryptography.x509 import Certificate
 
+    from zteam.monitor.doctor.facts import Finding
+
 FOLDER = "certs"
 DAYS = 365
 """For which a certificate is valid, unless told otherwise."""
@@ -407,3 +409,16 @@ def expiry_text(identity: Identity, folder: Path = Path(FOLDER)) -> str:
     word = "has expired" if identity.state == "expired" else "expires"
     step = f"zteam certs renew {identity.common_name.rpartition('.')[0]}{_option(folder)}"
     return f"the certificate {identity.common_name} {word} on {identity.expires:%Y-%m-%d %H:%M} UTC: '{step}'"
+
+
+def check_authority(tls: TlsFiles) -> "list[Finding]":
+    """A problem if certificates of the team's authority pass as the router's."""
+    # Only the doctor and the view pay for this import.
+    from zteam.monitor.doctor.facts import problem
+
+    folder = Path(tls.certificate).parent
+    try:
+        found = posing(folder)
+    except ZteamError as error:
+        return [problem("authority", str(error))]
+    return [problem("authority", *posing_text(found, folder))] if found else []
