@@ -50,7 +50,7 @@ def test_fresh(team):
 @pytest.mark.parametrize("way", WAYS)
 def test_put_back(line, way):
     assert (line.tick, line.robot(0).distance_travelled) == (1, 0.0)
-    assert "robot_7" not in line._supervisor.members
+    assert "robot_7" not in line._run.supervisor.members
     assert line.sim_status.stopped == []
     assert drive(line) == pathlib.Path("hash").read_text()
     assert line.robot(0).distance_travelled > 0.3
