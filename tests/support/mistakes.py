@@ -201,7 +201,7 @@ BESIDE_A_TEAM = (
     Mistake(
         "zteam tf static 1 0 0 0 0 0 robot_0/odom robot_0/base_footprint", ("robot_0/base_footprint", "already"), 1
     ),
-    Mistake("zteam sim move 0 1000 1000 0", ("outside of the world", "--force"), 1),
+    Mistake("zteam sim move 0 1000 1000 0", ("outside of the world", "force it"), 1),
     Mistake("zteam sim remove 42", ("no robot 42", "it has"), 1),
     Mistake("zteam sim spawn --pose 0 0 0 --model nomodel", ("nomodel", "erratic"), 1),
     Mistake("zteam sim speed -3", ("'-3'", "or max")),

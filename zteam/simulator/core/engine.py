@@ -248,8 +248,7 @@ class Engine:
         robots.pop(robot_id, None)
         if why := find_hindrance(world, replace(robot, pose=pose), robots):
             place = f"x {pose.x:g}, y {pose.y:g}"
-            way_out = "choose a free place, or force it there (--force)"
-            raise UsageError(f"robot {robot_id} has no room at {place}: it {why}; {way_out}")
+            raise UsageError(f"robot {robot_id} has no room at {place}: it {why}; choose a free place, or force it")
 
     def _assembled(self) -> RobotArrays:
         """The robots as they are now; it is made again only when robots came or went since the last call."""

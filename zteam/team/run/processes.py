@@ -124,6 +124,8 @@ class Processes:
         """
         self.supervisor = Supervisor(on_line, start_child=warm.start)
         self.bus: Bus | None = None
+        # A process that hangs ends with HUNG, and the watch of a test finds where.
+        self.hung, self.hangs = set[str](), dict[str, str]()
         self.endpoint = options.connect or (
             options.endpoint if options.tls is not None and certificates is None else ""
         )
@@ -148,16 +150,6 @@ class Processes:
     def change_link(self, name: str, wire: Wire, seconds: float) -> None:
         """Change the link of a process. Raises BusError without links."""
         (no_link if self.links is None else self.links.change)(name, wire, seconds)
-
-    @property
-    def hung(self) -> set[str]:
-        """None: a process that hangs ends with HUNG."""
-        return set()
-
-    @property
-    def hangs(self) -> dict[str, str]:
-        """None: the watch of a test finds them."""
-        return {}
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Prepare to start this team: issue its certificates. Raises ZteamError."""

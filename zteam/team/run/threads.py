@@ -30,7 +30,6 @@ from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOpti
 from zteam.node.shutdown import Stop
 from zteam.node.working import working_for
 from zteam.robot.process.inputs import TransformInputs
-from zteam.team.chaos.forwarder import Wire
 from zteam.team.chaos.links import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
@@ -222,6 +221,8 @@ class Threads:
         """None before there is a team."""
         self._ends = ExitStack()
 
+    change_link = staticmethod(no_link)
+
     @property
     def tools_bus(self) -> Bus | None:
         """The session outside."""
@@ -246,10 +247,6 @@ class Threads:
     def failures(self) -> list[NodeThread]:
         """The nodes of this process that ended for good without being asked to."""
         return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
-
-    def change_link(self, name: str, wire: Wire, seconds: float) -> None:
-        """Raise BusError: nodes of one process have no links."""
-        no_link(name, wire, seconds)
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
