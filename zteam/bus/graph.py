@@ -191,7 +191,7 @@ def _row(key: str, graph: Graph, survey: Survey) -> KeyRow:
         kind = kind_of(sample)
         row.type, row.bytes = kind.ros_type if kind else sample.encoding, len(sample.payload)
         row.rate = rate_of(times, survey.seconds)
-    # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+    # Samples also come from sessions that declare no publisher, such as programs without zteam.
     row.publishers = sorted({*graph.publishers(key), *graph.name_sessions(row.sources, key)})
     row.subscribers = graph.subscribers(key)
     return row

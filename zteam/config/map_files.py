@@ -102,7 +102,7 @@ class FloorMap(NamedTuple):
 
 
 def is_floor_map(path: Path) -> bool:
-    """Whether a file's name says that it is such a YAML."""
+    """Whether a file has the suffix of YAML, as map_server's have."""
     return path.suffix.lower() in (".yaml", ".yml")
 
 
@@ -153,7 +153,7 @@ def read_map_file(path: Path) -> MapFile:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    import yaml  # imported only for such a map
+    import yaml  # few maps need it, and it is slow to import
 
     try:
         fields = yaml.safe_load(read_file(path, "map", MAX_BYTES, WorldError))

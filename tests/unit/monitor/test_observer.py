@@ -45,7 +45,7 @@ def truth(tick: int, x: float = 0.0, speed: float = 0.0) -> Odometry:
 
 
 def test_nothing_is_observed_unasked(hub: MemoryHub) -> None:
-    """Each topic costs somebody time; one that all robots are observed on is subscribed to once."""
+    """An observer subscribes to no topic unasked, and once to a topic of all robots."""
     team = TeamObserver(hub.bus())
     assert keys_of(hub) == []
     team.observe(names.CLOCK, names.STATUS)

@@ -46,7 +46,7 @@ def make_bodies(
 
 
 def _convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
-    from zteam.simulator.core.dynamic import convex_parts  # pymunk: imported only for such a shape
+    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
 
     return convex_parts(points)
 

@@ -246,7 +246,7 @@ class TeamRun:
         report = read_report(bus) if bus is not None and has_counts else None
         self.chaos = None if self._faults is None else self._faults.stop()
         self.supervisor.measure()
-        # Measured before the others end: then the pages that it shares with them would count as its own.
+        # Measured while the others run: afterwards the pages that are shared with them would be counted here alone.
         own = [process_row(name, pid) for name, pid in self.members.pids.items()]
         self._stop_all()
         if report is None or self._progress is None:

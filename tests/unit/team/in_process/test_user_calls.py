@@ -105,7 +105,7 @@ def test_only_a_call_that_holds_the_world_is_ended(deliver: Callable[..., thread
 
 
 def test_a_step_that_loops_in_its_own_thread_is_ended() -> None:
-    """As in real time, for whoever asks for that."""
+    """With `in_real_time` calls are ended out of lock-step too."""
     watch = CallWatch(Pace(timeout=0.05), in_real_time=True)
 
     def work() -> None:
