@@ -2,17 +2,16 @@
 
 A tick that is not answered is sent again, with its inputs, to the participants that owe an answer. `OpenTick` holds the
 rules by which a tick ends, `Patience` the times: both are pure. An answer counts from the session that holds the name.
-A first answer may overtake its session's token.
+A first answer that overtakes its session's token comes again: with each token the open tick is sent again.
 """
 
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable, Container
 
 from zteam import names
 from zteam.bus.held_declarations import Held
-from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.node.certain_tokens import CertainTokens
@@ -32,12 +31,8 @@ NAME_AFTER = 1.0
 """Host seconds until the log names the participants that hold the world."""
 _NAME_EVERY = 5.0
 """Host seconds between two such lines in the log."""
-TOKEN_GRACE = 1.0 * HOST_FACTOR
-"""Host seconds for the token of a session whose answer has come."""
 _MOST_SENT = 256
 """Ticks that are sent again for tokens within a second; then one for all further tokens. Any program may hold some."""
-_MOST_EARLY = 64
-"""Sessions without a token that are remembered: a sender can invent sessions."""
 _LACKING_LIMIT = 0.5
 """Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
 _LONGEST_LOOK = 1.5
@@ -93,10 +88,6 @@ class LockStep:
         """Only `waiting_for` and `take_commands` hold the lock for it."""
         self.resends = 0
         """How often a tick was sent again."""
-        self._early: dict[tuple[str, str], Done] = {}
-        """The newest answer by name and session, of sessions that do not hold the name yet."""
-        self._refused: deque[tuple[str, str]] = deque(maxlen=_MOST_EARLY)
-        """Those whose token has not come in time."""
         self._for_tokens = 0.0, 0
         """Since when tokens are counted that a tick is sent again for, in host time, and how many they are."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
@@ -125,11 +116,7 @@ class LockStep:
         with self._changed:
             if alive and self.tick.note_return(*token):
                 log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
-            must_send = self.tick.take_token(*token, alive)
-            early = self._early.pop(token, None) if alive else None
-            if early is not None:
-                self._take(*token, early)
-            if must_send:
+            if self.tick.take_token(*token, alive):
                 self._send_for_token()
             self._changed.notify_all()
 
@@ -151,41 +138,18 @@ class LockStep:
                 self._send_again()
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
-        sender = names.split_done_key(key) or "", session
-        with self._changed:
-            if self._take(*sender, done):
-                return
-            if sender not in self._early:
-                if sender in self._refused or len(self._early) >= _MOST_EARLY:
-                    self._refuse(*sender)
-                    return
-                # Host time: an answer without a token is refused at host time, while the world is held.
-                timer = threading.Timer(TOKEN_GRACE, self._expire, sender)  # noqa: TID251
-                timer.name, timer.daemon = "early answer", True
-                timer.start()
-            self._early[sender] = done
-
-    def _take(self, name: str, session: str, done: Done) -> bool:
-        """Take an answer. False if its session does not hold `name`."""
-        if not self.tick.take_done(name, session, done):
-            return False
+        name = names.split_done_key(key) or ""
         robot_id = names.robot_id_of(name)
-        if done.has_command and robot_id is not None:
-            self._on_command(robot_id)
-        if self.tick.needs_attention:
-            self._changed.notify_all()
-        return True
-
-    def _expire(self, name: str, session: str) -> None:
         with self._changed:
-            if self._early.pop((name, session), None) is not None:
-                self._refused.append((name, session))
-                self._refuse(name, session)
-
-    def _refuse(self, name: str, session: str) -> None:
-        holder = self.tick.holders.name_of(session)
-        sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
-        self._node.bus.counters.drop(names.done_key(name), f"{sender} does not hold the name {name}")
+            if self.tick.take_done(name, session, done):
+                if done.has_command and robot_id is not None:
+                    self._on_command(robot_id)
+                if self.tick.needs_attention:
+                    self._changed.notify_all()
+            elif name in self.tick.holders:
+                holder = self.tick.holders.name_of(session)
+                sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
+                self._node.bus.counters.drop(key, f"{sender} does not hold the name {name}")
 
     @property
     def was_held(self) -> bool:

@@ -223,16 +223,9 @@ class OpenTick:
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands in the answers of robots that are in the world, by id: zero if their process has ended."""
-        found: dict[int, Twist] = {}
-        for name in self.left:
-            robot_id = names.robot_id_of(name)
-            if robot_id is not None and robot_id in robots:
-                found[robot_id] = Twist()
-        for name, done in self.answers.items():
-            robot_id = names.robot_id_of(name)
-            if done.has_command and robot_id is not None and robot_id in robots:
-                found[robot_id] = done.command
-        return dict(sorted(found.items()))
+        found = {names.robot_id_of(name): Twist() for name in self.left}
+        found |= {names.robot_id_of(name): done.command for name, done in self.answers.items() if done.has_command}
+        return dict(sorted((i, command) for i, command in found.items() if i is not None and i in robots))
 
 
 def _culprits(missing: list[str]) -> list[str]:

@@ -15,7 +15,6 @@ from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
 from zteam.messages import Done, Message
-from zteam.simulator.process import lockstep
 from zteam.team.in_process.bridge import NodeSessions
 
 
@@ -151,9 +150,8 @@ def test_a_process_that_is_gone_outside_is_gone_for_the_nodes(place: Place) -> N
     wait_until_true(lambda: late.items[-1] == ("crowd/alive/x", False))
 
 
-def test_answers_from_outside_count_with_a_token_alone(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answers_from_outside_count_with_a_token_alone(place: Place) -> None:
     """A process outside takes part beside a node; one without the token of that node is refused."""
-    monkeypatch.setattr(lockstep, "TOKEN_GRACE", 0.02)
     harnesses = HarnessFactory(place.outside)
     try:
         harness = harnesses(bus=place.hub.bus("sim"))
