@@ -18,7 +18,6 @@ from zteam.node.process_node import ProcessNode
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.process.queries import Queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation
-from zteam.simulator.process.tick_profile import IDLE, WAIT
 from zteam.simulator.world import Robot, World
 
 log = logging.getLogger("zteam")
@@ -67,15 +66,15 @@ def run_ticks(simulation: Simulation) -> None:
         # Before the clock: a process that hears the last tick's clock may ask for the report at once.
         simulation.count()
         simulation.send_rest()
-        if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat_for):
+        if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat):
             return
-        profile.end(WAIT)
+        profile.end("wait")
         if not simulation.is_counting:
             # GO may have come while the first tick was held.
             simulation.count()
         if not simulation.boundary.wait_for_tick():
             return
-        profile.end(IDLE)
+        profile.end("idle")
         commands = simulation.take_commands()
         profile.end_tick()
         if (latest := FREEZES.look()) > woke or simulation.was_held:

@@ -67,14 +67,14 @@ class Pacer:
             return 0.0
         return max(0.0, self._due - now)
 
-    def start(self, now: float, *, counts: bool = True) -> None:
-        """A tick begins. If it does not count, it takes no step: so does the first tick, which is sent in any case."""
+    def start(self, now: float) -> None:
+        """A tick begins."""
         self._starts.append(now)
         # A query may change it meanwhile, on a thread of the bus.
         speed = self.speed
         if self.paused:
             with self._lock:
-                self.steps = max(0, self.steps - counts)
+                self.steps = max(0, self.steps - 1)
             self._due = None
         elif speed is not None:
             due = self._due
@@ -121,8 +121,6 @@ class TickBoundary:
         self._node = node
         self._pacer = pacer
         self._changes: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
-        self._begins_anew = False
-        """After a reset the first tick is sent even if the world is paused: no process would learn of it otherwise."""
         self._waits = False
         """Whether the main loop waits here and no tick is due."""
         self.finished = False
@@ -169,9 +167,10 @@ class TickBoundary:
         self._node.wake()
 
     def begin_anew(self) -> None:
-        """The world is as at its start: send its first tick, even if the world is paused."""
+        """The world is at its start: its first tick is sent even if it is paused, or no process would know."""
         self.finished = False
-        self._begins_anew = True
+        if self._pacer.paused:
+            self._pacer.step(1)
 
     def wait_for_tick(self) -> bool:
         """Wait until the next tick is due, and make changes meanwhile; False when the process is asked to stop."""
@@ -188,7 +187,6 @@ class TickBoundary:
                 if self._waits:
                     self._node.changed.notify_all()
             if remaining == 0.0:
-                self._begins_anew = False
                 return True
             self._node.wait(self._has_news, _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT))
         return False
@@ -200,6 +198,4 @@ class TickBoundary:
         return bool(self._changes) or remaining == 0.0 or (remaining is None) != self._waits
 
     def _remaining(self) -> float | None:
-        if self._begins_anew:
-            return 0.0
         return None if self.finished else self._pacer.remaining(monotonic())

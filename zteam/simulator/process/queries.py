@@ -54,43 +54,43 @@ class Queries:
             "finish", WaitRequest,
             lambda request: Deferred(lambda: FinishReply(boundary.wait_until_finished(request.timeout))),
         )  # fmt: skip
-        self._serve_change("repeat", Change, lambda _: self._status_after(simulation.repeat))
+        self._serve_change("repeat", Change, lambda _: simulation.repeat())
         # Nothing changes, but only between two ticks does what was sent stay as it is.
         self._serve_change("scans", ScansRequest, lambda request: simulation.scans(request.robots))
-        self._serve_change(
-            "reset", ResetRequest, lambda request: self._status_after(lambda: simulation.reset(anew=request.anew))
-        )
+        self._serve_change("reset", ResetRequest, lambda request: simulation.reset(anew=request.anew))
         self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
-        self._serve_change(
-            "remove", RemoveRequest, lambda request: self._status_after(lambda: simulation.remove(request.id))
-        )
-        self._serve_change(
-            "fault", FaultRequest, lambda request: self._status_after(lambda: simulation.add_fault(request))
-        )
-        self._serve_change("move", MoveRequest, lambda request: self._status_after(lambda: simulation.move(request)))
+        self._serve_change("remove", RemoveRequest, lambda request: simulation.remove(request.id))
+        self._serve_change("fault", FaultRequest, lambda request: simulation.add_fault(request))
+        self._serve_change("move", MoveRequest, simulation.move)
 
     def _serve(self, service: str, request_type: Any, answer: Callable[[Any], Any]) -> None:
         self._bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
 
     def _serve_change(self, service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
+        """Answer with what `make` returns, or with the status afterwards."""
+
         def answer(request: Any) -> Deferred:
-            future = self._boundary.submit(lambda: make(request))
+            future = self._boundary.submit(lambda: make(request) or self._simulation.status())
             return Deferred(lambda: _result_of(future))
 
         self._serve(service, request_type, answer)
 
-    def _status_after(self, change: Callable[[], None]) -> SimStatus:
-        change()
-        return self._simulation.status()
-
     def _set_pace(self, change: Callable[[], None]) -> SimStatus:
-        return self._status_after(lambda: self._boundary.set_pace(change))
+        self._boundary.set_pace(change)
+        return self._simulation.status()
 
     def _step(self, request: StepRequest) -> SimStatus | Deferred:
         if self._boundary.finished:
             raise BusError("the run is over: 'zteam sim reset' starts it again")
         status = self._set_pace(lambda: self._simulation.pacer.step(request.ticks))
-        return Deferred(lambda: self._status_after(self._boundary.wait_for_steps)) if request.wait else status
+        if not request.wait:
+            return status
+
+        def stand() -> SimStatus:
+            self._boundary.wait_for_steps()
+            return self._simulation.status()
+
+        return Deferred(stand)
 
     def _stand(self, timeout: float) -> StandReply:
         return StandReply(self._boundary.wait_until_standing(timeout), self._simulation.status())

@@ -1,7 +1,7 @@
 """A world on the bus: what a tick does, what counts, and the changes that are asked for."""
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
@@ -32,8 +32,7 @@ from zteam.simulator.process.holds import Holds
 from zteam.simulator.process.lockstep import LockStep
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
-from zteam.simulator.process.statistics import RunStatistics
-from zteam.simulator.process.tick_profile import PHYSICS, PUBLISH, SENSORS, WAIT, TickProfile
+from zteam.simulator.process.statistics import RunStatistics, TickProfile
 from zteam.simulator.world import Robot, World, add_robot
 
 log = logging.getLogger("zteam")
@@ -54,6 +53,7 @@ class Simulation:
         self.engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self.pacer = Pacer(world.interval, options.speed, paused=options.paused)
         self.boundary = TickBoundary(node, self.pacer)
+        self.boundary.begin_anew()
         self.profile = TickProfile()
         self.statistics = RunStatistics(options.follows)
         self.outputs = TeamOutputs(node.bus, self.engine, lockstep=options.lockstep is not None)
@@ -79,14 +79,14 @@ class Simulation:
 
     def tick(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these commands; what the robots' next commands depend on is sent."""
-        self.pacer.start(monotonic(), counts=not self._is_first)
+        self.pacer.start(monotonic())
         self.engine.move(commands, self.holds.stopped)
-        self.profile.end(PHYSICS)
+        self.profile.end("physics")
         self._send_inputs()
         if self.lockstep is None:
             # The rest wakes every process, and no robot's next command depends on it: the robots' commands come first.
             self.commands.wait_for_answers(ANSWER_SHARE * self._tick_seconds)
-            self.profile.end(WAIT)
+            self.profile.end("wait")
 
     def send_rest(self) -> None:
         """Send the clock, which wakes every process, and what no robot's next command depends on."""
@@ -95,7 +95,7 @@ class Simulation:
             self._clock.put(Clock(time_from_ns(self.engine.now)))
         self.outputs.put_rest(self.outputs, self._observation)
         self._is_first = False
-        self.profile.end(PUBLISH)
+        self.profile.end("publish")
 
     def _send_inputs(self) -> None:
         """Compute the sensors, and send what the robots' next commands depend on."""
@@ -113,13 +113,13 @@ class Simulation:
         bases = engine.observe_bases()
         outputs.put_transforms(outputs, bases)
         outputs.put_odometry(outputs, bases)
-        self.profile.end(PUBLISH)
+        self.profile.end("publish")
         self._observation = engine.observe()
-        self.profile.end(SENSORS)
+        self.profile.end("sensors")
         outputs.put_scans(outputs, self._observation, self.commands.scan_sent)
         if not early:
             self._announce()
-        self.profile.end(PUBLISH)
+        self.profile.end("publish")
 
     def _announce(self) -> None:
         if self.lockstep is not None:
@@ -194,27 +194,20 @@ class Simulation:
         made = self.outputs.make_scans(robot_ids, self._observation)
         return ScansReply([SensedScan(key, encode(scan)) for key, scan in made])
 
-    def repeat(self) -> None:
-        """Send the last tick's data again, for processes that have not received it."""
-        assert self._observation is not None
-        present = [robot_id for robot_id in self.outputs if robot_id in self._observation.robots]
-        self._repeat_inputs(present, self._observation)
-        self.outputs.put_rest(present, self._observation)
+    def repeat(self, participants: Sequence[str] = ()) -> None:
+        """Send the last tick's data again, for processes that have not received it.
 
-    def repeat_for(self, missing: list[str]) -> None:
-        """Send the open tick's inputs again, for the participants that owe an answer (lock-step)."""
-        assert self._observation is not None
-        robots = {names.robot_id_of(name) for name in missing}
+        Of `participants` (lock-step) that are all robots, only the inputs: those of other processes are not known.
+        """
+        observation, outputs = self._observation, self.outputs
+        assert observation is not None
+        robots = {names.robot_id_of(name) for name in participants} or {None}
+        present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
+        outputs.put_transforms(present, observation)
+        outputs.put_odometry(present, observation, again=True)
+        outputs.put_scans(present, observation, self.commands.scan_sent, again=True)
         if None in robots:
-            # The inputs of other processes than robots are not known: send everything.
-            self.repeat()
-        else:
-            self._repeat_inputs([robot_id for robot_id in self.outputs if robot_id in robots], self._observation)
-
-    def _repeat_inputs(self, robot_ids: list[int], observation: Observation) -> None:
-        self.outputs.put_transforms(robot_ids, observation)
-        self.outputs.put_odometry(robot_ids, observation, again=True)
-        self.outputs.put_scans(robot_ids, observation, self.commands.scan_sent, again=True)
+            outputs.put_rest(present, observation)
 
     def reset(self, *, anew: bool = False) -> None:
         """Put everything back to the start, where GO, if it was given, holds from the first tick on.

@@ -1,4 +1,4 @@
-"""The count of a run since GO: distances, gaps, stalls, late steps, latencies. No bus."""
+"""The count of a run since GO: distances, gaps, stalls, late steps, latencies, the time of its ticks. No bus."""
 
 import hashlib
 import itertools
@@ -6,7 +6,7 @@ import math
 import threading
 from array import array
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from zteam.clock import monotonic
 from zteam.config.numbers import percentile
 from zteam.geometry import Pose2
-from zteam.simulator.client import Gap, Latency, RobotReport
+from zteam.simulator.client import Gap, Latency, RobotReport, Timing
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int_]
 
+Phase = Literal["wait", "physics", "sensors", "publish", "idle"]
+"""Of a tick, as in `Timing`."""
 _MAX_LATENCIES = 100_000
 """Only the newest latencies are kept, in a place that is taken at the start: memory does not grow."""
 _FIRST_LATE_TICK = 2
@@ -200,3 +202,39 @@ def _wrapped(poses: Floats) -> Floats:
     yaw = np.where(yaw > math.pi, yaw - math.tau, yaw)
     poses[:, 2] = np.where(yaw <= -math.pi, yaw + math.tau, yaw)
     return poses
+
+
+class TickProfile:
+    """The host's time by phase: of the last whole tick, and of all whole ticks since `start`."""
+
+    def __init__(self) -> None:
+        self._last = _no_time()
+        self.start()
+
+    def start(self) -> None:
+        """Sum from here on."""
+        self._since = monotonic()
+        self._open, self._sums, self._ticks = _no_time(), _no_time(), 0
+
+    def end(self, phase: Phase) -> None:
+        """Add the time since the last call to this phase."""
+        now = monotonic()
+        self._open[phase] += now - self._since
+        self._since = now
+
+    def end_tick(self) -> None:
+        self._last, self._open = self._open, _no_time()
+        self._sums = {phase: seconds + self._last[phase] for phase, seconds in self._sums.items()}
+        self._ticks += 1
+
+    def timing(self) -> Timing:
+        return Timing(**{phase: 1e3 * seconds / max(1, self._ticks) for phase, seconds in self._sums.items()})
+
+    def last_text(self) -> str:
+        """The last tick in words, without its idle time."""
+        parts = [(phase, s) for phase, s in self._last.items() if phase != "idle" and s >= 5e-5]
+        return ", ".join(f"{phase} {1e3 * s:.1f} ms" for phase, s in parts)
+
+
+def _no_time() -> dict[str, float]:
+    return dict.fromkeys(Timing.__struct_fields__, 0.0)

@@ -66,21 +66,21 @@ def test_a_repeat_has_no_clock(parts: SimulatorParts, sent: list[str]) -> None:
     ("missing", "expected"),
     [(["robot_0"], [names.TF, names.ODOM, names.BASE_SCAN]), (["robot_1"], [])],
 )
-def test_a_repeat_for_robots_has_their_inputs_alone(
+def test_a_repeat_robots_has_their_inputs_alone(
     parts: SimulatorParts, sent: list[str], missing: list[str], expected: list[str]
 ) -> None:
     """A robot that has answered receives nothing again."""
     parts.whole_tick()
     sent.clear()
-    parts.repeat_for(missing)
+    parts.repeat(missing)
     assert sent == expected
 
 
-def test_a_repeat_for_another_process_has_everything(parts: SimulatorParts, sent: list[str]) -> None:
+def test_a_repeat_another_process_has_everything(parts: SimulatorParts, sent: list[str]) -> None:
     """The inputs that it needs are not known."""
     parts.whole_tick()
     sent.clear()
-    parts.repeat_for(["robot_1", "planner"])
+    parts.repeat(["robot_1", "planner"])
     assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
 
 
