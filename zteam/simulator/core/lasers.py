@@ -1,5 +1,6 @@
 """All rangers of all robots at once: what they measure, their noise, and lasers that dazzle each other."""
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -237,8 +238,7 @@ def _find_dazzled(
     """(disturbed laser, bearing of the other in its frame, a random number) for all that meet in this tick."""
     pairs = [
         (a, b)
-        for i, a in enumerate(lasers)
-        for b in lasers[i + 1 :]
+        for a, b in itertools.combinations(lasers, 2)
         if a.mount.robot != b.mount.robot and _may_meet(a, b, options.dazzle_angle)
     ]
     if not pairs:

@@ -8,8 +8,8 @@ from zteam import names
 from zteam.errors import UsageError
 from zteam.geometry import Pose2, in_polygon, signed_area
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
-from zteam.simulator.world.model import Floorplan, World
-from zteam.simulator.world.placing import find_bounds, standing_polygons
+from zteam.simulator.world.model import World
+from zteam.simulator.world.placing import find_bounds, place_points, standing_polygons
 
 MAX_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
@@ -36,7 +36,8 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
             strip = slice(first, first + _STRIP)
             _draw_plan(grid[strip], x, y[strip], plan.pose, framed, plan.cell)
         if min(plan.cell) < resolution:
-            _mark(grid, low, resolution, *_middles(plan))
+            middles = (np.argwhere(plan.occupied)[:, ::-1] + 0.5) * np.array(plan.cell)
+            _mark(grid, low, resolution, *place_points(plan.pose, middles).T)
     for polygon in standing_polygons(world):
         _draw_polygon(grid, x, y, polygon)
         if _thickness(polygon) < resolution:
@@ -85,14 +86,6 @@ def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y
     column = np.clip(((x - low[0]) / resolution).astype(np.int32), 0, columns - 1)
     row = np.clip(((y - low[1]) / resolution).astype(np.int32), 0, rows - 1)
     grid[row, column] = 100
-
-
-def _middles(plan: Floorplan) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of a bitmap's occupied cells."""
-    rows, columns = np.nonzero(plan.occupied)
-    u, v = (columns + 0.5) * plan.cell[0], (rows + 0.5) * plan.cell[1]
-    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
-    return plan.pose.x + cos * u - sin * v, plan.pose.y + sin * u + cos * v
 
 
 def _thickness(polygon: np.ndarray) -> float:
