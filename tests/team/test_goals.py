@@ -48,9 +48,9 @@ def main(node):
 
     def step(now):
         if now == 3_000_000_000:
-            navigator.go_to_pose(Pose2(-2.0, -2.0, 0.0))
-        elif now > 3_000_000_000 and not told and navigator.is_task_complete():
-            told.append(print("visited:", navigator.get_result().name, flush=True))
+            navigator.goToPose(Pose2(-2.0, -2.0, 0.0))
+        elif now > 3_000_000_000 and not told and navigator.isTaskComplete():
+            told.append(print("visited:", navigator.getResult().name, flush=True))
 
     node.run(step)
 

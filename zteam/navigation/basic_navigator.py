@@ -26,7 +26,7 @@ Place = PoseStamped | Pose2
 """A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""
 
 _LOOK = 0.1
-"""Host seconds that `is_task_complete` waits for the end, as Nav2's does."""
+"""Host seconds that `isTaskComplete` waits for the end, as Nav2's does."""
 _PATIENCE = 3.0
 """Host seconds after which it says what a goal waits for: navigation may speak once a second."""
 _POSE_LIMIT = 5.0
@@ -47,17 +47,17 @@ class NavigationFeedback(msgspec.Struct, frozen=True):
     """Since the goal was sent, in the team's time."""
     number_of_recoveries: int
     current_waypoint: int
-    """The index of the goal in `follow_waypoints`; 0 for one goal."""
+    """The index of the goal in `followWaypoints`; 0 for one goal."""
     text: str
     """Why the robot does not get on; empty where there is nothing to say."""
 
 
 class BasicNavigator:
-    """Sends one robot to goals, with the names of Nav2's BasicNavigator; each method has a name in snake case too.
+    """Sends one robot to goals, with the method names of Nav2's BasicNavigator.
 
     `link` is a Bus, or the zteam.Node whose `step` and callbacks use it; without it a session is opened, which `close`
     or the end of a `with` ends. In a script the world goes on while the script waits. In a node nothing waits: make it
-    before `node.run(step)`, and ask `is_task_complete` in each step. Then goals are sent in the node's tick, and a run
+    before `node.run(step)`, and ask `isTaskComplete` in each step. Then goals are sent in the node's tick, and a run
     in lock-step repeats.
     """
 
@@ -68,8 +68,7 @@ class BasicNavigator:
         link = link or self._own_bus
         assert link is not None
         self._node = link if isinstance(link, Node) else None
-        bus = link.bus if isinstance(link, Node) else link
-        self._clock = link.clock if isinstance(link, Node) else team_clock(bus)
+        self._clock = link.clock if isinstance(link, Node) else team_clock(link)
         self._changed = threading.Condition(threading.RLock())
         """Notified when there is news."""
         self._goals: Sequence[PoseStamped] = ()
@@ -81,7 +80,7 @@ class BasicNavigator:
         self._sent = 0
         """When it was sent, in ns of the team's time."""
         self._is_sending = False
-        self._client = NavigationClient(bus, robot_id, self._clock.now, link=link, on_change=self._advance)
+        self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._advance)
         self._nag, self._waits_since = Every(10.0), math.inf
         """When it began to wait for what takes goals, in host seconds."""
         self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
@@ -93,7 +92,7 @@ class BasicNavigator:
         self.close()
 
     def close(self) -> None:
-        """End the session, if it is the navigator's own. The robot drives on: `cancel_task` stops it."""
+        """End the session, if it is the navigator's own. The robot drives on: `cancelTask` stops it."""
         if self._own_bus is not None:
             self._own_bus.close()
 
@@ -107,13 +106,13 @@ class BasicNavigator:
         """Why the task ended as it did, or why the robot does not get on; empty where there is nothing to say."""
         return "" if self._watch is None else self._client.waits_for or self._watch.text
 
-    def wait_until_nav2_active(self, timeout: float | None = None) -> None:
+    def waitUntilNav2Active(self, timeout: float | None = None) -> None:  # noqa: N802
         """Wait until the robot's navigation is there. Raises BusError after `timeout` host seconds.
 
         Raises UsageError in a node, where it would hold the world: see `is_active`.
         """
         if self._node is not None:
-            raise UsageError("wait_until_nav2_active would hold the world: in a node look at is_active in each step")
+            raise UsageError("waitUntilNav2Active would hold the world: in a node look at is_active in each step")
         self._wait(lambda: self.is_active, timeout, "navigation is not there")
 
     def _wait(self, ready: Callable[[], bool], timeout: float | None, trouble: str) -> None:
@@ -125,8 +124,8 @@ class BasicNavigator:
                 wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
             self._complain(self._client.lack)
 
-    def set_initial_pose(self, initial_pose: Place) -> None:
-        """Tell the localiser where the robot is. Navigation must be there to hear it (`wait_until_nav2_active`).
+    def setInitialPose(self, initial_pose: Place) -> None:  # noqa: N802
+        """Tell the localiser where the robot is. Navigation must be there to hear it (`waitUntilNav2Active`).
 
         In a script it waits for 5 s at most; then, and in a node at once, it raises BusError if nothing hears it.
         """
@@ -136,18 +135,18 @@ class BasicNavigator:
         header = Header(time_from_ns(self._clock.now()), place.header.frame_id)
         self._initial_pose.put(PoseWithCovarianceStamped(header, PoseWithCovariance(place.pose, _COVARIANCE)))
 
-    def go_to_pose(self, pose: Place) -> bool:
+    def goToPose(self, pose: Place) -> bool:  # noqa: N802
         """Send a goal. It takes the place of the task before, and waits for navigation if that is not there yet.
 
         Returns True, as Nav2's does for a goal that is accepted; one that navigation refuses ends with FAILED.
         """
-        return self.follow_waypoints([pose])
+        return self.followWaypoints([pose])
 
-    def follow_waypoints(self, poses: Sequence[Place]) -> bool:
+    def followWaypoints(self, poses: Sequence[Place]) -> bool:  # noqa: N802
         """Send goals, each when the one before is reached. The task fails with the first that is not reached."""
         goals = [_message(pose) for pose in poses]
         if not goals:
-            raise UsageError("follow_waypoints: give at least one pose")
+            raise UsageError("followWaypoints: give at least one pose")
         with self._changed:
             self._goals, self._index, self._is_sending = goals, 0, True
         self._send(goals[0])
@@ -181,7 +180,7 @@ class BasicNavigator:
         with self._changed:
             return not self._is_sending and not self._has_next and (self._watch is None or self._watch.ended)
 
-    def is_task_complete(self) -> bool:
+    def isTaskComplete(self) -> bool:  # noqa: N802
         """Whether the task has ended, or there is none. In a script it waits for up to 0.1 s, in a node not at all."""
         self._client.look()
         if self._node is None:
@@ -196,7 +195,7 @@ class BasicNavigator:
         if lack and monotonic() - self._waits_since >= _PATIENCE and self._nag.due():
             log.warning("%s: waiting for %s", self._client.name, lack)
 
-    def get_feedback(self) -> NavigationFeedback | None:
+    def getFeedback(self) -> NavigationFeedback | None:  # noqa: N802
         """How far the robot is; None while navigation has said nothing of the goal."""
         with self._changed:
             status = None if self._watch is None else self._watch.status
@@ -212,12 +211,12 @@ class BasicNavigator:
                 status.text,
             )
 
-    def get_result(self) -> TaskResult:
+    def getResult(self) -> TaskResult:  # noqa: N802
         """How the task ended; UNKNOWN while it lasts, and without one."""
         with self._changed:
             return self._watch.result if self._watch is not None and self._is_over() else TaskResult.UNKNOWN
 
-    def cancel_task(self) -> None:
+    def cancelTask(self) -> None:  # noqa: N802
         """Give the task up: the robot stops, and the result is CANCELED. Raises BusError if that cannot be asked for.
 
         In a node the question is asked on a thread of its own, because an answer comes only after the step.
@@ -230,16 +229,6 @@ class BasicNavigator:
             self._client.cancel()
         else:
             self._client.cancel_later()
-
-    # Nav2's own names, so that its programs run.
-    waitUntilNav2Active = wait_until_nav2_active  # noqa: N815
-    setInitialPose = set_initial_pose  # noqa: N815
-    goToPose = go_to_pose  # noqa: N815
-    followWaypoints = follow_waypoints  # noqa: N815
-    isTaskComplete = is_task_complete  # noqa: N815
-    getFeedback = get_feedback  # noqa: N815
-    getResult = get_result  # noqa: N815
-    cancelTask = cancel_task  # noqa: N815
 
 
 def _robot_id(robot: int | str) -> int:

@@ -7,18 +7,17 @@ import logging
 import threading
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Protocol, TypeVar
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
-from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.geometry import Pose2
-from zteam.messages import Header, Message, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
+from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.messages.planar import pose2_of, pose_message
+from zteam.node.node import Node
 from zteam.robot.client import (
     CANCEL,
     CANCEL_LIMIT,
@@ -32,8 +31,6 @@ from zteam.robot.client import (
 )
 
 log = logging.getLogger("zteam")
-
-M = TypeVar("M", bound=Message)
 
 GLOBAL_LOCALIZATION = "global_localization"
 NAVIGATION, GO_TO = "navigation", "go_to"
@@ -155,13 +152,6 @@ class OtherGoal:
             self.goal = None
 
 
-class Link(Protocol):
-    """How messages come: a Bus, or a node, which handles them in its time."""
-
-    def subscribe(self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], /) -> Closeable:
-        """Call `callback(key, message)` for each message."""
-
-
 class NavigationClient:
     """Sends goals to one robot, one after the other; a new one takes the place of the one before. Watches and cancels.
 
@@ -170,19 +160,20 @@ class NavigationClient:
 
     def __init__(
         self,
-        bus: Bus,
+        link: Bus | Node,
         robot_id: int,
         now: Callable[[], int],
         *,
-        link: Link | None = None,
         on_change: Callable[[], None] = lambda: None,
         yields: bool = False,
     ) -> None:
-        """`now()` is the team's time (ns). `on_change()` is called from the bus's threads when there is news.
+        """A node handles what comes in its own time. `now()` is the team's time (ns). `on_change()` is called from the
+        bus's threads when there is news.
         With `yields`, nothing is sent while a goal of another sender lasts, and the presence of the robot's navigation
         is enough for a goal to be sent: chance may lose its first status, and the next one comes a second later.
         """
-        self._bus, self.robot_id, self._now, self._on_change = bus, robot_id, now, on_change
+        bus = self._bus = link.bus if isinstance(link, Node) else link
+        self.robot_id, self._now, self._on_change = robot_id, now, on_change
         self.name = names.robot_name(robot_id)
         self.watch: GoalWatch | None = None
         """The newest goal."""
@@ -201,7 +192,6 @@ class NavigationClient:
         self._lock = threading.RLock()
         self._stamp = 0  # of the newest goal: no two have the same
         self._other, self._yields = OtherGoal(), yields
-        link = link or bus
         key = names.robot_key(robot_id, names.GOAL_POSE)
         self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
         if yields:

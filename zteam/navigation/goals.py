@@ -89,7 +89,8 @@ class Dispatcher:
     def __init__(self, node: Node, rounds: Rounds) -> None:
         self._node, self._rounds = node, rounds
         self._ended: list[Ended] = []
-        self.errands = {i: Errand(self._client(i)) for i in rounds.robots}
+        clients = [NavigationClient(node, i, node.clock.now, yields=True) for i in rounds.robots]
+        self.errands = {client.robot_id: Errand(client) for client in clients}
         """By robot."""
         self.is_done = False
         """Whether there are no more goals."""
@@ -104,9 +105,6 @@ class Dispatcher:
             serve_list(node.bus, robot_id, partial(getattr, errand, "is_paused"), partial(self._pause, errand))
         node.need(self._lacks)
         node.on_stop(self._cancel_all)
-
-    def _client(self, robot_id: int) -> NavigationClient:
-        return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
 
     def _pause(self, errand: Errand, paused: bool) -> None:
         with self._node.between_steps():
