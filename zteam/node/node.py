@@ -21,9 +21,9 @@ from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
-from zteam.node.step_watch import StepWatch
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
+from zteam.node.working import StepWatch
 
 log = logging.getLogger("zteam")
 

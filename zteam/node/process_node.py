@@ -20,10 +20,10 @@ from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.ended_time import EndedTime
 from zteam.node.faults import log_fault, offer_stacks
-from zteam.node.freeze_watch import watch_freezes
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.working import watch_process
 
 log = logging.getLogger("zteam")
 
@@ -434,9 +434,9 @@ def run_body(
 
     The process stays as its caller set it up: log, switch interval and garbage collector are untouched.
     """
+    watch_process()
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
-        ends.callback(watch_freezes())
         try:
             if problem := names.name_problem(name):
                 raise UsageError(problem)
