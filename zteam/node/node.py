@@ -353,7 +353,7 @@ class Node(ProcessNode):
             with self.changed:
                 self.rivals.look()
                 if self.status is not None:
-                    self.status.beat()
+                    self.status.say_again()
 
     @property
     def is_stopped(self) -> bool:
