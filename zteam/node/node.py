@@ -261,8 +261,8 @@ class Node(ProcessNode):
         key, message, part = arrival.key, arrival.message, self.part
         if has_one_writer(key):
             self.rivals.take(key, arrival.source)
-        has_tick = arrival.due is not None or isinstance(message, RobotStatus)
-        if has_tick and self.ended_time.has(key, lambda: stamp_of_tick(message), self.clock.now()):
+        stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
+        if self.is_of_ended_time(stamp):
             return False
         if not part.active:
             self._messages.handle_due(None)
