@@ -134,16 +134,13 @@ class Freezes:
         self._now, self._worked, self._host = now, worked, host
         self._lock = threading.Lock()
         self._last: tuple[float, float] | None = None
-        """`now` and `worked` at the last look; None before `begin` and after `end`."""
+        """`now` and `worked` at the last look; None before `begin`."""
         self._woke = -math.inf
         self._frozen = 0.0
 
     def begin(self) -> None:
         with self._lock:
             self._last, self._frozen = (self._now(), self._worked()), 0.0
-
-    def end(self) -> None:
-        self._last = None
 
     def look(self) -> float:
         """Host time (`monotonic`) at which this process went on after its last freeze; -inf without one.

@@ -14,7 +14,7 @@ from zteam.simulator.process import lockstep
 def without_freezes() -> Iterator[None]:
     """A crowded machine may freeze the tests' own process: a log would have a line that its test does not expect."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(process_node, "watch_freezes", lambda: lambda: None)
+        patch.setattr(process_node, "watch_process", lambda: None)
         yield
 
 

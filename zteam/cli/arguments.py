@@ -1,4 +1,4 @@
-"""Values on a command line: numbers within bounds, a speed, negative numbers that are not options."""
+"""Values on a command line: numbers within bounds, a speed, the options that a struct declares."""
 
 import argparse
 import os
@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 
-from zteam.config.numbers import is_number, parse_number, parse_whole
+from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError
 
 T = TypeVar("T")
@@ -120,11 +120,3 @@ def parse_speed(text: str) -> float | None:
         return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
     except UsageError as error:
         raise UsageError(f"speed {error}, or max") from None
-
-
-def negative_numbers(words: Sequence[str]) -> list[str]:
-    """The words of a command line, changed so that argparse takes no negative number for an option.
-
-    argparse recognizes `-1`, but not `-1e-3` and `-inf`. A space in front hides the sign, and `float` accepts it.
-    """
-    return [f" {word}" if word.startswith("-") and is_number(word) else word for word in words]

@@ -38,7 +38,6 @@ _TELL_AFTER = 2.0
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam goto", description=__doc__, usage=_USAGE)
-    parser.takes_negative_numbers = True
     parser.add_argument("robot", metavar="ID", help="robot id")
     parser.add_argument(
         "pose", nargs="*", default=[], metavar="X Y [YAW]", help="in map: metres, metres, radians (default: 0)"

@@ -2,13 +2,14 @@
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
-from zteam.cli.arguments import negative_numbers, number, one_of
+from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
@@ -34,10 +35,13 @@ class Parser(argparse.ArgumentParser):
 
     _words: Sequence[str] = ()
     """What is parsed."""
-    takes_negative_numbers = False
-    """Whether a word such as -1e-3 is a number and no option."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        # argparse recognizes -1, but not -1e-3 and -inf.
+        self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf$|nan$)")
 
     def error(self, message: str) -> NoReturn:
         """End with 2."""
@@ -46,8 +50,6 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
         self._words = list(sys.argv[1:] if args is None else args)
-        if self.takes_negative_numbers:
-            self._words = negative_numbers(self._words)
         found, unknown = super().parse_known_args(self._words, namespace)
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]

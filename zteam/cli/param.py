@@ -28,7 +28,6 @@ _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam param", description=__doc__)
-    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|get|set|dump")
 
     def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:

@@ -34,7 +34,6 @@ Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam sim", description=__doc__)
-    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(
         dest="verb", required=True, metavar="pause|resume|step|speed|reset|spawn|remove|move|status"
     )

@@ -44,7 +44,6 @@ _Verb = Callable[[argparse.Namespace], int]
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam tf", description=__doc__)
-    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")
 
     def add(verb: str, show: _Verb, text: str, usage: str | None = None) -> argparse.ArgumentParser:

@@ -1,14 +1,20 @@
-"""The link of a process to the launcher that has started it: one inherited descriptor, a socket.
+"""A process and the launcher that has started it, and what `zteam up` answers on the bus.
 
-The process writes reports to it, one line of JSON each. Its reads end when the launcher is gone.
+Their link is one inherited descriptor, a socket. The process writes reports to it, one line of JSON each. Its reads end
+when the launcher is gone.
 """
 
 import contextlib
 import os
 import stat
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import msgspec
+
+from zteam import names
+from zteam.bus import Bus, Change
+from zteam.config.numbers import counted
 
 LINK = "ZTEAM_LAUNCHER_LINK"
 """Environment: the number of the descriptor."""
@@ -55,3 +61,40 @@ def report(**fields: Any) -> None:
         # It may be gone.
         with contextlib.suppress(OSError):
             os.write(link, msgspec.json.encode(Report(**fields)) + b"\n")
+
+
+START_LIMIT = 10.0
+"""Host seconds for the launcher's answer; it makes a certificate first where the team has them."""
+
+
+class StartRequest(Change):
+    """`up/start`: start the process of a robot, with a behaviour that zteam knows and that needs no parameters."""
+
+    robot: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
+    behavior: str
+
+
+def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
+    """Ask the launcher to start a robot's process; its status and its log tell what becomes of it. Raises BusError."""
+    key = names.service_key(names.LAUNCHER, names.START)
+    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
+
+
+class Restarted(msgspec.Struct, frozen=True):
+    """A process that was started again; `up/restarts` answers with all of them by name."""
+
+    count: int
+    """How often it was started again."""
+    seconds: float | None = None
+    """Host seconds from its failure until it was back, the longest of them; None if it never was."""
+
+
+def restarts_text(restarts: Mapping[str, Restarted]) -> str:
+    """In one line; empty if there are none."""
+    told = [f"{name} {_times(restarted)}" for name, restarted in sorted(restarts.items())]
+    return f"started again: {', '.join(told)}" if told else ""
+
+
+def _times(restarted: Restarted) -> str:
+    times, seconds = counted(restarted.count, "time"), restarted.seconds
+    return times if seconds is None else f"{times} (back after {seconds:.1f} s)"

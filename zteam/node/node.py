@@ -21,9 +21,9 @@ from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
-from zteam.node.step_watch import StepWatch
 from zteam.node.stopping import StopSwitch
 from zteam.node.tick_messages import Handle, HeldMessage, TickInputs, TickMessages, stamp_of_tick
+from zteam.node.working import StepWatch
 
 log = logging.getLogger("zteam")
 
@@ -261,8 +261,8 @@ class Node(ProcessNode):
         key, message, part = arrival.key, arrival.message, self.part
         if has_one_writer(key):
             self.rivals.take(key, arrival.source)
-        has_tick = arrival.due is not None or isinstance(message, RobotStatus)
-        if has_tick and self.ended_time.has(key, lambda: stamp_of_tick(message), self.clock.now()):
+        stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
+        if self.is_of_ended_time(stamp):
             return False
         if not part.active:
             self._messages.handle_due(None)
@@ -353,7 +353,7 @@ class Node(ProcessNode):
             with self.changed:
                 self.rivals.look()
                 if self.status is not None:
-                    self.status.beat()
+                    self.status.say_again()
 
     @property
     def is_stopped(self) -> bool:

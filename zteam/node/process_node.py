@@ -18,12 +18,11 @@ from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_un
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.certain_tokens import CertainTokens
-from zteam.node.ended_time import EndedTime
 from zteam.node.faults import log_fault, offer_stacks
-from zteam.node.freeze_watch import watch_freezes
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.working import watch_process
 
 log = logging.getLogger("zteam")
 
@@ -97,9 +96,9 @@ class ProcessNode:
             self.clock.use_simulated()
         elif clock == "wall":
             self.clock.use_wall()
-        self.ended_time = EndedTime()
-        """Messages of the time before the last jump back may still come."""
-        self.clock.sim.on_jump_back(self.ended_time.jump)
+        self._ended = self._half_jump = 0
+        """The time (ns) before its last jump back, and half of that jump."""
+        self.clock.sim.on_jump_back(self._note_jump)
         self._failure: BaseException | None = None
         self._busy = False
         """Whether a step is under way."""
@@ -328,6 +327,18 @@ class ProcessNode:
         """
         self.clock.sim.on_jump_back(lambda _old, _new: callback())
 
+    def _note_jump(self, old: int, new: int) -> None:
+        self._ended, self._half_jump = old, (old - new) // 2
+
+    def is_of_ended_time(self, stamp: int) -> bool:
+        """Whether a message that comes now was sent before time jumped back, by its stamp (ns; 0 does not tell).
+
+        A process that has not heard of the jump yet goes on for a moment: the aggregator sends its last bundle again,
+        and a robot its last status. Their stamps are far ahead of the new time.
+        """
+        now = self.clock.now()
+        return now < self._ended and stamp > now + self._half_jump
+
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
         if not self._follows_clock:
@@ -434,9 +445,9 @@ def run_body(
 
     The process stays as its caller set it up: log, switch interval and garbage collector are untouched.
     """
+    watch_process()
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
-        ends.callback(watch_freezes())
         try:
             if problem := names.name_problem(name):
                 raise UsageError(problem)

@@ -2,49 +2,55 @@
 
 import logging
 import threading
+from collections import defaultdict
 from collections.abc import Mapping
+from typing import Generic, TypeVar
 
 from zteam.bus import Bus
 from zteam.bus.graph import tell_rivals
 from zteam.clock import monotonic
-from zteam.node.tokens import RECENT
 
 log = logging.getLogger("zteam")
 
+K = TypeVar("K")
+
+RECENT = 5.0
+"""Host seconds for which a session counts as a writer after its last message."""
 _MOST = 16
 """Sessions of a key that are remembered: a sender can invent them."""
 
 
-class KeyWriters:
-    """The sessions that publish on each key. Pure: it is told the time.
-
-    They take turns if one is heard again after another. A process that was started anew has another session, and the
-    one before is not heard again.
-    """
+class Writers(Generic[K]):
+    """The sessions that publish on each key, be it a robot's id for its commands. Pure: it is told the time."""
 
     def __init__(self) -> None:
-        self._newest: dict[str, str] = {}
-        self._heard: dict[str, dict[str, float]] = {}
+        self._newest: dict[K, str] = {}
+        self._heard: defaultdict[K, dict[str, float]] = defaultdict(dict)
         """The last host time, by key and session."""
-        self._turned: dict[str, float] = {}
+        self._turned: dict[K, float] = {}
         """By key: when last a session was heard again after another."""
 
-    def take(self, key: str, session: str, now: float) -> None:
+    def take(self, key: K, session: str, now: float) -> None:
         """A message came on `key` from `session` at host time `now`."""
-        heard = self._heard.setdefault(key, {})
+        heard = self._heard[key]
         if self._newest.get(key, session) != session and now - heard.get(session, -RECENT) < RECENT:
             self._turned[key] = now
         self._newest[key] = session
         if session in heard or len(heard) < _MOST:
             heard[session] = now
 
-    def rivals(self, now: float) -> dict[str, list[str]]:
-        """The sessions that took turns on a key of late, by key."""
-        found = {}
-        for key, turned in self._turned.items():
-            if now - turned < RECENT:
-                found[key] = sorted(session for session, at in self._heard[key].items() if now - at < RECENT)
-        return found
+    def recent(self, now: float) -> dict[K, set[str]]:
+        """The sessions that were heard of late, by key."""
+        for key, heard in self._heard.items():
+            self._heard[key] = {session: at for session, at in heard.items() if now - at <= RECENT}
+        return {key: {*heard} for key, heard in self._heard.items() if heard}
+
+    def rivals(self, now: float) -> dict[K, set[str]]:
+        """The sessions that took turns on a key of late, by key: one of them was heard again after another.
+
+        A process that was started anew has another session, and the one before is not heard again.
+        """
+        return {key: found for key, found in self.recent(now).items() if now - self._turned.get(key, -RECENT) < RECENT}
 
 
 class RivalWatch:
@@ -52,7 +58,7 @@ class RivalWatch:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._writers = KeyWriters()
+        self._writers = Writers[str]()
         self._told: dict[str, list[str]] = {}
         self._asking: threading.Thread | None = None
 
@@ -65,7 +71,7 @@ class RivalWatch:
         """Log what has changed (under the node's lock). A thread of its own asks the sessions: a robot drives on."""
         if self._asking is not None and self._asking.is_alive():
             return
-        found = self._writers.rivals(monotonic())
+        found = {key: sorted(sessions) for key, sessions in self._writers.rivals(monotonic()).items()}
         new = {key: sessions for key, sessions in found.items() if self._told.get(key) != sessions}
         for key in self._told.keys() - found.keys():
             log.info("%s has one publisher again", key)

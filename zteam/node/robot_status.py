@@ -27,7 +27,6 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.node.process_node import ProcessNode
-from zteam.node.reasons import ReasonLog
 from zteam.node.stopping import STOPPED, StopSwitch
 from zteam.reasons import Reason
 
@@ -37,6 +36,10 @@ _MONITORS = 0.1
 """Host seconds between two statuses for monitors that have just come: any program may hold tokens."""
 PERIOD = to_ns(1.0)
 """Simulated nanoseconds between two statuses of a robot in lock-step."""
+REST = to_ns(5.0)
+"""Nanoseconds for which a reason has to be gone until it is printed again."""
+_MOST = 4
+"""Reasons that are printed within REST: one that has a number in it may be another one in each step."""
 NO_SAFETY = "no safety layer"
 
 _WHO = {RobotDriver.BEHAVIOR: "the behaviour"}
@@ -112,6 +115,26 @@ class OwnStep(StatusSource):
     """The step of a `zteam.Node`, which has no place in a line, no goal, and gives no reason."""
 
 
+class ReasonLog:
+    """A reason is printed once until it changes, and not again and again while two of them take turns."""
+
+    def __init__(self) -> None:
+        self._logged: dict[str, int] = {}
+        """By reason: when it held last."""
+
+    def admit(self, reason: str, now: int, *, is_known: bool = False) -> bool:
+        """Whether to print a reason that holds at time `now` (ns); not if it `is_known` to the reader already.
+
+        Called in each step, or with each change alone.
+        """
+        logged = self._logged = {each: held for each, held in self._logged.items() if abs(now - held) < REST}
+        if not reason or (reason not in logged and len(logged) >= _MOST):
+            return False
+        is_new = reason not in logged
+        logged[reason] = now
+        return is_new and not is_known
+
+
 class StatusReport:
     """Publishes the status of robot `robot_id`. The caller holds `node.changed`."""
 
@@ -148,8 +171,6 @@ class StatusReport:
         self._reasons = ReasonLog()
         self._last: RobotStatus | None = None
         """The newest one that was made."""
-        self._spoke = False
-        """Whether one was published since the last `beat`."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         self._may_tell = Every(_MONITORS)
         node.on_time_reset(self._forget)
@@ -196,27 +217,16 @@ class StatusReport:
         if self._last is None or now // PERIOD > ns_from_time(self._last.header.stamp) // PERIOD:
             self.publish()
 
-    @property
-    def _goes_on_in_ticks(self) -> bool:
-        """Whether the steps of lock-step alone may tell anything new."""
-        return self.readiness.released and self._node.ticks_tell_time
-
     def say_again(self) -> None:
         """Publish the status at a moment of the host."""
         if not self._node.speaks:
             # The word of a process that does not hold the name would count for the one that does.
             return
-        if not self._goes_on_in_ticks:
+        # In lock-step its steps alone may tell anything new.
+        if not (self.readiness.released and self._node.ticks_tell_time):
             self.publish()
         elif self._last is not None:
             self._publisher.put(self._last)
-
-    def beat(self) -> None:
-        """Give a sign of life, if nothing was published since the last call in lock-step's steps: another message would
-        only wake threads."""
-        spoke, self._spoke = self._spoke, False
-        if not (spoke and self._goes_on_in_ticks):
-            self.say_again()
 
     def stop(self) -> None:
         """Say that the process ends."""
@@ -230,7 +240,7 @@ class StatusReport:
 
     def publish(self) -> None:
         """Publish the state."""
-        self._spoke, is_stopped = True, self._stop.is_stopped
+        is_stopped = self._stop.is_stopped
         readiness, command, behavior = self.readiness, self.command, self.tells_of
         reason = Reason.of(self._why_it_stands())
         self._last = RobotStatus(

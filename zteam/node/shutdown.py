@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 from zteam.clock import HOST_FACTOR
 from zteam.node.launcher import take_link
-from zteam.node.step_watch import hanging
+from zteam.node.working import hanging
 
 log = logging.getLogger("zteam")
 

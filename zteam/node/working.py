@@ -1,10 +1,30 @@
-"""Which node each thread of this process works for, where a process has several, and which call is under way there."""
+"""What the threads of this process work at, and what keeps them from it: steps that last too long, and freezes.
 
+A step keeps its thread, and in lock-step also the bus's thread and the world. So one thread of the process looks at the
+steps that are under way, and at whether the process itself was frozen (`clock.Freezes`): then no other process is
+blamed for what it missed.
+"""
+
+import logging
+import threading
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from threading import get_ident
+from typing import TypeVar
+
+from zteam.clock import FREEZE_WATCH, FREEZES, Every, monotonic, pause
+
+log = logging.getLogger("zteam")
+
+T = TypeVar("T")
+
+LONG = 1.0
+"""Host seconds for which a single step is too long. Those before the end of a freeze do not count."""
+SLOW_STEPS = 3
+"""So many steps in a row that outlast their interval are the fault of their code; fewer may be the machine's."""
+_TELL_EVERY = 60.0
 
 
 class Work:
@@ -14,7 +34,7 @@ class Work:
 
     def __init__(self) -> None:
         self.node = ""
-        """Empty for code of no node."""
+        """The node that it works for, where a process has several; empty for code of no node."""
         self.call = 0
         """The number of the call under way that others wait for, such as a step; 0 between two calls."""
 
@@ -34,3 +54,91 @@ def working_for(node: str) -> Iterator[None]:
         yield
     finally:
         work.node = before
+
+
+_under_way: set["StepWatch"] = set()
+
+
+class StepWatch:
+    """Names the steps of one behaviour or node in the log that are too slow, or do not return."""
+
+    def __init__(self, step: str, rhythm: str, way_out: str) -> None:
+        """The log names `step`, its interval after `rhythm`, such as `a scan comes every`, and the `way_out`."""
+        self._step, self._rhythm, self._way_out = step, rhythm, way_out
+        self.node = WORK[get_ident()].node
+        """Where this process has several: whose steps they are."""
+        self._began = self._interval = 0.0
+        """When the newest step began (host time), and its interval."""
+        self._late = 0
+        """How many steps in a row outlasted their interval."""
+        self._slow, self._hangs = Every(_TELL_EVERY), Every(_TELL_EVERY)
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a step is under way."""
+        return self in _under_way
+
+    def run(self, step: Callable[[], T], interval: float, *, paced: bool) -> T:
+        """What `step()` returns. The next step is due after `interval` seconds, 0 where that is not known; where it is
+        `paced` by a clock, this step is too slow if it misses the next one.
+        """
+        work = WORK[get_ident()]
+        outer_call, work.call = work.call, next(CALLS)
+        self._began, self._interval = monotonic(), interval
+        _under_way.add(self)
+        try:
+            return step()
+        finally:
+            _under_way.discard(self)
+            work.call = outer_call
+            seconds = monotonic() - self._began
+            self._late = self._late + 1 if paced and 0.0 < interval < seconds else 0
+            self._warn("takes", seconds, self._slow, is_slow=self._late >= SLOW_STEPS)
+
+    def look(self) -> None:
+        """A step is under way. Called by the thread that looks."""
+        with working_for(self.node):
+            self._warn("has not returned for", monotonic() - self._began, self._hangs)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the newest step has lasted too long by now."""
+        return monotonic() - self._began >= LONG and monotonic() - FREEZES.look() >= LONG
+
+    def _warn(self, verb: str, seconds: float, may_tell: Every, *, is_slow: bool = False) -> None:
+        if (is_slow or (seconds >= LONG and self.is_long)) and may_tell.due():
+            rhythm = f", {self._rhythm} {self._interval:g} s" if self._interval else ""
+            log.warning("%s %s %.1f s%s; %s", self._step, verb, seconds, rhythm, self._way_out)
+
+
+def hanging() -> list[StepWatch]:
+    """Those whose step is under way and takes too long."""
+    return [watch for watch in list(_under_way) if watch.is_long]
+
+
+_lock = threading.Lock()
+_thread: threading.Thread | None = None
+
+
+def watch_process() -> None:
+    """Watch this process from now on: its steps, and whether it is frozen."""
+    global _thread
+    with _lock:
+        # A forked child has none of its parent's threads.
+        if _thread is None or not _thread.is_alive():
+            FREEZES.begin()
+            _thread = threading.Thread(target=_look, name="watch", daemon=True)
+            _thread.start()
+
+
+def _look() -> None:
+    while True:
+        pause(FREEZE_WATCH)
+        if seconds := FREEZES.take():
+            log.warning(
+                "was frozen for %.1f s (SIGSTOP, docker pause, a suspended or overloaded machine): "
+                "what it missed says nothing about the other processes",
+                seconds,
+            )
+        for watch in list(_under_way):
+            watch.look()

@@ -26,7 +26,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.planar import pose2_of, pose_message
-from zteam.node.starting import start_robot
+from zteam.node.launcher import start_robot
 from zteam.robot.behaviors.assignment import assign
 from zteam.robot.client import (
     CANCEL,

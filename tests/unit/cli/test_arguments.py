@@ -9,7 +9,8 @@ import pytest
 
 from support.commands import exit_code
 from zteam.cli import bench, sim, tf, topic, up, world, zteam_robot, zteam_router, zteam_sim, zteam_tf
-from zteam.cli.arguments import add_options, negative_numbers, parse_speed, read_options
+from zteam.cli.arguments import add_options, parse_speed, read_options
+from zteam.cli.options import Parser
 from zteam.config.option import option
 from zteam.config.simulation_options import LockStepOptions, Options
 from zteam.errors import UsageError
@@ -118,10 +119,15 @@ def test_a_wrong_speed_names_max_too() -> None:
         parse_speed("fast")
 
 
-def test_negative_numbers_are_hidden_from_argparse() -> None:
-    """Negative numbers in any notation get a space in front; options and other words stay."""
-    words = ["move", "-1e-3", "-.5", "-inf", "2", "--force", "-x", "-"]
-    assert negative_numbers(words) == ["move", " -1e-3", " -.5", " -inf", "2", "--force", "-x", "-"]
+@pytest.mark.parametrize("number", ["-1", "-1e-3", "-.5", "-inf", "-1_000.5"])
+def test_a_negative_number_is_no_option(number: str) -> None:
+    """In any notation it is a value, also behind an option; other words with a dash are options."""
+    parser = Parser()
+    parser.add_argument("values", nargs="*")
+    parser.add_argument("--at")
+    found = parser.parse_args(["1", number, "--at", number])
+    assert (found.values, found.at) == (["1", number], number)
+    assert exit_code(parser.parse_args, ["-x"]) == 2
 
 
 class Sample(msgspec.Struct):

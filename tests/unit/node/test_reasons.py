@@ -4,8 +4,7 @@ from support.log_capture import captured_log
 from support.transforms import S
 from zteam.bus import MemoryHub
 from zteam.node.process_node import ProcessNode
-from zteam.node.reasons import REST, ReasonLog
-from zteam.node.robot_status import Readiness, StatusReport
+from zteam.node.robot_status import REST, Readiness, ReasonLog, StatusReport
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import StopSwitch
 

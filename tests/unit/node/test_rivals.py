@@ -8,25 +8,24 @@ from zteam.bus import MemoryHub
 from zteam.bus.graph import tell_rivals
 from zteam.messages import LaserScan
 from zteam.messages.topics import has_one_writer
-from zteam.node.rivals import KeyWriters, RivalWatch
-from zteam.node.tokens import RECENT
+from zteam.node.rivals import RECENT, RivalWatch, Writers
 
 SCAN = "robot_0/base_scan"
 
 
 def test_publishers_that_take_turns_are_found() -> None:
     """Two that are heard in turn, until one of them has been silent for a while."""
-    writers = KeyWriters()
+    writers = Writers[str]()
     for number in range(6):
         writers.take(SCAN, "ab"[number % 2], float(number))
     writers.take("robot_0/odom", "a", 5.0)
-    assert writers.rivals(5.0) == {SCAN: ["a", "b"]}
+    assert writers.rivals(5.0) == {SCAN: {"a", "b"}}
     assert writers.rivals(5.0 + RECENT) == {}
 
 
 def test_a_process_that_was_started_anew_is_no_second_one() -> None:
     """The session before it is not heard again."""
-    writers = KeyWriters()
+    writers = Writers[str]()
     for number, session in enumerate("aaabbb"):
         writers.take(SCAN, session, 0.1 * number)
     assert writers.rivals(0.6) == {}

@@ -3,21 +3,18 @@
 import pytest
 
 from support.log_capture import captured_log
-from zteam.node import step_watch
-from zteam.node.step_watch import LONG, LOOK, SLOW_STEPS, StepWatch, hanging
-
-SECOND = round(1.0 / LOOK)
+from zteam.clock import FREEZES
+from zteam.node import working
+from zteam.node.working import LONG, SLOW_STEPS, StepWatch, hanging
 
 
 class Host:
-    """The host's clock and the thread's, as the test sets them; no thread looks."""
+    """The host's clock, and the end of the last freeze, as the test sets them."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now = self.worked = 0.0
-        monkeypatch.setattr(step_watch, "monotonic", lambda: self.now)
-        monkeypatch.setattr(step_watch, "thread_time", lambda: self.worked)
-        monkeypatch.setattr(step_watch, "_start", lambda: None)
-        monkeypatch.setattr(step_watch, "_thread", None)
+        self.now, self.woke = 0.0, float("-inf")
+        monkeypatch.setattr(working, "monotonic", lambda: self.now)
+        monkeypatch.setattr(FREEZES, "look", lambda: self.woke)
 
 
 @pytest.fixture
@@ -32,13 +29,11 @@ def watch() -> StepWatch:
     return StepWatch("Slow.step", "a scan comes every", "try zteam check b:Slow")
 
 
-def step(watch: StepWatch, host: Host, seconds: float, *, paced: bool = True, looks: int = 0) -> None:
-    """A step of so long, which is seen under way so often."""
+def step(watch: StepWatch, host: Host, seconds: float, *, paced: bool = True) -> None:
+    """A step of so long."""
 
     def work() -> None:
         host.now += seconds
-        for _ in range(looks):
-            watch.look()
 
     watch.run(work, 0.1, paced=paced)
 
@@ -58,38 +53,38 @@ def test_in_lockstep_a_step_may_outlast_its_interval(watch: StepWatch, host: Hos
     """The world waits for it; only one that takes longer than LONG is named."""
     with captured_log() as log:
         for _ in range(2 * SLOW_STEPS):
-            step(watch, host, 0.9 * LONG, paced=False, looks=SECOND - 1)
+            step(watch, host, 0.9 * LONG, paced=False)
         assert log.lines == []
-        step(watch, host, 5.0, paced=False, looks=5 * SECOND)
+        step(watch, host, 5.0, paced=False)
         assert log.lines[-1] == "Slow.step takes 5.0 s, a scan comes every 0.1 s; try zteam check b:Slow"
 
 
 def test_a_frozen_process_is_not_blamed(watch: StepWatch, host: Host) -> None:
-    """While it is frozen it does not look, and its thread does not work: the step is not what took so long."""
-    with captured_log() as log:
-        step(watch, host, 8.0, paced=False, looks=1)
-        assert log.lines == []
-
-
-def test_work_that_lets_no_thread_look_is_named(watch: StepWatch, host: Host) -> None:
-    """Compiled code may keep the interpreter for all of its step."""
+    """The step is not what took so long; if it goes on and on after that, it is."""
 
     def work() -> None:
-        host.now = host.worked = 3.0
+        host.now = host.woke = host.now + 8.0
+        watch.look()
+        assert watch not in hanging()
+        host.now += lasts
 
     with captured_log() as log:
+        lasts = 0.9 * LONG
         watch.run(work, 0.1, paced=False)
-        assert log.count("Slow.step takes 3.0 s") == 1
+        assert log.lines == []
+        lasts = LONG
+        watch.run(work, 0.1, paced=False)
+        assert log.count("Slow.step takes 9.0 s") == 1
 
 
 def test_a_step_that_lasts_is_named_while_it_does(watch: StepWatch, host: Host) -> None:
     """Once, with how long it has lasted; until it returns it is among those that hang."""
 
     def work() -> None:
-        for _ in range(3 * SECOND):
-            host.now += LOOK
-            assert (watch in hanging()) == bool(log.lines)
+        for _ in range(12):
+            host.now += 0.25
             watch.look()
+            assert (watch in hanging()) == bool(log.lines)
         assert log.lines == ["Slow.step has not returned for 1.0 s, a scan comes every 0.1 s; try zteam check b:Slow"]
 
     with captured_log() as log:

@@ -16,9 +16,9 @@ from zteam.monitor.process.members import EventLimit, WatchedTeam
 from zteam.monitor.process.table import JsonLines, make_rows, team_notes
 from zteam.monitor.process.table import Lines as Lines
 from zteam.monitor.process.watch import TeamWatch
+from zteam.node.launcher import Restarted
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
-from zteam.node.restarts import Restarted
 from zteam.transforms.client import Lookup, TransformClient
 
 log = logging.getLogger("zteam")

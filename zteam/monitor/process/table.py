@@ -12,7 +12,7 @@ from zteam.errors import printable, printable_json, short
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
 from zteam.monitor.process.members import Event, KnownRobot, WatchedTeam
-from zteam.node.restarts import Restarted, restarts_text
+from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.stopping import STOPPED
 
 _PIPE_WIDTH = 80

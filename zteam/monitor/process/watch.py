@@ -11,7 +11,8 @@ from zteam.messages import RobotStatus
 from zteam.messages.topics import has_one_writer
 from zteam.monitor.process.members import WatchedTeam
 from zteam.node.process_node import ProcessNode
-from zteam.node.tokens import TokenLossFilter, TokenSet, Writers
+from zteam.node.rivals import Writers
+from zteam.node.tokens import TokenLossFilter, TokenSet
 from zteam.simulator.client import SimStatus, find_status
 
 log = logging.getLogger("zteam")
@@ -53,7 +54,7 @@ class WriterWatch:
         self.tokens = TokenSet()
         """Of all processes; the caller tells of them."""
         self._due = Every(LOOK)
-        self._heard: Writers | None = None
+        self._heard: Writers[int] | None = None
         self._told: dict[str, list[str]] = {}
         """By key: the sessions that publish on it, where there is more than one."""
         self._published: dict[str, list[str]] = {}
@@ -101,7 +102,7 @@ class WriterWatch:
         if not clock.decided or clock.simulated:
             return None
         if self._heard is None:
-            self._heard = Writers()
+            self._heard = Writers[int]()
             self._node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_command)
         with self._node.changed:
             heard = self._heard.recent(monotonic())

@@ -15,8 +15,8 @@ from zteam.node.node import Due, Node
 from zteam.node.pauses import Pauses
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
-from zteam.node.step_watch import StepWatch
 from zteam.node.stopping import STOPPED
+from zteam.node.working import StepWatch
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.scans import look_along

@@ -245,10 +245,9 @@ class RobotNode:
         if message is not None:
             self._inputs.take_fixed(message)
 
-    def _on_tf(self, key: str, bundle: TFMessage) -> None:
-        now = self._node.clock.now()
-        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), now):
-            self._inputs.transforms.take_bundle(bundle, now)
+    def _on_tf(self, _key: str, bundle: TFMessage) -> None:
+        if not self._node.is_of_ended_time(bases_stamp(bundle)):
+            self._inputs.transforms.take_bundle(bundle, self._node.clock.now())
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])

@@ -9,7 +9,8 @@ from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
-from zteam.node.tokens import TokenSet, Writers
+from zteam.node.rivals import Writers
+from zteam.node.tokens import TokenSet
 from zteam.simulator.process.statistics import RunStatistics
 
 _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
@@ -38,7 +39,7 @@ class RobotCommands:
         """Of any name."""
         self._own: dict[int, set[str]] = {}
         """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
-        self._others = Writers()
+        self._others = Writers[int]()
         """Sessions that command a robot without ever having held its name."""
         node.bus.watch_tokens([names.tokens_key()], self._on_token)
         node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)

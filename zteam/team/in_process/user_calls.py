@@ -6,8 +6,7 @@ from collections.abc import Callable
 from threading import Event, Thread
 
 from zteam.node.faults import dump_stacks, unreturned_calls
-from zteam.node.step_watch import hanging
-from zteam.node.working import WORK, working_for
+from zteam.node.working import WORK, hanging, working_for
 from zteam.team.launch.team_launch import Pace
 
 log = logging.getLogger("zteam")

@@ -9,7 +9,7 @@ from zteam.clock import monotonic
 from zteam.messages import RobotStatus
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.node.kinds import ROUTER
-from zteam.node.restarts import Restarted
+from zteam.node.launcher import Restarted
 
 log = logging.getLogger("zteam")
 

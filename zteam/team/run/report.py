@@ -15,8 +15,8 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.numbers import counted, format_factor
 from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
+from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.lockstep import RoundTiming
-from zteam.node.restarts import Restarted, restarts_text
 from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.chaos.run import ChaosReport

@@ -13,8 +13,8 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import display as module
 from zteam.monitor.process.display import Poses
+from zteam.node.launcher import Restarted
 from zteam.node.process_node import ProcessNode
-from zteam.node.restarts import Restarted
 from zteam.node.shutdown import Stop
 from zteam.team.launch.recovery import Recoveries
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest

@@ -9,7 +9,7 @@ from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_fr
 from zteam.monitor.process.members import SILENT_AFTER
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.table import Row, format_table, make_rows, team_notes
-from zteam.node.restarts import Restarted
+from zteam.node.launcher import Restarted
 
 POSE = Pose2(-12.345, 8.5, -3.1)
 

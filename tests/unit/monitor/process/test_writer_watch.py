@@ -15,8 +15,8 @@ from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
 from zteam.node.process_node import ProcessNode
+from zteam.node.rivals import RECENT, Writers
 from zteam.node.shutdown import Stop
-from zteam.node.tokens import RECENT, Writers
 from zteam.simulator.client import SimStatus
 
 
@@ -44,7 +44,7 @@ def desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Desk:
 
 def test_writers_are_forgotten() -> None:
     """A session counts for a while after its last command."""
-    writers = Writers()
+    writers = Writers[int]()
     writers.take(0, "a", 10.0)
     writers.take(0, "b", 12.0)
     writers.take(1, "a", 12.0)
@@ -55,11 +55,11 @@ def test_writers_are_forgotten() -> None:
 
 def test_invented_sessions_take_no_memory() -> None:
     """A robot has so many writers at most, and those that are known stay known."""
-    writers = Writers()
+    writers = Writers[int]()
     for number in range(1000):
         writers.take(0, f"{number}", 0.0)
     writers.take(0, "0", RECENT)
-    assert len(writers.recent(0.0)[0]) == 64
+    assert len(writers.recent(0.0)[0]) == 16
     assert writers.recent(RECENT + 1.0) == {0: {"0"}}
 
 

@@ -142,17 +142,17 @@ def put_status(hub: MemoryHub, tick: int) -> None:
     put(hub, names.STATUS, RobotStatus(Header(time_from_ns(tick * INTERVAL)), robot_id=7), robot=7)
 
 
-def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(
+def test_a_heartbeat_of_the_host_says_nothing_new(
     hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
 ) -> None:
-    """Lock-step that goes on tells enough; while it stands still, each heartbeat sends the last status again."""
+    """In lock-step a robot's steps alone make a status; a heartbeat sends the last one again."""
     heard: list[RobotStatus] = []
     hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
     put(hub, names.BASE_INFO, BaseInfo(), latched=True)
     put_inputs(hub, 2)
     counts = [len(heard)]
     for _ in range(3):
-        robot.status.beat()
+        robot.status.say_again()
         counts.append(len(heard) - counts[0])
-    assert counts[1:] == [0, 1, 2]
+    assert counts[1:] == [1, 2, 3]
     assert heard[-1] == heard[counts[0] - 1]

@@ -11,9 +11,8 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.bus.memory import HubReceiver
-from zteam.node import step_watch
-from zteam.node.step_watch import StepWatch
-from zteam.node.working import working_for
+from zteam.node import working
+from zteam.node.working import StepWatch, working_for
 from zteam.team.in_process import user_calls
 from zteam.team.in_process.delivery import Delivery
 from zteam.team.in_process.user_calls import CallWatch, end_user_calls
@@ -187,19 +186,13 @@ def test_the_calls_of_nodes_alone_are_ended(deliver: Callable[..., threading.Thr
 
 def test_what_another_team_left_behind_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step of an earlier team that never returned fails no later team of the same process."""
-    monkeypatch.setattr(step_watch, "_start", lambda: None)
-    monkeypatch.setattr(step_watch, "_under_way", set())
+    under_way = set[StepWatch]()
+    monkeypatch.setattr(working, "_under_way", under_way)
     old, new = (StepWatch("Loop.step", "a scan comes every", "") for _ in range(2))
-
-    def hang(step: StepWatch) -> None:
-        step_watch._under_way.add(step)
-        for _ in range(round(step_watch.LONG / step_watch.LOOK)):
-            step.look()
-
-    hang(old)
+    under_way.add(old)
     watch = CallWatch(PACE, in_real_time=False)
     assert watch.hung == set()
-    hang(new)
+    under_way.add(new)
     assert watch.hung == {new.node}
 
 

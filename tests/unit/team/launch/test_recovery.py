@@ -9,7 +9,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
-from zteam.node.restarts import Restarted, restarts_text
+from zteam.node.launcher import Restarted, restarts_text
 from zteam.team.launch import recovery
 from zteam.team.launch.recovery import Recoveries
 

@@ -78,7 +78,7 @@ import time
 from msgspec import Struct
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
-from zteam.node import step_watch
+from zteam.node.working import hanging
 
 class Naps(Behavior):
     class Params(Struct):
@@ -86,7 +86,7 @@ class Naps(Behavior):
 
     def step(self, view):
         end = time.monotonic() + 60.0
-        while self.params.nap and view.now == 1_000_000_000 and not step_watch.hanging() and time.monotonic() < end:
+        while self.params.nap and view.now == 1_000_000_000 and not hanging() and time.monotonic() < end:
             time.sleep(0.1)
         return Twist(Vector3(0.3), Vector3(z=0.1))
 """

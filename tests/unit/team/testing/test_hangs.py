@@ -17,7 +17,7 @@ CHILD = """
 import sys, threading
 from zteam.node.faults import offer_stacks
 from zteam.node.shutdown import Stop
-from zteam.node.step_watch import StepWatch
+from zteam.node.working import StepWatch
 
 def step():
     # The line of the user's code, below Python's own.

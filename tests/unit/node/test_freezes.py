@@ -10,10 +10,9 @@ from zteam.bus.lateness import Lateness
 from zteam.bus.memory import MemoryHub
 from zteam.bus.transport import RawSample
 from zteam.clock import AFTERMATH, FREEZE_WATCH, FREEZES, Freezes, monotonic, wait_until
-from zteam.node import freeze_watch
-from zteam.node.freeze_watch import watch_freezes
 from zteam.node.process_node import WALL_AFTER, ProcessNode
 from zteam.node.shutdown import Stop
+from zteam.node.working import watch_process
 
 
 class Clocks:
@@ -54,16 +53,15 @@ def test_a_busy_process_is_not_frozen(seconds: float, worked: float) -> None:
 
 
 def test_nothing_is_a_freeze_while_nobody_watches() -> None:
-    """A program may do without its nodes for long."""
+    """A program may begin its first node late."""
     clocks = Clocks()
-    clocks.freezes.end()
     clocks.pass_by(60.0)
     clocks.freezes.begin()
     assert clocks.freezes.take() == 0.0
 
 
 def test_the_log_says_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One thread serves all nodes of a process, and ends with the last of them."""
+    """One thread serves all nodes of a process."""
     told, frozen = threading.Condition(), [10.2]
 
     def take() -> float:
@@ -73,16 +71,11 @@ def test_the_log_says_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(FREEZES, "take", take)
     with captured_log() as log:
-        ends = [watch_freezes(), watch_freezes()]
-        watching = [thread for thread in threading.enumerate() if thread.name == "freezes"]
+        watch_process()
+        watch_process()
         with told:
             assert wait_until(told, lambda: log.count("was frozen for 10.2 s") == 1, LIMIT)
-        for end in ends:
-            end()
-    assert len(watching) == 1
-    watching[0].join(LIMIT)
-    assert not watching[0].is_alive()
-    assert freeze_watch._users == 0
+    assert [thread.name for thread in threading.enumerate()].count("watch") == 1
 
 
 @pytest.fixture
