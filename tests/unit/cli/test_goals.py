@@ -23,7 +23,7 @@ State = NavigationState
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "FILE is missing"),
+        ([], "required: FILE"),
         (["f.yaml", "--spread", "a"], "--spread: 'a': give robot ids"),
         (["f.yaml", "--spread", ""], "--spread: no id is given"),
         (["f.yaml", "--rounds", "0"], "--rounds: '0': give rounds from 1"),
