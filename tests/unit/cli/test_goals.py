@@ -23,7 +23,7 @@ State = NavigationState
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "required: FILE"),
+        ([], "FILE is missing"),
         (["f.yaml", "--spread", "a"], "--spread: 'a': give robot ids"),
         (["f.yaml", "--spread", ""], "--spread: no id is given"),
         (["f.yaml", "--rounds", "0"], "--rounds: '0': give rounds from 1"),
