@@ -116,7 +116,7 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         (
             "topic",
             ["pub", "robot_0/cmd_vel"],
-            "zteam topic pub: the following arguments are required: TYPE; usage: zteam topic pub KEY TYPE ['{…}' …] [--rate HZ]",
+            "zteam topic pub: the following arguments are required: TYPE; usage: zteam topic pub KEY TYPE ['{…}' …]",
         ),
         ("world", ["show", "arena", "-o", "x.svg", "--scam"], "no option '--scam': did you mean --scan?; usage:"),
         (
