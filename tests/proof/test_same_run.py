@@ -57,3 +57,18 @@ def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
     assert team.robot(1).speed > 0.0
     assert team.sim.reset().tick == 1
     assert run() == first
+
+
+@pytest.mark.ci
+def test_a_run_that_is_reset_at_once_repeats(team: TeamFixture) -> None:
+    """Messages of the first ticks of a run, which a reset cuts off there, are not taken for those of the next run."""
+    team.start("office", robots=3, follow=LINE)
+    team.wait_for_go()
+    team.at(60)
+    whole = team.report.trajectory_sha256
+    for tick in (2, 3, 4, 2):
+        team.sim.reset()
+        team.at(tick)
+        team.sim.reset()
+        team.at(60)
+        assert team.report.trajectory_sha256 == whole

@@ -33,6 +33,8 @@ FORMATS = ("text", "json")
 class Parser(argparse.ArgumentParser):
     """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
 
+    _words: Sequence[str] = ()
+    """What is being parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
 
@@ -42,12 +44,17 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf$|nan$)")
 
     def error(self, message: str) -> NoReturn:
-        """End with 2."""
-        self.exit(2, answer(self, message) + "\n")
+        """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
+        names = [(word, word.partition("=")[0]) for word in self._words if word.startswith("--")]
+        unknown = [word for word, name in names if not any(o.startswith(name) for o in self._option_string_actions)]
+        text = f"{message}; {unknown_words(self, unknown)}" if unknown else message
+        self.exit(2, answer(self, text) + "\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
-        found, unknown = super().parse_known_args(args, namespace)
+        self._words = list(sys.argv[1:] if args is None else args)
+        found, unknown = super().parse_known_args(self._words, namespace)
+        self._words = ()
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]
@@ -59,6 +66,8 @@ class Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            # Its options are not known.
+            self._words = ()
             self.error(unknown_subcommand(value, action.choices))
         super()._check_value(action, value)
 

@@ -75,7 +75,7 @@ class StartRequest(Change):
 
 
 def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
-    """Ask the launcher to start a robot's process; its status and its log tell what becomes of it. Raises BusError."""
+    """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
     key = names.service_key(names.LAUNCHER, names.START)
     bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
 

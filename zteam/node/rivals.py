@@ -15,13 +15,13 @@ log = logging.getLogger("zteam")
 K = TypeVar("K")
 
 RECENT = 5.0
-"""Host seconds for which a session counts as a writer after its last message."""
-_MOST = 16
+"""Host seconds after its last message for which a session is still a writer."""
+_MOST = 64
 """Sessions of a key that are remembered: a sender can invent them."""
 
 
 class Writers(Generic[K]):
-    """The sessions that publish on each key, be it a robot's id for its commands. Pure: it is told the time."""
+    """The sessions that publish on each key; a key may be the id of a robot that they command. Pure."""
 
     def __init__(self) -> None:
         self._newest: dict[K, str] = {}
