@@ -59,7 +59,7 @@ def test_invented_sessions_take_no_memory() -> None:
     for number in range(1000):
         writers.take(0, f"{number}", 0.0)
     writers.take(0, "0", RECENT)
-    assert len(writers.recent(0.0)[0]) == 16
+    assert len(writers.recent(0.0)[0]) == 64
     assert writers.recent(RECENT + 1.0) == {0: {"0"}}
 
 
