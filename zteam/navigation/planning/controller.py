@@ -100,6 +100,8 @@ class PursuitOptions(NamedTuple):
     """Metres of the path ahead in which the robot's place on it is looked for."""
     xy_goal_tolerance: float = 0.25
     """Metres to the end of the path within which the robot only turns to the heading that is asked for."""
+    stateful: bool = True
+    """Once within, it goes on to turn until there is another path, also where its pose is corrected meanwhile."""
 
 
 _NEARER = (1.0, 0.7, 0.45, 0.3)
@@ -127,7 +129,7 @@ class RegulatedPurePursuit:
         self._path: Floats = np.empty((0, 3))
         self._along: Floats = np.empty(0)
         self._at = 0
-        self._rotating = False
+        self._rotating = self._at_end = False
 
     def set_path(self, path: Floats) -> None:
         """Follow this path (n, 3) from its beginning. Raises ValueError for one that is empty or not finite."""
@@ -136,7 +138,7 @@ class RegulatedPurePursuit:
         self._path = np.ascontiguousarray(path, np.float64)
         steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
         self._along = np.concatenate(([0.0], np.cumsum(steps)))
-        self._at, self._rotating = 0, False
+        self._at, self._rotating, self._at_end = 0, False, False
 
     def remaining(self) -> float:
         """Metres of the path that lie before the robot."""
@@ -148,7 +150,10 @@ class RegulatedPurePursuit:
         self._advance(pose)
         end = self._path[-1]
         to_end = math.hypot(end[0] - pose.x, end[1] - pose.y)
-        if to_end <= options.xy_goal_tolerance and self.remaining() <= 2.0 * options.xy_goal_tolerance:
+        if not (self._at_end and options.stateful):
+            near = options.xy_goal_tolerance
+            self._at_end = to_end <= near and self.remaining() <= 2.0 * near
+        if self._at_end:
             return self._turn_to_goal(costmap, pose, velocity, normalize_angle(end[2] - pose.yaw), seconds)
         reach = self._reach(velocity)
         for share in _NEARER if options.use_collision_detection else _NEARER[:1]:
@@ -290,16 +295,17 @@ class GoalChecker:
 
     def __init__(self, options: GoalOptions | None = None) -> None:
         self.options = options or GoalOptions()
-        self._there = False
+        self.there = False
+        """Whether the place is reached, and only the heading is left."""
 
     def reset(self) -> None:
-        self._there = False
+        self.there = False
 
     def is_reached(self, pose: Pose2, goal: Pose2) -> bool:
         """Whether a robot at `pose` is at the goal; a goal whose yaw is NaN takes any heading."""
-        if not (self._there and self.options.stateful):
-            self._there = math.hypot(goal.x - pose.x, goal.y - pose.y) <= self.options.xy_goal_tolerance
-        if not self._there:
+        if not (self.there and self.options.stateful):
+            self.there = math.hypot(goal.x - pose.x, goal.y - pose.y) <= self.options.xy_goal_tolerance
+        if not self.there:
             return False
         return math.isnan(goal.yaw) or (abs(normalize_angle(goal.yaw - pose.yaw)) <= self.options.yaw_goal_tolerance)
 

@@ -143,7 +143,9 @@ class Navigator:
             self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
             return self._recover(given, costmaps)
-        interval = 1.0 / self._parameters.planner_server.expected_planner_frequency
+        # There, no other path is of use, and the controller goes on to turn.
+        there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
+        interval = math.inf if there else 1.0 / frequency
         interval = interval if self._blocked_since is None else min(interval, _AGAIN)
         if given.now - self._planned >= interval - 1e-6 and not self._plan(given, costmaps, self.goal):
             return STOP

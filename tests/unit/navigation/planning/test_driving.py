@@ -129,6 +129,19 @@ def test_it_turns_first_and_slows_down_before_the_end() -> None:
             controller.set_path(path)
 
 
+@pytest.mark.parametrize("stateful", [True, False])
+def test_at_the_end_it_goes_on_to_turn(stateful: bool) -> None:
+    """A pose that is corrected by more than the tolerance does not make it drive again; another path does."""
+    costmap, path = room(), np.array([[1.0, 1.0, 0.0], [2.0, 1.0, 1.5]])
+    pursuit = RegulatedPurePursuit(PursuitOptions(stateful=stateful))
+    pursuit.set_path(path)
+    assert pursuit.command(costmap, Pose2(1.77, 1.0, 0.0), Velocity(), 0.1).x == 0.0
+    corrected = Pose2(1.73, 1.0, 0.0)
+    assert (pursuit.command(costmap, corrected, Velocity(), 0.1).x == 0.0) == stateful
+    pursuit.set_path(path)
+    assert pursuit.command(costmap, corrected, Velocity(), 0.1).x > 0.0
+
+
 def test_where_nothing_is_free_it_says_so() -> None:
     """A robot walled in gets no command."""
     cells = np.full((40, 40), 100, np.int8)
