@@ -7,10 +7,10 @@ from studies.scenes import Part
 from zteam import names
 from zteam.behaviors import SafetyLayer, load_behavior
 from zteam.messages import BaseInfo, Header, LaserScan, Odometry, Point, Pose, PoseStamped, TFMessage, Twist, Vector3
+from zteam.robot.behaviors.asking import ask
 from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.behaviors.registry import find_behavior
 from zteam.robot.process.inputs import SOURCES, RobotInputs
-from zteam.robot.safety import ask
 
 
 class Tick(NamedTuple):

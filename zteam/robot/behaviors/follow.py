@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import Behavior, View
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
 from zteam.robot.behaviors.line_member import LineMember
@@ -17,6 +17,7 @@ from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.trail import head_comes_round
 from zteam.robot.behaviors.wander import Wander
+from zteam.robot.view import View
 
 Law = Literal["trail", "direct"]
 Successor = Literal["same", "idle", "forward", "avoid", "wander"]

@@ -6,11 +6,12 @@ from typing import Any, ClassVar
 
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
-from zteam.robot.behaviors.behavior import NO_POSE, SILENT_AFTER, Behavior, View, own_pose
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.head import Head
 from zteam.robot.behaviors.line import NO_TURNS, STATUSES, Line, OnLeaderLost, Place, waits_for
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
+from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
 
 log = logging.getLogger("zteam")
 

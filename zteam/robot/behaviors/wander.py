@@ -6,12 +6,12 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Escape
 from zteam.robot.behaviors.line import NO_TURNS, Place
 from zteam.robot.behaviors.line_member import LineMember
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
+from zteam.robot.scans import Cone, is_clear, is_seen, look_ahead, look_along
+from zteam.robot.view import View
 
 HALF_ANGLE = math.radians(45.0)
 """It looks this far to either side."""

@@ -26,7 +26,8 @@ from zteam.messages import (
 )
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.robot.behaviors.behavior import SILENT_AFTER, DeclaredInput, FindPose, View
+from zteam.robot.behaviors.behavior import DeclaredInput
+from zteam.robot.view import SILENT_AFTER, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
 
@@ -191,7 +192,7 @@ class TransformInputs:
 class RobotInputs:
     """The newest scan, odometry, transforms and team status of robot `robot_id`. Stamps are in ns.
 
-    The caller holds a lock for everything but `lookup`, which any thread may call.
+    The caller holds a lock for everything but `transforms.find_pose`, which any thread may call.
     """
 
     def __init__(
@@ -235,7 +236,6 @@ class RobotInputs:
         """Whose bases `bases` has, in lock-step."""
         self._id = robot_id
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-        self.lookup: FindPose = self.transforms.find_pose
 
     def take_scan(self, scan: LaserScan) -> None:
         """A scan has come."""
@@ -328,7 +328,7 @@ class RobotInputs:
             laser=seen.laser if seen else (0.0, 0.0),
             scan_needs=seen.problem.noun if seen and seen.problem else "",
             odom=self.odom,
-            lookup=self.lookup,
+            lookup=self.transforms.find_pose,
             base=self.base,
             bases=self.bases,
             team=team,

@@ -197,7 +197,7 @@ class RobotNode:
         node.on_time_reset(self._on_time_reset)
         node.need(self._lacks)
         safety = names.service_key(node.name, SAFETY)
-        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self.driver.safety_stops))
+        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self.driver.safety.stops))
         if self.driver.behavior.navigation is not None:
             # It waits for the end of a step: other queries are answered meanwhile.
             cancel = navigation_query(self._id, CANCEL)

@@ -15,7 +15,7 @@ from zteam.geometry import Point2, Pose2, convex_hull
 from zteam.kernels import safety as kernels
 from zteam.messages import Twist, Vector3
 from zteam.messages.base import Base
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.view import View
 
 Floats = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.planar import pose2_of
-from zteam.robot.behaviors.behavior import View, own_pose
-from zteam.robot.behaviors.scans import Beams, beams_of
 from zteam.robot.safety.motion import Motion, Outline, limits_of, outline_of, place_after
+from zteam.robot.scans import Beams, beams_of
+from zteam.robot.view import View, own_pose
 
 Floats = NDArray[np.float64]
 

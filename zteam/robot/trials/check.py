@@ -20,12 +20,13 @@ from zteam.errors import BehaviorError, EncodeError, UsageError
 from zteam.messages import Message, Twist
 from zteam.messages.cdr import encode
 from zteam.node.faults import dump_stacks, stacks_in
-from zteam.robot.behaviors.behavior import Behavior, View
+from zteam.robot.behaviors.asking import ask
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
-from zteam.robot.safety import ask
 from zteam.robot.safety.motion import BaseLimits, Motion
 from zteam.robot.trials.situations import POSES, ROBOT, SITUATIONS, STALE_SITUATIONS, ViewMaker, bounds, given_params
 from zteam.robot.trials.worlds import PLACES, SECONDS, Start, drive
+from zteam.robot.view import View
 
 Kind = Literal[
     "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "differs", "old", "touched"

@@ -13,8 +13,9 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
-from zteam.robot.behaviors.behavior import Behavior, FindPose, View, declared_inputs
+from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.parameters import parameters_of
+from zteam.robot.view import FindPose, View
 
 RANGE_MAX = 30.0
 """Metres."""

@@ -11,10 +11,11 @@ from zteam.config.resources import find_world
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.messages.base import DEFAULT_BASE
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.asking import decide
 from zteam.robot.behaviors.straight import Forward, ForwardParams
-from zteam.robot.safety import SafetyLayer, decide
+from zteam.robot.safety import SafetyLayer
 from zteam.robot.trials.situations import LEADER, ROBOT, lookup_in
+from zteam.robot.view import View
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world import World, add_robot, load_world

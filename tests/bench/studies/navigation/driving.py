@@ -19,8 +19,8 @@ from zteam.navigation.planning.controller import (
 from zteam.navigation.planning.costmap import Costmap
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.navigation.planning.recovery import Recovery
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.wander import Wander, WanderParams
+from zteam.robot.view import View
 from zteam.sim import Engine, Options
 from zteam.simulator.core.observation import Observation, RobotObservation
 from zteam.simulator.core.to_messages import odometry_message, scan_message

@@ -9,9 +9,9 @@ import pytest
 
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.messages import Twist
+from zteam.robot.behaviors.asking import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.robot.behaviors.straight import Forward
-from zteam.robot.safety import ask
 from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
 from zteam.robot.trials.worlds import PLACES, drive
 
