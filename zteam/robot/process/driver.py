@@ -165,7 +165,7 @@ class Driver:
             # Its behaviour is not asked.
             self._rested = True
             self._layer.halt(view)
-            driver = RobotDriver.BEHAVIOR if choice is None else choice.driver
+            driver = RobotDriver.BEHAVIOR if choice is None else choice[0]
             return self._note(due, driver, Twist(), STOPPED, logged=False)
         rests = bool(old_data(self.behavior, view))
         if self._rested and not rests:

@@ -214,8 +214,8 @@ class RobotNode:
         node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.take_static(message), latched=True)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
-        for source in SOURCES:
-            node.receive(key(source.topic), source.type, partial(inputs.mux.take, source), self._lateness_of)
+        for driver, (topic, kind) in SOURCES.items():
+            node.receive(key(topic), kind, partial(inputs.mux.take, driver), self._lateness_of)
         for declared in inputs.declared.declared:
             take = partial(inputs.declared.take, declared)
             node.receive(declared.key, declared.type, take, latched=is_latched(declared.key))
