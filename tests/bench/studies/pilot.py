@@ -84,7 +84,7 @@ class Pilot:
         wanted, reason = ask(self._behavior, view)
         answered = next(times)
         if choice is not None:
-            wanted, reason = choice.velocity, ""
+            wanted, reason = choice[1], ""
         command, _ = self._layer.limit(wanted, view, reason)
         return command, Cost(answered - asked, next(times) - answered + asked - begin)
 
