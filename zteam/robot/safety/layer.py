@@ -6,13 +6,13 @@ with the cause.
 """
 
 from zteam import names
+from zteam.geometry import Velocity
 from zteam.messages import Twist, ns_from_time
 from zteam.messages.base import Base
 from zteam.reasons import Cause, Reason
 from zteam.robot.safety.motion import (
     NO_NUMBER,
     STANDING,
-    Motion,
     admissible,
     at_least,
     limits_of,
@@ -48,7 +48,7 @@ class SafetyLayer:
         self._mates = TeammateTracker()
         self._reaction, self._extra = FIRST, 0.0
         """In this step: seconds until the next command, metres that are to be free besides the gaps."""
-        self._measured: Motion | None = None
+        self._measured: Velocity | None = None
         """What odometry says of a base that is faster than it was told to be."""
 
     def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
@@ -82,7 +82,7 @@ class SafetyLayer:
         self.limit(Twist(), view)
         self._last, self._held = STANDING, None
 
-    def _cut(self, asked: Motion, view: View) -> tuple[Motion, str]:
+    def _cut(self, asked: Velocity, view: View) -> tuple[Velocity, str]:
         """`asked` as far as nothing stands in its way, and why it is less ("" = it is not)."""
         if asked == STANDING:
             return asked, ""
@@ -100,7 +100,7 @@ class SafetyLayer:
         self._held = _way_of(asked) if (asked.speed and not motion.speed) or motion == STANDING else None
         return motion, cause
 
-    def _slow_down_unseen(self, asked: Motion, view: View) -> tuple[Motion, str]:
+    def _slow_down_unseen(self, asked: Velocity, view: View) -> tuple[Velocity, str]:
         """`asked` as far as the ground that it leads over is seen."""
         sight, real, side = self._around.sight, at_least(asked, self._measured), _side_of(asked)
         if real == STANDING:
@@ -111,7 +111,7 @@ class SafetyLayer:
         if is_blind and sight.beams is not None:
             is_blind = sight.is_blind(self._outline, real, seconds, self._mates.bearings(view))
         if is_blind:
-            return Motion(0.0, asked.turn), f"blind {side}"
+            return Velocity(turn=asked.turn), f"blind {side}"
         is_seen = sight.looks_along(real, seconds, forwards)
         if is_seen and not (real.turn and not self._around.has_room):
             # What is beyond its range no laser has seen.
@@ -123,14 +123,14 @@ class SafetyLayer:
         where = "behind" if is_seen and not forwards else side
         return asked.scale(share), Reason(f"no laser looks {where}", cause=Cause.UNSEEN)
 
-    def _avoid(self, motion: Motion) -> tuple[Motion, str]:
+    def _avoid(self, motion: Velocity) -> tuple[Velocity, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
         share, mate = self._share(motion) if motion != STANDING else (1.0, None)
         if share >= 1.0:
             return motion, ""
         slow = motion.scale(share)
         if motion.turn and motion.speed and self._limits.turns_apart:
-            turning = Motion(slow.x, motion.turn, slow.y)
+            turning = slow._replace(turn=motion.turn)
             free, _ = self._share(turning)
             if free >= 1.0 or not share:
                 slow = turning.scale(free)
@@ -141,7 +141,7 @@ class SafetyLayer:
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
         return slow, _before(mate, _side_of(motion)) if is_stopped else ""
 
-    def _share(self, motion: Motion) -> tuple[float, int | None]:
+    def _share(self, motion: Velocity) -> tuple[float, int | None]:
         """The share of its speed at which `motion` can stop before all, and the robot that it would meet first; None
         for an obstacle."""
         outline, reaction, extra = self._outline, self._reaction, self._extra
@@ -163,12 +163,12 @@ def _before(robot: int | None, side: str) -> Reason:
     return Reason(f"obstacle {side}", cause=Cause.OBSTACLE_AHEAD if side == "ahead" else Cause.OTHER)
 
 
-def _side_of(motion: Motion) -> str:
+def _side_of(motion: Velocity) -> str:
     is_beside = abs(motion.y) > abs(motion.x) or not motion.x
     return "beside" if is_beside else "ahead" if motion.x > 0.0 else "behind"
 
 
-def _way_of(motion: Motion) -> tuple[bool, bool]:
+def _way_of(motion: Velocity) -> tuple[bool, bool]:
     return motion.x > 0.0, not motion.x and (motion.y or motion.turn) > 0.0
 
 

@@ -17,13 +17,14 @@ import msgspec
 
 from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError, UsageError
+from zteam.geometry import Velocity
 from zteam.messages import Message, Twist
 from zteam.messages.cdr import encode
 from zteam.node.faults import dump_stacks, stacks_in
 from zteam.robot.behaviors.asking import ask
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
-from zteam.robot.safety.motion import BaseLimits, Motion
+from zteam.robot.safety.motion import BaseLimits
 from zteam.robot.trials.situations import POSES, ROBOT, SITUATIONS, STALE_SITUATIONS, ViewMaker, bounds, given_params
 from zteam.robot.trials.worlds import PLACES, SECONDS, Start, drive
 from zteam.robot.view import View
@@ -96,7 +97,7 @@ class Trial:
     def __init__(self, spec: str, kind: type[Behavior], params: dict[str, Any]) -> None:
         self.spec, self.kind, self.params = spec, kind, params
         self.moment = ViewMaker(kind.inputs)
-        self.answers: list[Motion] = []
+        self.answers: list[Velocity] = []
         """Of all steps of the run so far."""
         self.faults: dict[tuple[str, str], Fault] = {}
         """By kind and place."""
@@ -111,7 +112,7 @@ class Trial:
         place = place or self.place_of("step")
         self.faults.setdefault((kind, place), Fault(kind, text, hint, place))
 
-    def look(self, views: Iterable[View]) -> list[Motion]:
+    def look(self, views: Iterable[View]) -> list[Velocity]:
         """What a new object answers to these views."""
         subject, before = Subject(self), len(self.answers)
         for view in views:
@@ -196,7 +197,7 @@ class Subject:
 
     def _check(self, wanted: Twist, reason: Any, view: View) -> None:
         linear, angular = wanted.linear, wanted.angular
-        motion = Motion(linear.x, angular.z)
+        motion = Velocity(linear.x, turn=angular.z)
         self._trial.answers.append(motion)
         if not isinstance(reason, str):
             self._blame("type", f"self.reason is {reason!r}", 'it is a text: "" while the robot drives')
@@ -238,7 +239,7 @@ def _line_text(file: str, line: int) -> str:
     return f"{os.fspath(shown)}:{line}: {source}".removesuffix(": ")
 
 
-def velocity_text(motion: Motion) -> str:
+def velocity_text(motion: Velocity) -> str:
     return f"{motion.x:.6g} m/s, {motion.turn:.6g} rad/s"
 
 
@@ -265,7 +266,7 @@ def _look(make: Callable[[ViewMaker], Iterable[View]], trial: Trial) -> None:
 def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
     """A robot that drives while poses are old, and stands or fails while these are unknown, drives by them."""
     answers = trial.look(trial.moment.views(ages=ages))
-    own, known, unknown = ages[0] > 0.0, dict(trial.faults), list[Motion]()
+    own, known, unknown = ages[0] > 0.0, dict(trial.faults), list[Velocity]()
     with suppress(TrialOver):
         unknown = trial.look(trial.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
     trial.faults = known

@@ -7,14 +7,13 @@ import msgspec
 
 from studies.navigation.scene import Way, make_robot, scan_of, twist_of
 from zteam.clock import NS_PER_S
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import Twist
 from zteam.navigation.planning.controller import (
     BlockedError,
     GoalChecker,
     ProgressChecker,
     RegulatedPurePursuit,
-    Velocity,
 )
 from zteam.navigation.planning.costmap import Costmap
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
