@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import NoReturn
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
@@ -34,32 +33,6 @@ COMMANDS = {
     "bench": ("bench", "measure zteam on this machine"),
 }
 """Command -> (module in zteam.cli, one line)."""
-
-
-_ELSEWHERE = {
-    **dict.fromkeys(("run", "start", "launch", "roslaunch", "team"), "up"),
-    **dict.fromkeys(("rostopic", "topics"), "topic"),
-    **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
-    **dict.fromkeys(("view_frames", "rqt_tf_tree"), "tf tree"),
-    **dict.fromkeys(("tf_monitor", "tf2_monitor"), "tf monitor"),
-    "static_transform_publisher": "tf static",
-    "rosnode": "node",
-    **dict.fromkeys(("rosparam", "params", "dynparam"), "param"),
-    **dict.fromkeys(("teleop_twist_keyboard", "key_teleop", "keyboard", "drive"), "teleop"),
-    **dict.fromkeys(("map_saver", "map_saver_cli"), "map save"),
-    **dict.fromkeys(("send_goals", "waypoints", "patrol"), "goals"),
-    **dict.fromkeys(("navigate", "move_base", "send_goal", "navigate_to_pose"), "goto"),
-    **dict.fromkeys(("rosout", "logs"), "log"),
-    **dict.fromkeys(("roswtf", "wtf"), "doctor"),
-    **dict.fromkeys(("estop", "emergency_stop"), "stop"),
-    "release": "stop --release",
-    **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
-    **dict.fromkeys(("echo", "hz", "pub"), "topic {}"),
-}
-"""What ROS and other programs call a command, and words that are a subcommand; {} is the word itself."""
-
-_ENDS = ("down", "end", "halt", "kill", "quit", "shutdown")
-"""Words for the end of a team, which is no command."""
 
 
 def _usage() -> str:
@@ -141,36 +114,9 @@ def _main(arguments: list[str]) -> int:
         print_line(f"zteam {__version__}")
         return 0
     name, *rest = arguments
-    meant = "" if name in COMMANDS else _meant(name, rest)
-    if meant:
-        print_line(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
-        return 2
-    if name not in COMMANDS:
-        from zteam.cli.usage import MEANT
-        from zteam.errors import did_you_mean
+    if name in COMMANDS:
+        return _run(COMMANDS[name][0], rest)
+    from zteam.cli.usage import unknown_command
 
-        hint = did_you_mean(name, COMMANDS, most=2, form=MEANT) or f": commands: {', '.join(COMMANDS)}"
-        print_line(f"zteam: no command {name!r}{hint}", file=sys.stderr)
-        return 2
-    return _run(COMMANDS[name][0], rest)
-
-
-def _meant(name: str, rest: Sequence[str]) -> str:
-    """What a word that is no command may stand for; empty if it is not known to stand for anything."""
-    from zteam.config.resources import existing_file, shipped_team
-
-    if name.startswith("-"):
-        return "options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
-    if name in _ELSEWHERE:
-        return f"did you mean 'zteam {' '.join([_ELSEWHERE[name].format(name), *rest])}'?"
-    if name in _ENDS:
-        from zteam.cli.usage import ENDS_TEAM
-
-        return f"'zteam stop' stops the robots; {ENDS_TEAM}"
-    if name.startswith("zteam-"):
-        return f"the processes are separate commands: {' '.join([name, *rest])}"
-    if name.endswith(".world"):
-        return f"a team drives in a world: 'zteam up --world {name}'"
-    if shipped_team(name) or existing_file(Path(name)):
-        return f"did you mean 'zteam {' '.join(['up', name, *rest])}'?"
-    return ""
+    print_line(f"zteam: {unknown_command(name, rest, COMMANDS)}", file=sys.stderr)
+    return 2

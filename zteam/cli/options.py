@@ -12,7 +12,7 @@ from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_e
 from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
-from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
+from zteam.cli.usage import answer, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
@@ -33,8 +33,6 @@ FORMATS = ("text", "json")
 class Parser(argparse.ArgumentParser):
     """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
 
-    _words: Sequence[str] = ()
-    """What is parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
 
@@ -45,12 +43,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End with 2."""
-        self.exit(2, answer(self, in_short(self, message, self._words)) + "\n")
+        self.exit(2, answer(self, message) + "\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
-        self._words = list(sys.argv[1:] if args is None else args)
-        found, unknown = super().parse_known_args(self._words, namespace)
+        found, unknown = super().parse_known_args(args, namespace)
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]

@@ -1,51 +1,73 @@
 """The one-line answer to a mistake on a command line: what is wrong, what was meant, and the usage."""
 
 import argparse
-import re
-from collections.abc import Iterable
-from itertools import product
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from zteam.errors import did_you_mean
 
-MEANT = ": did you mean {}?"
+_DID_YOU_MEAN = ": did you mean {}?"
 ENDS_TEAM = "to end a team, press Ctrl+C where 'zteam up' runs"
 _SHARED = frozenset({"help", "connect", "namespace", "config", "lease", "log_level", "log_format"})
 """Options that a usage line leaves out: every command has them."""
 _MAX_LINE = 190
 """Characters of an answer, as far as options can be left out of its usage."""
 _NO_WINDOW = "there is no window; 'zteam world show' draws a world, 'zteam tf positions' prints the poses"
-_PARAMETERS = ("speed", "leader", "turn_rate", "stop_distance", "min_dist", "max_linear", "max_angular")
-_MEANT = {
-    **dict.fromkeys(
-        product(("zteam up",), ("--robots", "--ids")), "a team file lists the robots, one table [[robots]] each"
-    ),
-    **dict.fromkeys(
-        product(("zteam up", "zteam-sim", "zteam-monitor"), ("--gui", "--headless", "--rviz", "--display")), _NO_WINDOW
-    ),
-    **{("zteam-robot", f"--{name}"): f"say --param {name}=VALUE" for name in _PARAMETERS},
+_WINDOW = {_NO_WINDOW: "--gui --headless --rviz --display"}
+_OPTIONS = {
+    "zteam up": {"a team file lists the robots, one table [[robots]] each": "--robots --ids", **_WINDOW},
+    "zteam-sim": _WINDOW,
+    "zteam-monitor": _WINDOW,
+    "zteam-robot": {
+        "say --param {}=VALUE": "speed leader turn_rate stop_distance min_dist max_linear max_angular",
+    },
 }
-"""What an option that a command lacks may stand for."""
-_VERBS = {
-    **dict.fromkeys(("unpause", "play", "start", "continue"), "resume"),
-    **dict.fromkeys(("stop", "halt"), "pause"),
-    **dict.fromkeys(("add", "create"), "spawn"),
-    **dict.fromkeys(("delete", "kill"), "remove"),
-    **dict.fromkeys(("teleport", "place"), "move"),
-    **dict.fromkeys(("publish", "send"), "pub"),
-    **dict.fromkeys(("print", "cat", "show"), "echo"),
-    **dict.fromkeys(("frames", "view_frames"), "tree"),
-    **dict.fromkeys(("draw", "view"), "show"),
+"""By command: what an option that it lacks may stand for; {} is the option."""
+_COMMANDS = {
+    "up": "run start launch roslaunch team",
+    "topic": "rostopic topics",
+    "topic {}": "echo hz pub",
+    "tf echo": "tf_echo tf2_echo",
+    "tf tree": "view_frames rqt_tf_tree",
+    "tf monitor": "tf_monitor tf2_monitor",
+    "tf static": "static_transform_publisher",
+    "node": "rosnode",
+    "param": "rosparam params dynparam",
+    "sim {}": "pause resume step reset spawn remove move status",
+    "teleop": "teleop_twist_keyboard key_teleop keyboard drive",
+    "map save": "map_saver map_saver_cli",
+    "goals": "send_goals waypoints patrol",
+    "goto": "navigate move_base send_goal navigate_to_pose",
+    "log": "rosout logs",
+    "doctor": "roswtf wtf",
+    "stop": "estop emergency_stop",
+    "stop --release": "release",
+}
+"""What ROS and other programs call a command, and words that are a subcommand; {} is the word itself."""
+_ENDS = "down end halt kill quit shutdown"
+"""Words for the end of a team, which is no command."""
+_SUBCOMMANDS = {
+    "resume": "unpause play start continue",
+    "pause": "stop halt",
+    "spawn": "add create",
+    "remove": "delete kill",
+    "move": "teleport place",
+    "pub": "publish send",
+    "echo": "print cat show",
+    "tree": "frames view_frames",
+    "show": "draw view",
 }
 """What other programs call a subcommand."""
-_REQUIRED = "the following arguments are required: "
-_ONE_OF = re.compile(r"one of the arguments (.+) is required")
-_SHORT_NAME = re.compile(r"(?<!\S)-\w/--")
-"""Of an option that argparse names as `-o/--output`."""
+
+
+def _meant(word: str, words: Mapping[str, str]) -> str:
+    """What a word stands for in one of these tables; empty if it is not there."""
+    return next((meant.format(word) for meant, others in words.items() if word in others.split()), "")
 
 
 def answer(parser: argparse.ArgumentParser, mistake: str) -> str:
     """One line: the mistake, and the usage of the command."""
-    text = " ".join(f"{parser.prog}: {mistake}; usage:".split())
+    text = " ".join(f"{parser.prog}: {mistake.removeprefix('argument ')}; usage:".split())
     return f"{text} {_usage(parser, _MAX_LINE - len(text))}"
 
 
@@ -78,26 +100,6 @@ def _argument(action: argparse.Action) -> str:
     return {"?": f"[{name}]", "*": f"[{name} …]", "+": f"{name} …"}.get(str(action.nargs), name)
 
 
-def in_short(parser: argparse.ArgumentParser, message: str, words: Iterable[str]) -> str:
-    """A message of argparse about `words` in fewer words: `TYPE is missing`."""
-    message = _SHORT_NAME.sub("--", message.removeprefix("argument "))
-    if choice := _ONE_OF.fullmatch(message):
-        text = f"{' or '.join(choice[1].split())} is missing"
-    elif message.startswith(_REQUIRED):
-        *first, last = message.removeprefix(_REQUIRED).split(", ")
-        if any(isinstance(action, argparse._SubParsersAction) for action in parser._actions):
-            last = "a subcommand"
-        text = f"{', '.join(first)} and {last} are missing" if first else f"{last} is missing"
-    else:
-        return message
-    # argparse does not come to tell of an option that it does not know if a required one is missing.
-    known = list(parser._option_string_actions)
-    unknown = [
-        word for word in words if word.startswith("--") and not any(o.startswith(word.partition("=")[0]) for o in known)
-    ]
-    return f"{text}; {unknown_words(parser, unknown)}" if unknown else text
-
-
 def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
     """What to say of words that a command does not take."""
     told, after_option = [], False
@@ -112,8 +114,9 @@ def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
 
 
 def _unknown_option(parser: argparse.ArgumentParser, name: str, value: str = "") -> str:
-    meant = _MEANT.get((parser.prog, name))
-    hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions, most=2, form=MEANT)
+    words = _OPTIONS.get(parser.prog, {})
+    meant = _meant(name, words) or _meant(name.lstrip("-"), words)
+    hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions, most=2, form=_DID_YOU_MEAN)
     if value and parser.prog == "zteam up" and not meant:
         hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
     return f"no option {name!r}{hint}"
@@ -121,6 +124,28 @@ def _unknown_option(parser: argparse.ArgumentParser, name: str, value: str = "")
 
 def unknown_subcommand(word: str, known: Iterable[str]) -> str:
     """What to say of a word in the place of a subcommand."""
-    verb = _VERBS.get(word, "")
-    hint = f": did you mean {verb}?" if verb in known else did_you_mean(word, known, most=2, form=MEANT)
+    verb = _meant(word, {verb: words for verb, words in _SUBCOMMANDS.items() if verb in known})
+    hint = _DID_YOU_MEAN.format(verb) if verb else did_you_mean(word, known, most=2, form=_DID_YOU_MEAN)
     return f"no subcommand {word!r}{hint}"
+
+
+def unknown_command(name: str, rest: Sequence[str], known: Iterable[str]) -> str:
+    """What to say of a word in the place of a command, before the words `rest`."""
+    from zteam.config.resources import existing_file, shipped_team
+
+    meant = _meant(name, _COMMANDS)
+    if name.startswith("-"):
+        hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
+    elif name in _ENDS.split():
+        hint = f": 'zteam stop' stops the robots; {ENDS_TEAM}"
+    elif name.startswith("zteam-"):
+        hint = f": the processes are separate commands: {' '.join([name, *rest])}"
+    elif name.endswith(".world"):
+        hint = f": a team drives in a world: 'zteam up --world {name}'"
+    elif meant:
+        hint = _DID_YOU_MEAN.format(f"'zteam {' '.join([meant, *rest])}'")
+    elif shipped_team(name) or existing_file(Path(name)):
+        hint = _DID_YOU_MEAN.format(f"'zteam {' '.join(['up', name, *rest])}'")
+    else:
+        hint = did_you_mean(name, known, most=2, form=_DID_YOU_MEAN) or f": commands: {', '.join(known)}"
+    return f"no command {name!r}{hint}"

@@ -50,7 +50,7 @@ class Connections:
     def open(self, transport: asyncio.Transport) -> None:
         """A connection has come, and waits for its request."""
         if len(self._timers) + len(self._busy) + len(self._kept) >= self._most:
-            self._end(next(iter([*self._timers, *self._busy]), transport))
+            self.end(next(iter([*self._timers, *self._busy]), transport))
         self._by_address[_address(transport)] = transport
         self._wait(transport)
 
@@ -65,7 +65,7 @@ class Connections:
         if left > 0 and (left < unsent or not unsent):
             self._wait(transport, left)
         else:
-            self._end(transport)
+            self.end(transport)
 
     def begin(self, transport: asyncio.Transport | None) -> None:
         if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
@@ -88,7 +88,7 @@ class Connections:
             stranger = next((each for each, is_trusted in self._kept.items() if not is_trusted), None)
             if stranger is None:
                 return False
-            self._end(stranger)
+            self.end(stranger)
         if timer := self._timers.pop(transport, None):
             timer.cancel()
         self._busy.pop(transport, None)
@@ -105,9 +105,9 @@ class Connections:
 
     def end_all(self) -> None:
         for transport in [*self._timers, *self._busy, *self._kept]:
-            self._end(transport)
+            self.end(transport)
 
-    def _end(self, transport: asyncio.Transport) -> None:
+    def end(self, transport: asyncio.Transport) -> None:
         transport.abort()
         self.close(transport)
 
@@ -118,7 +118,7 @@ class Connections:
             loop.default_exception_handler(context)
             return
         for transport in [*self._timers, *self._busy]:
-            self._end(transport)
+            self.end(transport)
         if not self._told:
             self._told = True
             log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)

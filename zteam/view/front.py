@@ -16,99 +16,7 @@ MAX_HEAD = 1 << 14
 """Bytes of the first request."""
 MOST_CLIENTS = 64
 """Connections; each takes three descriptors of the process."""
-
-
-class _Side(asyncio.Protocol):
-    """One side of a connection, whose bytes go to `other`."""
-
-    def __init__(self) -> None:
-        self.transport: asyncio.Transport | None = None
-        self.other: _Side | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-
-    def data_received(self, data: bytes) -> None:
-        if self.other is not None and self.other.transport is not None:
-            self.other.transport.write(data)
-
-    def pause_writing(self) -> None:
-        if self.other is not None and self.other.transport is not None:
-            self.other.transport.pause_reading()
-
-    def resume_writing(self) -> None:
-        if self.other is not None and self.other.transport is not None:
-            self.other.transport.resume_reading()
-
-    def connection_lost(self, _error: Exception | None) -> None:
-        if self.other is not None and self.other.transport is not None:
-            self.other.transport.close()
-
-
-class _Server(_Side):
-    """The server's side."""
-
-    def __init__(self, kept: Callable[[], bool]) -> None:
-        """`kept()` is called with the first answer: whether the client may stay."""
-        super().__init__()
-        self._kept = kept
-        self._answers = False
-
-    def data_received(self, data: bytes) -> None:
-        if self._answers or self._kept():
-            self._answers = True
-            super().data_received(data)
-        elif self.transport is not None:
-            self.transport.abort()
-
-
-class _Client(_Side):
-    """The client's side."""
-
-    def __init__(self, connections: Connections, target: tuple[str, int]) -> None:
-        super().__init__()
-        self._connections, self._target = connections, target
-        self._head = b""
-        self._opening: asyncio.Task[None] | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        assert self.transport is not None
-        self._connections.open(self.transport)
-
-    def data_received(self, data: bytes) -> None:
-        transport = self.transport
-        if self.other is not None or transport is None:
-            super().data_received(data)
-            return
-        self._head += data
-        if len(self._head) > MAX_HEAD:
-            transport.abort()
-        elif b"\r\n\r\n" in self._head and self._opening is None:
-            transport.pause_reading()
-            self._connections.begin(transport)
-            self._opening = asyncio.get_running_loop().create_task(self._open(transport))
-
-    async def _open(self, transport: asyncio.Transport) -> None:
-        """Reach the server, and pass on what has come."""
-        server = _Server(lambda: self._connections.keep(transport, trusted=False))
-        try:
-            await asyncio.get_running_loop().create_connection(lambda: server, *self._target)
-        except OSError:
-            transport.abort()
-            return
-        server.other, self.other = self, server
-        if transport.is_closing() or server.transport is None:
-            self.connection_lost(None)
-            return
-        server.transport.write(self._head)
-        transport.resume_reading()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        if self.transport is not None:
-            self._connections.close(self.transport)
-        super().connection_lost(error)
+_CHUNK = 1 << 16
 
 
 class Front:
@@ -119,6 +27,7 @@ class Front:
         self._listener, self._target, self._fail = listener, target, fail
         self._loop = asyncio.new_event_loop()
         self._closing = asyncio.Event()
+        self._connections = Connections(share_of_descriptors(16, MOST_CLIENTS))
         self._thread = threading.Thread(target=self._run, name="front", daemon=True)
 
     def start(self) -> None:
@@ -137,11 +46,41 @@ class Front:
             self._fail(error)
 
     async def _serve(self) -> None:
-        connections = Connections(share_of_descriptors(16, MOST_CLIENTS))
-        self._loop.set_exception_handler(connections.on_loop_error)
-        server = await self._loop.create_server(
-            lambda: _Client(connections, self._target), sock=self._listener, backlog=MOST_CLIENTS
-        )
+        self._loop.set_exception_handler(self._connections.on_loop_error)
+        server = await asyncio.start_server(self._let_in, sock=self._listener, backlog=MOST_CLIENTS, limit=MAX_HEAD)
         await self._closing.wait()
         server.close()
-        connections.end_all()
+        self._connections.end_all()
+
+    async def _let_in(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass the bytes of one client to the server and back until either side ends."""
+        client = writer.transport
+        assert isinstance(client, asyncio.Transport)
+        self._connections.open(client)
+        try:
+            head = await reader.readuntil(b"\r\n\r\n")
+            self._connections.begin(client)
+            from_server, to_server = await asyncio.open_connection(*self._target)
+            with contextlib.closing(to_server):
+                to_server.write(head)
+                sending = asyncio.create_task(_pass_on(reader, to_server))
+                answer = await from_server.read(_CHUNK)
+                if answer and self._connections.keep(client, trusted=False):
+                    writer.write(answer)
+                    await _pass_on(from_server, writer)
+                else:
+                    client.abort()
+                await sending
+        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+            pass
+        finally:
+            self._connections.end(client)
+
+
+async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Write what is read until the end, which ends the other side too."""
+    with contextlib.suppress(OSError):
+        while data := await reader.read(_CHUNK):
+            writer.write(data)
+            await writer.drain()
+    writer.close()

@@ -67,7 +67,7 @@ def test_an_option_refuses_a_number_out_of_its_range(
     """A command line with a wrong number ends with 2 and one short line that names the option and its range."""
     assert exit_code(command.main, [*words, f"{option}={text}"]) == 2  # type: ignore[attr-defined]
     (line,) = capsys.readouterr().err.splitlines()
-    assert f": {option}: " in line
+    assert f"{option}: " in line
     assert ": give " in line
     assert len(line) < 200
 

@@ -285,7 +285,7 @@ def test_navigation_wins_over_go_to(hub: MemoryHub) -> None:
         (["1", "2", "nan"], "pose '2 nan 0': give X Y YAW in metres and radians"),
         (["1", "2", "3", "90"], "YAW 90 is more than a full turn"),
         (["--cancel", "1", "2", "3"], "--cancel takes a robot and nothing else: zteam goto --cancel 1"),
-        ([], "ID is missing; usage: zteam goto ID X Y [YAW]"),
+        ([], "required: ID; usage: zteam goto ID X Y [YAW]"),
     ],
 )
 def test_bad_command_lines(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ def test_the_speeds_are_those_of_teleop_twist_keyboard() -> None:
         (["--id", "0,0", "--script", "i"], "--id names a robot twice: 0"),
         (["--id", "0", "--script", "i*0"], "--script: 'i*0'"),
         (["--id", "0", "--speed", "0", "--script", "i"], "--speed: '0': give a speed from 0.01 to 10"),
-        (["--script", "i"], "--id is missing"),
+        (["--script", "i"], "required: --id"),
     ],
 )
 def test_bad_command_lines(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,3 +128,12 @@ def test_a_server_that_is_gone_ends_the_client(desk: Desk) -> None:
     """It waits for nothing."""
     desk.server.close()
     assert has_ended(desk.client(HEAD))
+
+
+def test_a_server_that_gives_no_answer_ends_the_client(desk: Desk) -> None:
+    """The client waits for nothing, although it has not ended its side."""
+    client = desk.client(HEAD)
+    end = desk.accept()
+    assert read(end, len(HEAD)) == HEAD
+    end.close()
+    assert has_ended(client)

@@ -105,22 +105,24 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
     return groups
 
 
-def solid_groups(groups: Sequence[Group]) -> list[Group]:
+ConvexParts = Callable[[Sequence[tuple[float, float]]], list[list[tuple[float, float]]]]
+"""Cuts a simple polygon into convex ones."""
+
+
+def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
-    solid = [
-        group._replace(shapes=[part for shape in group.shapes if shape.obstacle for part in convex_parts(shape)])
-        for group in groups
-    ]
+    solid = [group._replace(shapes=_convex_solids(group.shapes, convex_parts)) for group in groups]
     return [group for group in solid if group.shapes]
 
 
-def convex_parts(shape: Shape) -> list[Shape]:
-    """A shape as convex ones."""
-    if is_convex(shape.points):
-        return [shape]
-    from zteam.simulator.core.dynamic import cut_convex  # few worlds need pymunk
-
-    return [replace(shape, points=tuple(points)) for points in cut_convex(shape.points)]
+def _convex_solids(shapes: Sequence[Shape], convex_parts: ConvexParts) -> list[Shape]:
+    parts = []
+    for shape in shapes:
+        if shape.obstacle and is_convex(shape.points):
+            parts.append(shape)
+        elif shape.obstacle:
+            parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+    return parts
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:

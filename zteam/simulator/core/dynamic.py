@@ -21,13 +21,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Point2, Pose2
+from zteam.geometry import Point2, Pose2, is_convex
 from zteam.kernels.simulator import find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,
     Plans,
-    convex_parts,
     group_shapes,
     make_polygons,
     solid_bitmaps,
@@ -98,8 +97,8 @@ class _Builder:
     def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
             if shape.obstacle:
-                for part in convex_parts(shape):
-                    poly = pymunk.Poly(body, part.points)
+                for part in convex_parts(shape.points):
+                    poly = pymunk.Poly(body, part)
                     poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
                     self._space.add(poly)
 
@@ -122,12 +121,9 @@ class Cores:
 
     def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
-        solid = solid_groups(groups)
+        solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
-        cored = [group._replace(shapes=[_core(shape, rim) for shape in group.shapes]) for group in solid]
-        self._polygons = make_polygons(
-            [group if group.owner == NO_MOVER else core for group, core in zip(solid, cored, strict=True)]
-        )
+        self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
@@ -328,6 +324,11 @@ def _distance(a: Point2, b: Point2, c: Point2) -> float:
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
 
 
+def _with_cores(group: Group, rim: float) -> Group:
+    shapes = group.shapes if group.owner == NO_MOVER else [_core(shape, rim) for shape in group.shapes]
+    return group._replace(shapes=shapes)
+
+
 def _core(shape: Shape, rim: float) -> Shape:
     """A convex shape less a rim, of at most half of its half width."""
     rim = min(rim, 0.5 * _half_width(shape.points))
@@ -347,14 +348,14 @@ def _core(shape: Shape, rim: float) -> Shape:
 
 def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
     """Each plan and its border; plans of one bitmap share it. Raises UsageError if there are more than MAX_WALLS."""
-    borders: dict[int, Lines] = {}
+    borders: dict[int, Lines | None] = {}
     left = MAX_WALLS
     for plan in plans:
         if id(plan.occupied) not in borders:
-            borders[id(plan.occupied)] = _find_borders(plan.occupied)
+            borders[id(plan.occupied)] = _find_borders(plan.occupied, MAX_WALLS)
         lines = borders[id(plan.occupied)]
-        left -= len(lines)
-        if left < 0:
+        left -= 0 if lines is None else len(lines)
+        if lines is None or left < 0:
             raise UsageError(
                 f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
                 "smooth it, or take the physics stage or kinematic"
@@ -362,10 +363,12 @@ def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]
         yield plan, lines
 
 
-def _find_borders(occupied: NDArray[np.bool_]) -> Lines:
-    """The border of the occupied cells as maximal straight runs."""
+def _find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:
+    """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
     y, left, right = _runs(occupied)
     x, low, high = _runs(occupied.T)
+    if len(x) + len(y) > limit:
+        return None
     return np.concatenate([np.stack([x, low, x, high], axis=1), np.stack([left, y, right, y], axis=1)])
 
 
@@ -382,8 +385,11 @@ def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
     return lines, begins, ends
 
 
-def cut_convex(points: Sequence[Point2]) -> list[list[Point2]]:
+def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
     """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
-    parts = pymunk.autogeometry.convex_decomposition([*points, points[0]], 0.0)
+    if is_convex(points):
+        return [list(points)]
+    closed = [*points, points[0]]
+    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
     # Chipmunk closes its polygons with their first corner.
     return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]
