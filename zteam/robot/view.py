@@ -49,7 +49,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     from the base's x axis. None before the first one, and if it cannot be used."""
     odom: Odometry | None
     lookup: FindPose
-    find_teammate: FindPose | None = None
+    _find_teammate: FindPose | None = None
     """What `teammates` are looked up with, if not with `lookup`."""
     laser: Point2 = (0.0, 0.0)
     """Where the beams of `scan` begin, in the base (m)."""
@@ -72,7 +72,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     @cached_property
     def teammates(self) -> tuple[Teammate, ...]:
         """All other robots of `team` and `bases` whose pose is known, by id; looked up when first asked for."""
-        found, lookup = [], self.find_teammate or self.lookup
+        found, lookup = [], self._find_teammate or self.lookup
         for robot_id in sorted({*self.team, *self.bases} - {self.robot_id}):
             at = lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
             if at is not None:

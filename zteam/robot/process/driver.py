@@ -141,7 +141,7 @@ class Driver:
             return view.lookup(target_frame, source_frame)
 
         if not (behavior.uses_tf or self._has_named_look_ups):
-            return ask(behavior, msgspec.structs.replace(view, lookup=lookup, find_teammate=view.lookup))
+            return ask(behavior, msgspec.structs.replace(view, lookup=lookup, _find_teammate=view.lookup))
         return ask(behavior, view)
 
     def begin_anew(self) -> None:
