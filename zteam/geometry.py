@@ -48,6 +48,26 @@ class Pose2(NamedTuple):
         return c * dx + s * dy, c * dy - s * dx
 
 
+class Velocity(NamedTuple):
+    """The velocity of a base in the plane: kept, it is an arc, a straight line or a turn on the spot."""
+
+    x: float = 0.0
+    """m/s, forwards."""
+    y: float = 0.0
+    """m/s, to the left."""
+    turn: float = 0.0
+    """rad/s, to the left."""
+
+    @property
+    def speed(self) -> float:
+        """m/s of the base's origin."""
+        return math.hypot(self.x, self.y) if self.y else abs(self.x)
+
+    def scale(self, share: float) -> "Velocity":
+        """The same arc, driven at a share of its speed."""
+        return Velocity(self.x * share, self.y * share, self.turn * share)
+
+
 def curvature_to(y: float, square: float) -> float:
     """1/m, left positive: of the arc that leads from a robot to a point `y` metres to its left, `square` m² away.
 

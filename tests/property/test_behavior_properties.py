@@ -16,7 +16,7 @@ from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
 from zteam.node.process_options import RobotOptions, from_line, to_line
-from zteam.robot.behaviors.scans import first_clear, look_ahead, look_along
+from zteam.robot.scans import first_clear, look_ahead, look_along
 from zteam.team.file.entries import Team, behavior_of, static_transform
 from zteam.team.file.reading import load_team, read_team_file, team_world
 

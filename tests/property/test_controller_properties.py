@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from support.examples import examples
 from support.planning_cases import seeds
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.kernels.navigation import find_hit
-from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, Velocity, time_to_collision
+from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, time_to_collision
 from zteam.navigation.planning.costmap import (
     LETHAL_OBSTACLE,
     Costmap,

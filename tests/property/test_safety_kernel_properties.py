@@ -50,7 +50,7 @@ def test_a_base_meets_points_when_the_formulas_say_so(
         return min(met, default=math.inf) / abs(turn)
 
     rows = planes.tolist()
-    found = safety.meet(given_points, planes, (x, turn, y), seconds, margin, EVERYWHERE)
+    found = safety.meet(given_points, planes, (x, y, turn), seconds, margin, EVERYWHERE)
     expected = [first(margin + off) for off in (-1e-6, 0.0, 1e-6)]
     assume(max(expected) - min(expected) < 1e-3 or all(each > seconds for each in expected))
     expected = [each if each <= seconds else math.inf for each in expected]
@@ -140,8 +140,8 @@ def test_a_million_points_and_beams() -> None:
     known, axes, distances = np.ones((3, 10**6)), np.ones((2, 10**6)), np.full(10**6, 2.0)
     assert safety.see(known, axes, distances, (0.0, 1e-6), 1, (0.0, 0.0, 0.0), 9.0, 5.0, 0.0).shape == (3, 10**6)
     planes = Outline(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))).rows
-    assert safety.meet(known[:2], planes, (0.0, 0.0, 1.0), 9.0, 0.6, EVERYWHERE) == math.inf
-    assert safety.meet(known[:2] * 0.9, planes, (1.0, 0.0, 1.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
+    assert safety.meet(known[:2], planes, (0.0, 1.0, 0.0), 9.0, 0.6, EVERYWHERE) == math.inf
+    assert safety.meet(known[:2] * 0.9, planes, (1.0, 1.0, 0.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(

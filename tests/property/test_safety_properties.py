@@ -23,12 +23,11 @@ from support.flat_floor import (
     make_view,
 )
 from zteam.behaviors import SafetyLayer
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.messages.base import Base
 from zteam.robot.safety.motion import (
     BaseLimits,
-    Motion,
     Outline,
     margin_of,
     meeting_time,
@@ -44,7 +43,7 @@ FINE = 400
 NOW = 100 * TICK
 lengths = st.floats(0.05, 0.6)
 turns = st.floats(-3.14, 3.14) | st.sampled_from([0.0, 1e-6, -1e-3, 3.14])
-arcs = st.builds(Motion, st.floats(-1.0, 1.0) | st.just(0.0), turns, st.just(0.0) | st.floats(-1.0, 1.0))
+arcs = st.builds(Velocity, st.floats(-1.0, 1.0) | st.just(0.0), st.just(0.0) | st.floats(-1.0, 1.0), turns)
 
 
 @st.composite
@@ -61,7 +60,7 @@ def footprints(draw: st.DrawFn) -> tuple[tuple[float, float], ...]:
 outlines = footprints().map(Outline)
 
 
-def moved(arc: Motion, seconds: float) -> Pose2:
+def moved(arc: Velocity, seconds: float) -> Pose2:
     """Where a base is after so long."""
     return drive(Pose2(0.0, 0.0, 0.0), Twist(Vector3(arc.x, arc.y), Vector3(z=arc.turn)), seconds)
 
@@ -79,11 +78,11 @@ def away(outline: Outline, at: Pose2, x: float, y: float) -> float:
 
 
 @given(outlines, arcs, st.floats(0.05, 2.0), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(0.0, 0.4))
-@example(Outline(Base().footprint), Motion(-0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
-@example(Outline(Base().footprint), Motion(0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+@example(Outline(Base().footprint), Velocity(-0.3), 1.0, 0.4, 0.0, 0.0)
+@example(Outline(Base().footprint), Velocity(0.3), 1.0, 0.4, 0.0, 0.0)
 # Beyond a sharp tip the half-planes are nearer than the outline is: such a point may be taken for met, or not.
-@example(Outline(((0.5, 0.0), (-0.5, 0.0), (-0.25, -0.433))), Motion(0.0, -1.0), 1.0, 1.25, 0.0, 0.25)
-def test_when_a_point_is_met(outline: Outline, arc: Motion, seconds: float, x: float, y: float, gap: float) -> None:
+@example(Outline(((0.5, 0.0), (-0.5, 0.0), (-0.25, -0.433))), Velocity(turn=-1.0), 1.0, 1.25, 0.0, 0.25)
+def test_when_a_point_is_met(outline: Outline, arc: Velocity, seconds: float, x: float, y: float, gap: float) -> None:
     """Until then the base is further away than the margin, or not nearer than it was; then it is as near."""
     found = meeting_time(outline, arc, seconds, np.array([[x], [y]]), gap)
     near = margin_of(outline, arc) + gap
@@ -97,14 +96,14 @@ def test_when_a_point_is_met(outline: Outline, arc: Motion, seconds: float, x: f
 
 
 @given(outlines, arcs, st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=9))
-def test_the_first_of_many_points_counts(outline: Outline, arc: Motion, points: list[tuple[float, float]]) -> None:
+def test_the_first_of_many_points_counts(outline: Outline, arc: Velocity, points: list[tuple[float, float]]) -> None:
     """Many points at once are met as the first of them alone."""
     alone = [meeting_time(outline, arc, 1.0, np.array([[x], [y]])) for x, y in points]
     assert math.isclose(meeting_time(outline, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
 
 
 @given(outlines, arcs, st.floats(0.0, 3.0))
-def test_the_disc_of_an_arc_holds_all_that_it_sweeps(outline: Outline, arc: Motion, seconds: float) -> None:
+def test_the_disc_of_an_arc_holds_all_that_it_sweeps(outline: Outline, arc: Velocity, seconds: float) -> None:
     """Every corner, with the margin, at every time."""
     x, y, radius = swept_disc(outline, arc, seconds)
     for step in range(51):
@@ -149,10 +148,10 @@ def test_no_command_leads_into_what_is_seen(
     scan = make_scan(ranges, NOW, fov)
     view = make_view(scan, now=NOW, dt=dt, base=base, laser=LASER[:2])
     command, _ = SafetyLayer().limit(Twist(Vector3(speed), Vector3(z=turn)), view)
-    motion = Motion(command.linear.x, command.angular.z)
+    motion = Velocity(command.linear.x, turn=command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
     seconds = dt + 0.5 * BaseLimits(base).stop_time(motion)
-    outline, arc = outline_of(base.footprint), Motion(*motion)
+    outline, arc = outline_of(base.footprint), Velocity(*motion)
     for x, y in hits_of(scan, LASER):
         nearest = min(margin_of(outline, arc), distance(outline, Pose2(0.0, 0.0, 0.0), x, y)) - 2e-3
         for step in range(1, 31):

@@ -13,8 +13,8 @@ from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.kernels.simulator import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
-from zteam.robot.behaviors.behavior import FindPose
 from zteam.robot.trials import situations
+from zteam.robot.view import FindPose
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import Limits, Obstacle, Ranger, Robot, Shape, World

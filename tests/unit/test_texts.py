@@ -14,8 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "zteam"
 FOREIGN = {
     "bus/router.py": "Zenoh", "bus/transport.py": "Zenoh", "bus/tls.py": "OpenSSL", "cli/usage.py": "argparse",
     "config/problems.py": "msgspec", "node/faults.py": "the system", "robot/behaviors/registry.py": "Python",
-    "robot/teleop.py": "terminals", "robot/trials/subject.py": "numpy and Python", "team/file/sources.py": "tomllib",
-    "view/files.py": "JavaScript",
+    "robot/teleop.py": "terminals", "team/file/sources.py": "tomllib", "view/files.py": "JavaScript",
 }  # fmt: skip
 """Files that translate words of others: whose."""
 FORMER = {"last", "before", "former", "shown", "logged", "told"}

@@ -4,7 +4,7 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,8 +17,7 @@ from zteam.robot.behaviors.registry import find_behavior, look_in
 # Trials import the simulator, which takes a moment: a mistake in the command line is said before.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from zteam.robot.trials.check import TrialResult
-    from zteam.robot.trials.subject import Fault
+    from zteam.robot.trials.check import Fault, TrialResult
 
 _WIDTH = 31
 """Columns of a trial's name."""
@@ -40,54 +39,38 @@ def _check(args: argparse.Namespace) -> int:
     # What the author's own code prints must not come among the results, and its steps are hundreds.
     with contextlib.redirect_stdout(sys.stderr):
         kind = find_behavior(args.name)
-    from zteam.robot.trials.check import run_trials, trial_names
+    from zteam.robot.trials.check import all_trials, run_trials
 
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         for result in run_trials(args.name, kind, dict(args.param)):
             results.append(result)
             if not args.json:
-                print_line(_row(result), file=out)
-    is_good = all(result.is_good for result in results)
+                verdict = "WRONG" if result.faults else "ok"
+                print_line(f"{result.name:{_WIDTH}}  {verdict:6}  {result.note}".rstrip(), file=out)
+    is_good = not any(result.faults for result in results)
     if args.json:
         print_json({"behavior": args.name, "good": is_good, "trials": results})
     else:
-        left = len(trial_names(kind)) - len(results)
+        left = len(all_trials(kind)) - len(results)
         if left:
             print_line(f"(the other {left} trials are left out, because these took too long)")
         print_block(f"\n{format_faults(args.name, results)}")
     return 0 if is_good else 1
 
 
-def _row(result: "TrialResult") -> str:
-    verdict = "WRONG" if not result.is_good else "remark" if result.faults else "ok"
-    return f"{result.name:{_WIDTH}}  {verdict:6}  {result.note}".rstrip()
-
-
 def format_faults(name: str, results: Sequence["TrialResult"]) -> str:
     """Each fault once, with the trials that show it."""
-    found: dict[tuple[str, str, bool], list[tuple[Fault, str]]] = {}
+    found: dict[tuple[str, str], tuple[Fault, list[str]]] = {}
     for result in results:
         for fault in result.faults:
-            found.setdefault((fault.kind, fault.place, fault.is_remark), []).append((fault, result.name))
-    wrong = [shown for key, shown in found.items() if not key[-1]]
-    # What is wrong elsewhere needs no remark.
-    remarks = [shown for key, shown in found.items() if key[-1] and (*key[:-1], False) not in found]
-    count = {0: "nothing is wrong", 1: "one thing is wrong"}.get(len(wrong), f"{len(wrong)} things are wrong")
+            found.setdefault((fault.kind, fault.place), (fault, []))[1].append(result.name)
+    count = {0: "nothing is wrong", 1: "one thing is wrong"}.get(len(found), f"{len(found)} things are wrong")
     lines = [f"{name}: {count} in {len(results)} trial{'s' if results[1:] else ''}"]
-    for number, shown in enumerate(wrong, 1):
-        lines += ["", *_paragraph(f"{number}. ", shown)]
-    for shown in remarks:
-        lines += ["", *_paragraph("remark: ", shown)]
+    for number, (fault, trials) in enumerate(found.values(), 1):
+        more = f"; {len(trials) - 3} more" if trials[3:] else ""
+        parts = {"at": fault.place, "in": "; ".join(trials[:3]) + more, "try": fault.hint}
+        lines += ["", f"{number}. {fault.text}", *(f"   {word}: {text}" for word, text in parts.items() if text)]
     return "\n".join(lines)
-
-
-def _paragraph(head: str, shown: Iterable[tuple["Fault", str]]) -> list[str]:
-    (fault, _), *_ = shown
-    trials = [name for _, name in shown]
-    lines = [head + fault.text]
-    parts = {"at": fault.place, "in": "; ".join(trials[:3]) + (f"; {len(trials) - 3} more" if trials[3:] else "")}
-    parts["try"] = fault.hint
-    return lines + [f"   {word}: {text}" for word, text in parts.items() if text]
 
 
 main = partial(run_tool, build_parser, _check)

@@ -9,16 +9,16 @@ from zteam.kernels.binding import DOUBLE, Floats, ffi, lib, memory
 
 
 def meet(
-    points: Floats, planes: Floats, motion: tuple[float, float, float], seconds: float, margin: float,
+    points: Floats, planes: Floats, velocity: tuple[float, float, float], seconds: float, margin: float,
     disc: tuple[float, float, float],
 ) -> float:  # fmt: skip
     """Seconds until a base first comes nearer to a point than `margin` (m), inf if it does not within `seconds`.
 
-    Where it is nearer than that now, what counts is when it comes nearer still: so it may always move away. `motion` is
-    its constant velocity (m/s forwards, rad/s, m/s to the left), its outline the half-planes `planes` (m, 3): outward
+    Where it is nearer than that now, what counts is when it comes nearer still: so it may always move away. `velocity`
+    is constant (m/s forwards and to the left, rad/s), its outline the half-planes `planes` (m, 3): outward
     normal of length 1, offset (m). Of `points` (2, n) those in the `disc` (x, y, radius) count, all in the base frame.
     """
-    count, sides, (x, turn, y) = points.shape[-1], len(planes), motion
+    count, sides, (x, y, turn) = points.shape[-1], len(planes), velocity
     given = memory("points", points, DOUBLE, 2, count), count, memory("planes", planes, DOUBLE, sides, 3), sides
     met: float = lib.meet(*given, x, y, turn, seconds, margin, *disc)
     return met

@@ -73,11 +73,6 @@ class StepWatch:
         """How many steps in a row outlasted their interval."""
         self._slow, self._hangs = Every(_TELL_EVERY), Every(_TELL_EVERY)
 
-    @property
-    def is_under_way(self) -> bool:
-        """Whether a step is under way."""
-        return self in _under_way
-
     def run(self, step: Callable[[], T], interval: float, *, paced: bool) -> T:
         """What `step()` returns. The next step is due after `interval` seconds, 0 where that is not known; where it is
         `paced` by a clock, this step is too slow if it misses the next one.

@@ -6,11 +6,23 @@ from typing import NamedTuple
 from studies.scenes import Part
 from zteam import names
 from zteam.behaviors import SafetyLayer, load_behavior
-from zteam.messages import BaseInfo, Header, LaserScan, Odometry, Point, Pose, PoseStamped, TFMessage, Twist, Vector3
+from zteam.messages import (
+    BaseInfo,
+    Header,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseStamped,
+    RobotDriver,
+    TFMessage,
+    Twist,
+    Vector3,
+)
+from zteam.robot.behaviors.asking import ask
 from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.behaviors.registry import find_behavior
-from zteam.robot.process.inputs import SOURCES, RobotInputs
-from zteam.robot.safety import ask
+from zteam.robot.process.inputs import RobotInputs
 
 
 class Tick(NamedTuple):
@@ -59,7 +71,7 @@ class Pilot:
             inputs.declared.take(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
         if part.teleop:
             speed, turn = self._asked()
-            inputs.mux.take(SOURCES[0], "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
+            inputs.mux.take(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
         self._seconds += dt
 
     def step(self, now: int, dt: float, times: Iterator[int]) -> tuple[Twist, Cost]:
@@ -72,7 +84,7 @@ class Pilot:
         wanted, reason = ask(self._behavior, view)
         answered = next(times)
         if choice is not None:
-            wanted, reason = choice.velocity, ""
+            wanted, reason = choice[1], ""
         command, _ = self._layer.limit(wanted, view, reason)
         return command, Cost(answered - asked, next(times) - answered + asked - begin)
 

@@ -10,7 +10,7 @@ import pytest
 from support.commands import exit_code
 from support.pages import DOCS, blocks_of, find_file
 from zteam.cli import main as zteam
-from zteam.robot.trials import subject, worlds
+from zteam.robot.trials import check, worlds
 
 FAULTY = """
 import math
@@ -45,7 +45,7 @@ blind:Blind: 2 things are wrong in 22 trials
 def short_drives(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is printed does not depend on how long the behaviour drives in the worlds, nor on other load."""
     monkeypatch.setattr(worlds, "SECONDS", 1.0)
-    monkeypatch.setattr(subject, "TICK", 2.0)
+    monkeypatch.setattr(check, "TICK", 2.0)
 
 
 @pytest.fixture

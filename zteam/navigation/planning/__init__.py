@@ -1,5 +1,6 @@
 """Navigation without a bus: maps and scans in; paths, poses and velocities out. docs/planning.md shows how."""
 
+from zteam.geometry import Velocity
 from zteam.navigation.planning.amcl import Amcl, AmclOptions
 from zteam.navigation.planning.controller import (
     BlockedError,
@@ -10,7 +11,6 @@ from zteam.navigation.planning.controller import (
     ProgressOptions,
     PursuitOptions,
     RegulatedPurePursuit,
-    Velocity,
     time_to_collision,
 )
 from zteam.navigation.planning.costmap import (

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 
 from zteam.errors import ZteamError
-from zteam.geometry import Pose2, curvature_to, normalize_angle
+from zteam.geometry import Pose2, Velocity, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
@@ -19,14 +19,6 @@ from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBS
 Positive = Annotated[float, Meta(gt=0.0)]
 _STEP = 0.1
 """Cells that no point of the outline moves more than from one looked-at pose to the next."""
-
-
-class Velocity(NamedTuple):
-    """What a robot is told: m/s forwards and to the left, rad/s to the left."""
-
-    x: float = 0.0
-    y: float = 0.0
-    turn: float = 0.0
 
 
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:

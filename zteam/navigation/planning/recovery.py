@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from zteam.geometry import Pose2, normalize_angle
-from zteam.navigation.planning.controller import Velocity, time_to_collision
+from zteam.geometry import Pose2, Velocity, normalize_angle
+from zteam.navigation.planning.controller import time_to_collision
 from zteam.navigation.planning.costmap import Costmap
 
 Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]

@@ -11,7 +11,7 @@ from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.navigation.planning.scans import Scan, Teammate
 from zteam.node.node import Node
 from zteam.node.stopping import STOPPED
-from zteam.robot.behaviors.behavior import SILENT_AFTER
+from zteam.robot.view import SILENT_AFTER
 from zteam.transforms import TransformException
 from zteam.transforms.client import Lookup, TransformClient, find_frames
 from zteam.transforms.lasers import LaserMounts

@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState, PoseStamped
-from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
+from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker
 from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Planner

@@ -6,9 +6,8 @@ import math
 import numpy as np
 
 from zteam import messages, names
-from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.geometry import Pose2, Velocity, quaternion_from_yaw
 from zteam.messages.planar import pose_message
-from zteam.navigation.planning.controller import Velocity
 from zteam.navigation.planning.costmap import (
     INSCRIBED_INFLATED_OBSTACLE,
     LETHAL_OBSTACLE,

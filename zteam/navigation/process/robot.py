@@ -4,10 +4,9 @@ import logging
 from collections.abc import Collection
 
 from zteam import names
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
 from zteam.navigation.maps import is_finite, planar
-from zteam.navigation.planning.controller import Velocity
 from zteam.navigation.planning.grid import GridMap
 from zteam.navigation.planning.parameters import Parameters, make_controller
 from zteam.navigation.planning.planner import Planner

@@ -5,9 +5,9 @@ import math
 from zteam.clock import to_ns
 from zteam.geometry import normalize_angle, yaw_from_quaternion
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.scans import is_clear
+from zteam.robot.scans import is_clear
+from zteam.robot.view import View
 
 LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
 """1/s: the lectures' v = 0.5 d and w = 4 atan2(y, x)."""

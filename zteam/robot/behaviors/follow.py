@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import Behavior, View
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
 from zteam.robot.behaviors.line_member import LineMember
@@ -17,16 +17,16 @@ from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.trail import head_comes_round
 from zteam.robot.behaviors.wander import Wander
-
-Law = Literal["trail", "direct"]
-Successor = Literal["same", "idle", "forward", "avoid", "wander"]
+from zteam.robot.view import View
 
 
 class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `follow`; only the leader has to be given."""
 
     leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
-    law: Annotated[Law, Meta(description="trail: along the leader's trail; direct: straight to the leader")] = "trail"
+    law: Annotated[
+        Literal["trail", "direct"], Meta(description="trail: along the leader's trail; direct: straight to the leader")
+    ] = "trail"
     gap: Annotated[
         float, Meta(ge=0.4, le=MOST_GAP, description="m along the trail to the robot ahead, base to base; law trail")
     ] = 0.8
@@ -43,7 +43,8 @@ class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
         OnLeaderLost, Meta(description="what it does when a robot in front is gone, see below")
     ] = "relink"
     takeover_behavior: Annotated[
-        Successor, Meta(description="what it does as the new head; same: what the lost one did, else avoid")
+        Literal["same", "idle", "forward", "avoid", "wander"],
+        Meta(description="what it does as the new head; same: what the lost one did, else avoid"),
     ] = "same"
 
 
@@ -106,7 +107,8 @@ class Follow(LineMember):
             self._turn_line()
         if params.law == "direct":
             return self._drive_straight(view, place.ahead, limits)
-        return self._follow(view, own, place, params.gap, params.stale_after, limits)
+        command, self.reason = self._trail.step(view, own, place, params.gap, params.stale_after, limits)
+        return command
 
     def _take_the_lead(self, view: View, own: Pose2, place: Place, limits: SpeedLimits) -> Twist:
         """In the place of a head that is gone, or that has handed over."""

@@ -10,13 +10,12 @@ from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Message, Twist, Vector3
 from zteam.robot.behaviors.assignment import Assignment
-from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STATUSES, see_robot
 from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.scans import is_clear
 from zteam.robot.behaviors.shapes import (
     Shape,
     Slot,
@@ -27,6 +26,8 @@ from zteam.robot.behaviors.shapes import (
     slots_of,
     squeeze,
 )
+from zteam.robot.scans import is_clear
+from zteam.robot.view import NO_POSE, View, own_pose
 
 ROOM, BESIDE = 1.6, 0.75
 """Metres that it gets ahead, and on either side of its way."""

@@ -5,10 +5,10 @@ import math
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Escape, Pause
 from zteam.robot.behaviors.line import Place, keep_together
-from zteam.robot.behaviors.scans import is_seen, look_along
+from zteam.robot.scans import is_seen, look_along
+from zteam.robot.view import View
 
 FREE = 1.0
 """Metres ahead that have to be free for it to drive straight on."""

@@ -17,7 +17,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
 from zteam.reasons import Reason
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.view import View
 
 STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
 """What a behaviour declares as `inputs` that asks for the chain."""

@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
-from zteam.robot.behaviors.behavior import NO_POSE, SILENT_AFTER, Behavior, View, own_pose
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.head import Head
 from zteam.robot.behaviors.line import NO_TURNS, STATUSES, Line, OnLeaderLost, Place, waits_for
-from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.trail import Trail
+from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
 
 log = logging.getLogger("zteam")
 
@@ -66,13 +66,6 @@ class LineMember(Behavior):
         if place.ahead is not None:
             self._head.rest()
         return own
-
-    def _follow(
-        self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits
-    ) -> Twist:
-        """As `Trail.step`."""
-        command, self.reason = self._trail.step(view, own, place, gap, stale_after, limits)
-        return command
 
     def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""

@@ -8,11 +8,11 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.head import Head
 from zteam.robot.behaviors.line import Place
 from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits
+from zteam.robot.view import View
 
 NEAR, MET = 0.58, 1.0
 """Metres from base to base within which a robot drives back from the one ahead; and where that one comes towards it."""

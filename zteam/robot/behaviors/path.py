@@ -8,8 +8,9 @@ from msgspec import Meta, Struct
 from zteam.config.problems import KeyValueError
 from zteam.geometry import FAR, Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View, own_pose
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.polyline import Polyline, SpeedLimits, pursue
+from zteam.robot.view import NO_POSE, View, own_pose
 
 LATERAL = 0.5
 """m/s²: acceleration to the side in a bend."""

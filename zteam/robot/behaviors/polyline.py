@@ -11,8 +11,6 @@ from zteam.messages import Twist, Vector3
 
 _LEAST = 1e-9
 """Metres: a nearer point is the same point, because its direction would be rounding."""
-_SPARE = 64
-"""Points that may lie before what was dropped: they are removed together."""
 
 
 class Polyline:
@@ -22,9 +20,9 @@ class Polyline:
     """
 
     def __init__(self, points: Iterable[tuple[float, float]] = ()) -> None:
-        self._x: list[float] = []
-        self._y: list[float] = []
+        self._points: list[tuple[float, float]] = []
         self._s: list[float] = []
+        """The place of each point."""
         self.start = 0.0
         """The place of its beginning: above 0 once something was dropped."""
         self.end = 0.0
@@ -38,32 +36,30 @@ class Polyline:
     @property
     def last(self) -> tuple[float, float]:
         """Its last point. Raises IndexError without one."""
-        return self._x[-1], self._y[-1]
+        return self._points[-1]
 
     def append(self, x: float, y: float) -> None:
         if self._s:
-            step = math.hypot(x - self._x[-1], y - self._y[-1])
+            step = math.hypot(x - self.last[0], y - self.last[1])
             if step < _LEAST:
                 return
             self.end += step
-        self._x.append(x)
-        self._y.append(y)
+        self._points.append((x, y))
         self._s.append(self.end)
 
     def drop_before(self, s: float) -> None:
         """Forget what lies before `s`, but for the last piece."""
         self.start = max(self.start, min(s, self.end))
         count = self._piece(self.start)
-        if count > _SPARE:
-            del self._x[:count], self._y[:count], self._s[:count]
+        del self._points[:count], self._s[:count]
 
     def cut_after(self, s: float) -> None:
         """Forget what lies behind `s`, which becomes its end."""
         if not self._s or s >= self.end:
             return
-        x, y, _yaw = self.at(s)
+        x, y = self.point(s)
         keep = max(1, bisect_right(self._s, max(s, self.start)))
-        del self._x[keep:], self._y[keep:], self._s[keep:]
+        del self._points[keep:], self._s[keep:]
         self.end = self._s[-1]
         self.append(x, y)
 
@@ -72,18 +68,16 @@ class Polyline:
 
         Raises IndexError without a point.
         """
-        xs, ys = self._x, self._y
-        if len(xs) < 2:
-            return Pose2(xs[0], ys[0], 0.0)
-        s = min(max(s, self.start), self.end)
-        piece = self._piece(s)
-        yaw = math.atan2(ys[piece + 1] - ys[piece], xs[piece + 1] - xs[piece])
-        return Pose2(*self._point(piece, s), yaw)
+        if len(self._s) < 2:
+            return Pose2(*self._points[0], 0.0)
+        piece = self._piece(min(max(s, self.start), self.end))
+        (ax, ay), (bx, by) = self._points[piece : piece + 2]
+        return Pose2(*self.point(s), math.atan2(by - ay, bx - ax))
 
     def point(self, s: float) -> tuple[float, float]:
-        """The point at `s`, as `at`, for less time. Raises IndexError without a point."""
+        """The point at `s`, as `at`. Raises IndexError without a point."""
         if len(self._s) < 2:
-            return self._x[0], self._y[0]
+            return self._points[0]
         s = min(max(s, self.start), self.end)
         return self._point(self._piece(s), s)
 
@@ -92,18 +86,16 @@ class Polyline:
 
         Raises IndexError without a point.
         """
-        xs, ys, places = self._x, self._y, self._s
+        points, places = self._points, self._s
         low = min(max(low, self.start), self.end)
         high = min(max(high, low), self.end)
         if len(places) < 2:
             return places[0]
         first, last = self._piece(low), self._piece(high)
-        (from_x, from_y), (last_x, last_y) = self._point(first, low), self._point(last, high)
+        (from_x, from_y), to = self._point(first, low), self._point(last, high)
         first, last = first + 1, last + 1
         begin, best, nearest = low, low, math.inf
-        for to_x, to_y, end in zip(
-            (*xs[first:last], last_x), (*ys[first:last], last_y), (*places[first:last], high), strict=True
-        ):
+        for (to_x, to_y), end in zip((*points[first:last], to), (*places[first:last], high), strict=True):
             ex, ey = to_x - from_x, to_y - from_y
             off_x, off_y = x - from_x, y - from_y
             along, square, share = off_x * ex + off_y * ey, ex * ex + ey * ey, 0.0
@@ -118,9 +110,9 @@ class Polyline:
 
     def _point(self, piece: int, s: float) -> tuple[float, float]:
         """The point at `s`, which lies on this piece: as `at`."""
-        x, y, begin = self._x[piece], self._y[piece], self._s[piece]
-        share = (s - begin) / (self._s[piece + 1] - begin)
-        return x + share * (self._x[piece + 1] - x), y + share * (self._y[piece + 1] - y)
+        (x, y), (to_x, to_y) = self._points[piece : piece + 2]
+        share = (s - self._s[piece]) / (self._s[piece + 1] - self._s[piece])
+        return x + share * (to_x - x), y + share * (to_y - y)
 
     def _piece(self, s: float) -> int:
         """The index of the point at which the piece around `s` begins."""

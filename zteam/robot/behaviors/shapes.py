@@ -15,7 +15,7 @@ import numpy as np
 
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
-from zteam.robot.behaviors.scans import beams_of
+from zteam.robot.scans import beams_of
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
 _RISE = math.sqrt(0.5)

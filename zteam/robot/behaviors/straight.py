@@ -6,8 +6,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.behavior import Behavior, View
-from zteam.robot.behaviors.scans import look_ahead
+from zteam.robot.behaviors.behavior import Behavior
+from zteam.robot.scans import look_ahead
+from zteam.robot.view import View
 
 
 class Idle(Behavior):

@@ -8,13 +8,13 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STRETCHED, Place, Seen, keep_together, see_robot, waits_for
 from zteam.robot.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
 from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue
-from zteam.robot.behaviors.scans import is_clear, is_seen
+from zteam.robot.scans import is_clear, is_seen
+from zteam.robot.view import View
 
 OFF = 0.5
 """Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""

@@ -6,12 +6,12 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.evasion import Escape
-from zteam.robot.behaviors.line import NO_TURNS, Place
+from zteam.robot.behaviors.line import NO_TURNS
 from zteam.robot.behaviors.line_member import LineMember
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
+from zteam.robot.scans import Cone, is_clear, is_seen, look_ahead, look_along
+from zteam.robot.view import View
 
 HALF_ANGLE = math.radians(45.0)
 """It looks this far to either side."""
@@ -108,19 +108,19 @@ class Wander(LineMember):
         # Alone it drives by its laser, and needs no transforms.
         self.uses_tf = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
         self.follows = place.ahead if self.uses_tf else None
-        return self._step_in_line(view, place) if self.uses_tf else self._step_alone(view, view.scan)
-
-    def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
-        return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
-
-    def _step_in_line(self, view: View, place: Place) -> Twist:
+        if not self.uses_tf:
+            return self._step_alone(view, view.scan)
         own = self._locate(view, place)
         if own is None:
             return Twist()
         if place.ahead is None:
             return self._lead(view, own, place, self.params.speed, self.params.turn_rate)
-        return self._follow(view, own, place, place.gap, STALE_AFTER, LIMITS)
+        command, self.reason = self._trail.step(view, own, place, place.gap, STALE_AFTER, LIMITS)
+        return command
+
+    def why_it_rests(self) -> str:
+        """It drives or turns unless it is told not to."""
+        return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
 
     def _step_alone(self, view: View, scan: LaserScan) -> Twist:
         if self._side:

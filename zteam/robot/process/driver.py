@@ -2,11 +2,11 @@
 
 import logging
 import math
-import sys
 from collections.abc import Callable, Set
 from functools import partial
-from types import CodeType
 from typing import Any
+
+import msgspec
 
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
@@ -19,18 +19,18 @@ from zteam.node.stopping import STOPPED
 from zteam.node.working import StepWatch
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
-from zteam.robot.behaviors.scans import look_along
+from zteam.robot.behaviors.asking import ask, missing, old_data
 from zteam.robot.process.inputs import RobotInputs
 from zteam.robot.process.parameters import BehaviorParameters
-from zteam.robot.safety import LimitsOnly, SafetyLayer, ask, missing, old_data
+from zteam.robot.safety import LimitsOnly, SafetyLayer
 from zteam.robot.safety.motion import DRIVE_MARGIN
+from zteam.robot.scans import look_along
 
 log = logging.getLogger("zteam")
 
 FREE_AFTER = to_ns(1.0)
 """Simulated ns that the way has to be free before the log says so: at the edge of a stop it comes and goes."""
 ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
-_TEAMMATES: CodeType = vars(View)["teammates"].func.__code__
 
 
 class SafetyLog:
@@ -105,8 +105,8 @@ class Driver:
         self._watch = StepWatch(
             f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
         )
-        if not behavior.uses_tf:
-            self._name_look_ups()
+        self._has_named_look_ups = False
+        """Whether the log has said that a step looks transforms up undeclared."""
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
@@ -125,26 +125,24 @@ class Driver:
         self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
         self._given = parameters
         """The parameters that the behaviour has."""
-        self._layer, self._safety = self._make_layer(), SafetyLog(self.status.behavior)
+        self._layer, self.safety = self._make_layer(), SafetyLog(self.status.behavior)
 
-    def _name_look_ups(self) -> None:
-        """Have the log say once if a step looks transforms up undeclared: it would drive on by old ones."""
-        inputs, find_pose = self._inputs, self._inputs.lookup
+    def _ask(self, view: View) -> tuple[Twist, str]:
+        """As `ask`. The log says once if a step looks transforms up undeclared: it would drive on by old ones.
+
+        Teammates come with their age.
+        """
+        behavior = self.behavior
 
         def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
-            # Teammates come with their age, and the safety layer looks when the step is over.
-            is_in_step = self._watch.is_under_way and not self.behavior.uses_tf
-            if is_in_step and sys._getframe(2).f_code is not _TEAMMATES:
-                inputs.lookup, name = find_pose, type(self.behavior).__name__
+            if not (behavior.uses_tf or self._has_named_look_ups):
+                self._has_named_look_ups, name = True, type(behavior).__name__
                 log.warning("%s looks transforms up without 'uses_tf = True': it would drive on by old ones", name)
-            return find_pose(target_frame, source_frame)
+            return view.lookup(target_frame, source_frame)
 
-        inputs.lookup = lookup
-
-    @property
-    def safety_stops(self) -> int:
-        """How often the safety layer has begun to stop or to slow the robot (any thread)."""
-        return self._safety.stops
+        if not (behavior.uses_tf or self._has_named_look_ups):
+            return ask(behavior, msgspec.structs.replace(view, lookup=lookup, _find_teammate=view.lookup))
+        return ask(behavior, view)
 
     def begin_anew(self) -> None:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
@@ -167,14 +165,14 @@ class Driver:
             # Its behaviour is not asked.
             self._rested = True
             self._layer.halt(view)
-            driver = RobotDriver.BEHAVIOR if choice is None else choice.driver
+            driver = RobotDriver.BEHAVIOR if choice is None else choice[0]
             return self._note(due, driver, Twist(), STOPPED, logged=False)
         rests = bool(old_data(self.behavior, view))
         if self._rested and not rests:
             self.behavior.on_release()
         self._rested = rests
         # In lock-step the next scan waits.
-        asking = partial(ask, self.behavior, view)
+        asking = partial(self._ask, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         driver = RobotDriver.BEHAVIOR
         if choice is not None:
@@ -183,7 +181,7 @@ class Driver:
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
-            self._safety.take(driver, wanted, trouble, view)
+            self.safety.take(driver, wanted, trouble, view)
         reason = trouble or reason
         # What the safety layer stops has lines of its own.
         return self._note(due, driver, command, reason and (self.absence or reason), logged=not is_stopped)

@@ -2,10 +2,9 @@
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Set
-from operator import attrgetter
+from collections.abc import Mapping, Set
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 from zteam import names
 from zteam.clock import FREEZES, monotonic, to_ns
@@ -26,7 +25,8 @@ from zteam.messages import (
 )
 from zteam.messages.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.robot.behaviors.behavior import SILENT_AFTER, DeclaredInput, FindPose, View
+from zteam.robot.behaviors.behavior import DeclaredInput
+from zteam.robot.view import SILENT_AFTER, View
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts
 
@@ -37,55 +37,34 @@ BASE_INFO_LIMIT = 2.0
 before the first scan; a base that does not publish it never will."""
 
 
-class MuxSource(NamedTuple):
-    """One input of the mux."""
-
-    driver: str
-    """One of RobotDriver."""
-    topic: str
-    """Below `robot_N/`."""
-    type: type[Message]
-    velocity: Callable[[Any], Twist]
-    """The velocity in a message."""
-    timeout: int
-    """Nanoseconds of the process's clock without a message after which it no longer drives."""
-
-
-SOURCES = (
-    MuxSource(RobotDriver.TELEOP, names.CMD_VEL_TELEOP, Twist, lambda message: message, to_ns(0.5)),
-    MuxSource(RobotDriver.NAVIGATION, names.CMD_VEL_NAV, TwistStamped, attrgetter("twist"), to_ns(0.5)),
-)
-"""By priority, the highest first."""
-
-
-class Choice(NamedTuple):
-    """What drives instead of the behaviour."""
-
-    driver: str
-    velocity: Twist
+SOURCES: dict[str, tuple[str, type[Message]]] = {
+    RobotDriver.TELEOP: (names.CMD_VEL_TELEOP, Twist),
+    RobotDriver.NAVIGATION: (names.CMD_VEL_NAV, TwistStamped),
+}
+"""The topic below `robot_N/` and its type of what may drive instead of the behaviour; the highest priority first."""
+TIMEOUT = to_ns(0.5)
+"""Nanoseconds of the process's clock without a velocity after which a source no longer drives."""
 
 
 class Mux:
-    """The velocity mux, as ROS's twist_mux: the first source of SOURCES that has been heard within its time-out drives;
-    without one, the behaviour does.
+    """The velocity mux, as ROS's twist_mux: the first of SOURCES heard within TIMEOUT drives, else the behaviour.
 
     The bus refuses velocities with numbers that are not finite.
     """
 
     def __init__(self) -> None:
-        self._newest: dict[str, tuple[Choice, int]] = {}
-        """What came and its stamp, by the source's driver."""
+        self._newest: dict[str, tuple[Twist, int]] = {}
+        """What came and its stamp, by the driver."""
 
-    def take(self, source: MuxSource, _key: str, message: Any, stamp: int) -> None:
+    def take(self, driver: str, _key: str, message: Any, stamp: int) -> None:
         """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent."""
-        self._newest[source.driver] = Choice(source.driver, source.velocity(message)), stamp
+        self._newest[driver] = (message.twist if isinstance(message, TwistStamped) else message), stamp
 
-    def choose(self, now: int) -> Choice | None:
-        """What drives at time `now` (ns) instead of the behaviour; None if nothing does."""
-        for source in SOURCES:
-            choice, stamp = self._newest.get(source.driver, (None, 0))
-            if choice is not None and abs(now - stamp) <= source.timeout:
-                return choice
+    def choose(self, now: int) -> tuple[str, Twist] | None:
+        """What drives at time `now` (ns) instead of the behaviour, and its velocity; None if nothing does."""
+        for driver in SOURCES:
+            if driver in self._newest and abs(now - self._newest[driver][1]) <= TIMEOUT:
+                return driver, self._newest[driver][0]
         return None
 
     def forget(self) -> None:
@@ -178,10 +157,6 @@ class TransformInputs:
                 found[frames] = None
         return found[frames]
 
-    def newest(self, target_frame: str, source_frame: str) -> int | None:
-        """The newest stamp that all moving edges between two frames have; None if they are not connected."""
-        return self.buffer.latest_common_time(target_frame, source_frame)
-
     def forget(self) -> None:
         """Time jumped back: forget what moves."""
         self.buffer.clear()
@@ -191,7 +166,7 @@ class TransformInputs:
 class RobotInputs:
     """The newest scan, odometry, transforms and team status of robot `robot_id`. Stamps are in ns.
 
-    The caller holds a lock for everything but `lookup`, which any thread may call.
+    The caller holds a lock for everything but `transforms.find_pose`, which any thread may call.
     """
 
     def __init__(
@@ -221,8 +196,6 @@ class RobotInputs:
         """Seconds between scans: the shorter one of the newest two intervals; Stage's tick before."""
         self._last_interval = math.inf
         self.odom: Odometry | None = None
-        self.odom_stamp = 0
-        """Stamp of the newest odometry; 0 = none."""
         self.transforms = transforms or TransformInputs()
         self._fixed = Buffer()
         """The fixed frames that the base itself publishes: a robot needs no aggregator to know where its laser is."""
@@ -235,7 +208,6 @@ class RobotInputs:
         """Whose bases `bases` has, in lock-step."""
         self._id = robot_id
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-        self.lookup: FindPose = self.transforms.find_pose
 
     def take_scan(self, scan: LaserScan) -> None:
         """A scan has come."""
@@ -247,7 +219,7 @@ class RobotInputs:
 
     def take_odom(self, odom: Odometry) -> None:
         """Odometry has come."""
-        self.odom, self.odom_stamp = odom, ns_from_time(odom.header.stamp)
+        self.odom = odom
 
     def take_base(self, robot_id: int, message: BaseInfo) -> None:
         """`base_info` of any robot of the team has come."""
@@ -295,13 +267,13 @@ class RobotInputs:
             names.BASE_INFO: self._id in self._told,
             names.TF_STATIC: self._has_fixed,
             names.BASE_SCAN: self.scan is not None and self.scan_stamp >= stamp,
-            names.ODOM: self.odom is not None and self.odom_stamp >= stamp,
+            names.ODOM: self.odom is not None and ns_from_time(self.odom.header.stamp) >= stamp,
         }
         lacking = [names.robot_key(self._id, topic) for topic in came if not came[topic]]
         if tf and not lacking:
             newest: int | None = self.transforms.stamp
             if connected and self.transforms.stamp >= stamp:
-                newest = self.transforms.newest(names.MAP_FRAME, self._base)
+                newest = self.transforms.buffer.latest_common_time(names.MAP_FRAME, self._base)
             lacking = [names.TF] if newest is None or newest < stamp else []
         return lacking
 
@@ -328,7 +300,7 @@ class RobotInputs:
             laser=seen.laser if seen else (0.0, 0.0),
             scan_needs=seen.problem.noun if seen and seen.problem else "",
             odom=self.odom,
-            lookup=self.lookup,
+            lookup=self.transforms.find_pose,
             base=self.base,
             bases=self.bases,
             team=team,
@@ -343,4 +315,4 @@ class RobotInputs:
         self.mux.forget()
         self.declared.forget()
         self.scan = self.odom = None
-        self.scan_stamp = self.odom_stamp = 0
+        self.scan_stamp = 0

@@ -197,7 +197,7 @@ class RobotNode:
         node.on_time_reset(self._on_time_reset)
         node.need(self._lacks)
         safety = names.service_key(node.name, SAFETY)
-        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self.driver.safety_stops))
+        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self.driver.safety.stops))
         if self.driver.behavior.navigation is not None:
             # It waits for the end of a step: other queries are answered meanwhile.
             cancel = navigation_query(self._id, CANCEL)
@@ -214,8 +214,8 @@ class RobotNode:
         node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.take_static(message), latched=True)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
-        for source in SOURCES:
-            node.receive(key(source.topic), source.type, partial(inputs.mux.take, source), self._lateness_of)
+        for driver, (topic, kind) in SOURCES.items():
+            node.receive(key(topic), kind, partial(inputs.mux.take, driver), self._lateness_of)
         for declared in inputs.declared.declared:
             take = partial(inputs.declared.take, declared)
             node.receive(declared.key, declared.type, take, latched=is_latched(declared.key))

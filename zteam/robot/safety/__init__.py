@@ -1,6 +1,6 @@
-"""The safety layer, and how it is used: `ask` a behaviour, then `limit` what drives."""
+"""The safety layer: it limits what drives a robot."""
 
-from zteam.robot.safety.layer import SafetyLayer, ask, decide, make_safe, missing, old_data
+from zteam.robot.safety.layer import SafetyLayer, make_safe
 from zteam.robot.safety.motion import LimitsOnly
 
-__all__ = ["LimitsOnly", "SafetyLayer", "ask", "decide", "make_safe", "missing", "old_data"]
+__all__ = ["LimitsOnly", "SafetyLayer", "make_safe"]

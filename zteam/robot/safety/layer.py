@@ -6,15 +6,13 @@ with the cause.
 """
 
 from zteam import names
+from zteam.geometry import Velocity
 from zteam.messages import Twist, ns_from_time
 from zteam.messages.base import Base
-from zteam.messages.velocity import checked_command
 from zteam.reasons import Cause, Reason
-from zteam.robot.behaviors.behavior import NO_POSE, Behavior, View
 from zteam.robot.safety.motion import (
     NO_NUMBER,
     STANDING,
-    Motion,
     admissible,
     at_least,
     limits_of,
@@ -24,6 +22,7 @@ from zteam.robot.safety.motion import (
 )
 from zteam.robot.safety.surroundings import GAP as TEAMMATE_GAP
 from zteam.robot.safety.surroundings import STALE_AFTER, Surroundings, TeammateTracker
+from zteam.robot.view import View
 
 GAP = 0.15
 """Metres that a robot stops before what it would drive into."""
@@ -49,7 +48,7 @@ class SafetyLayer:
         self._mates = TeammateTracker()
         self._reaction, self._extra = FIRST, 0.0
         """In this step: seconds until the next command, metres that are to be free besides the gaps."""
-        self._measured: Motion | None = None
+        self._measured: Velocity | None = None
         """What odometry says of a base that is faster than it was told to be."""
 
     def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
@@ -83,7 +82,7 @@ class SafetyLayer:
         self.limit(Twist(), view)
         self._last, self._held = STANDING, None
 
-    def _cut(self, asked: Motion, view: View) -> tuple[Motion, str]:
+    def _cut(self, asked: Velocity, view: View) -> tuple[Velocity, str]:
         """`asked` as far as nothing stands in its way, and why it is less ("" = it is not)."""
         if asked == STANDING:
             return asked, ""
@@ -101,7 +100,7 @@ class SafetyLayer:
         self._held = _way_of(asked) if (asked.speed and not motion.speed) or motion == STANDING else None
         return motion, cause
 
-    def _slow_down_unseen(self, asked: Motion, view: View) -> tuple[Motion, str]:
+    def _slow_down_unseen(self, asked: Velocity, view: View) -> tuple[Velocity, str]:
         """`asked` as far as the ground that it leads over is seen."""
         sight, real, side = self._around.sight, at_least(asked, self._measured), _side_of(asked)
         if real == STANDING:
@@ -112,7 +111,7 @@ class SafetyLayer:
         if is_blind and sight.beams is not None:
             is_blind = sight.is_blind(self._outline, real, seconds, self._mates.bearings(view))
         if is_blind:
-            return Motion(0.0, asked.turn), f"blind {side}"
+            return Velocity(turn=asked.turn), f"blind {side}"
         is_seen = sight.looks_along(real, seconds, forwards)
         if is_seen and not (real.turn and not self._around.has_room):
             # What is beyond its range no laser has seen.
@@ -124,14 +123,14 @@ class SafetyLayer:
         where = "behind" if is_seen and not forwards else side
         return asked.scale(share), Reason(f"no laser looks {where}", cause=Cause.UNSEEN)
 
-    def _avoid(self, motion: Motion) -> tuple[Motion, str]:
+    def _avoid(self, motion: Velocity) -> tuple[Velocity, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
         share, mate = self._share(motion) if motion != STANDING else (1.0, None)
         if share >= 1.0:
             return motion, ""
         slow = motion.scale(share)
         if motion.turn and motion.speed and self._limits.turns_apart:
-            turning = Motion(slow.x, motion.turn, slow.y)
+            turning = slow._replace(turn=motion.turn)
             free, _ = self._share(turning)
             if free >= 1.0 or not share:
                 slow = turning.scale(free)
@@ -142,7 +141,7 @@ class SafetyLayer:
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
         return slow, _before(mate, _side_of(motion)) if is_stopped else ""
 
-    def _share(self, motion: Motion) -> tuple[float, int | None]:
+    def _share(self, motion: Velocity) -> tuple[float, int | None]:
         """The share of its speed at which `motion` can stop before all, and the robot that it would meet first; None
         for an obstacle."""
         outline, reaction, extra = self._outline, self._reaction, self._extra
@@ -164,12 +163,12 @@ def _before(robot: int | None, side: str) -> Reason:
     return Reason(f"obstacle {side}", cause=Cause.OBSTACLE_AHEAD if side == "ahead" else Cause.OTHER)
 
 
-def _side_of(motion: Motion) -> str:
+def _side_of(motion: Velocity) -> str:
     is_beside = abs(motion.y) > abs(motion.x) or not motion.x
     return "beside" if is_beside else "ahead" if motion.x > 0.0 else "behind"
 
 
-def _way_of(motion: Motion) -> tuple[bool, bool]:
+def _way_of(motion: Velocity) -> tuple[bool, bool]:
     return motion.x > 0.0, not motion.x and (motion.y or motion.turn) > 0.0
 
 
@@ -180,51 +179,6 @@ def old_scan(view: View) -> str:
     return "" if view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER) else "stale scan"
 
 
-def old_data(behavior: Behavior, view: View) -> str:
-    """Why the behaviour cannot be asked: what it drives by is missing or old; empty if it can."""
-    return old_scan(view) or (_old_pose(view) if behavior.uses_tf else "")
-
-
-def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
-    """The velocity that the behaviour wants, and why it is not what the behaviour is for ("" if it is).
-
-    On old data it is not asked, and the velocity is zero.
-    """
-    if trouble := old_data(behavior, view):
-        return Twist(), trouble
-    wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
-    return wanted, behavior.reason
-
-
-def decide(behavior: Behavior, view: View, layer: SafetyLayer | None = None) -> tuple[Twist, str]:
-    """The safe velocity of a step of the behaviour, and why it is not what the behaviour is for ("" if it is).
-
-    `layer` remembers what came before; without one this is the first step.
-    """
-    wanted, reason = ask(behavior, view)
-    command, trouble = (layer or SafetyLayer()).limit(wanted, view, reason)
-    return command, trouble or reason
-
-
 def make_safe(wanted: Twist, view: View) -> tuple[Twist, str]:
     """What a new `SafetyLayer` makes of `wanted`, and why it was cut ("" = it was not)."""
     return SafetyLayer().limit(wanted, view)
-
-
-def missing(view: View, behavior: Behavior) -> list[str]:
-    """What the robot lacks before it is ready, as nouns for its status; empty = ready."""
-    lacking = []
-    if view.scan is None:
-        lacking.append(view.scan_needs or f"a first scan ({names.scan_key(view.robot_id, 0)})")
-    if view.odom is None:
-        lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
-    if view.map_from_base() is None:
-        lacking.append(f"its own pose in {names.MAP_FRAME} ({names.TF}, from zteam-tf)")
-    return lacking + behavior.missing(view)
-
-
-def _old_pose(view: View) -> str:
-    own = view.map_from_base()
-    if own is None:
-        return NO_POSE
-    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"

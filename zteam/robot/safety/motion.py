@@ -6,16 +6,15 @@ distances from them (below 0 inside). When a point is met is computed, not searc
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Point2, Pose2, convex_hull
+from zteam.geometry import Point2, Pose2, Velocity, convex_hull
 from zteam.kernels import safety as kernels
 from zteam.messages import Twist, Vector3
 from zteam.messages.base import Base
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.view import View
 
 Floats = NDArray[np.float64]
 
@@ -31,26 +30,6 @@ _MOST = 48
 """Points of a side, at most."""
 _EDGE = 0.1
 """Metres between points of an outline, at most."""
-
-
-class Motion(NamedTuple):
-    """A velocity of the base that is kept: an arc, a straight line or a turn on the spot."""
-
-    x: float
-    """m/s, forwards."""
-    turn: float
-    """rad/s."""
-    y: float = 0.0
-    """m/s, to the left."""
-
-    @property
-    def speed(self) -> float:
-        """m/s of the base's origin."""
-        return math.hypot(self.x, self.y) if self.y else abs(self.x)
-
-    def scale(self, share: float) -> "Motion":
-        """The same arc, driven at a share of its speed."""
-        return Motion(self.x * share, self.turn * share, self.y * share)
 
 
 class Outline:
@@ -76,9 +55,9 @@ class Outline:
         found: Floats = np.maximum.reduce(self.rows[:, :2] @ points - self.rows[:, 2:3])
         return found
 
-    def fastest(self, motion: Motion) -> float:
+    def fastest(self, motion: Velocity) -> float:
         """m/s of the fastest corner."""
-        x, turn, y = motion
+        x, y, turn = motion
         return max([math.hypot(x - turn * up, y + turn * along) for along, up in self._tips])
 
 
@@ -94,16 +73,16 @@ def _border(corners: Floats) -> Floats:
     return np.hstack(parts)
 
 
-def margin_of(outline: Outline, motion: Motion) -> float:
+def margin_of(outline: Outline, motion: Velocity) -> float:
     """Metres to keep free around the outline on this arc."""
     speed = motion.speed
     fastest = speed + abs(motion.turn) * outline.radius
     return SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (speed / fastest if fastest else 0.0)
 
 
-def place_after(motion: Motion, seconds: float) -> Pose2:
+def place_after(motion: Velocity, seconds: float) -> Pose2:
     """Where the base is then, in its frame of now."""
-    x, turn, y = motion
+    x, y, turn = motion
     angle = turn * seconds
     if abs(angle) < STRAIGHT:
         return Pose2(x * seconds, y * seconds, angle)
@@ -111,13 +90,13 @@ def place_after(motion: Motion, seconds: float) -> Pose2:
     return Pose2(x * ahead - y * aside, x * aside + y * ahead, angle)
 
 
-def swept_disc(outline: Outline, motion: Motion, seconds: float) -> tuple[float, float, float]:
+def swept_disc(outline: Outline, motion: Velocity, seconds: float) -> tuple[float, float, float]:
     """A disc that all lies in that `motion` sweeps within `seconds`, with the margin: x, y and radius in metres."""
     x, y, _ = place_after(motion, 0.5 * seconds)
     return x, y, 0.5 * motion.speed * seconds + outline.radius + margin_of(outline, motion)
 
 
-def meeting_time(outline: Outline, motion: Motion, seconds: float, points: Floats, clearance: float = 0.0) -> float:
+def meeting_time(outline: Outline, motion: Velocity, seconds: float, points: Floats, clearance: float = 0.0) -> float:
     """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
 
     inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
@@ -128,7 +107,7 @@ def meeting_time(outline: Outline, motion: Motion, seconds: float, points: Float
 
 
 def admissible(
-    points: Floats, hull: Outline, arc: Motion, braking: float, reaction: float,
+    points: Floats, hull: Outline, arc: Velocity, braking: float, reaction: float,
     gap: float = 0.0, clearance: float = 0.0, extra: float = 0.0,
 ) -> float:  # fmt: skip
     """The share of its speed (0..1) at which a base may drive an arc to stop before all points (2, n) of its frame.
@@ -169,7 +148,7 @@ _WHEELBASE_SHARE = 0.5
 _FASTER = 0.02
 """m/s and rad/s more than commanded that odometry may say for nothing."""
 
-STANDING = Motion(0.0, 0.0)
+STANDING = Velocity()
 
 
 class BaseLimits:
@@ -194,33 +173,33 @@ class BaseLimits:
         self.least_braking = min(*self._braking, self._side_braking if self._is_omni else math.inf)
         self._turn_braking = base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING
 
-    def motion_of(self, wanted: Twist) -> Motion | None:
+    def motion_of(self, wanted: Twist) -> Velocity | None:
         """What the base makes of a command within its limits of speed; None if that is no number."""
-        x, turn, y = wanted.linear.x, wanted.angular.z, wanted.linear.y if self._is_omni else 0.0
+        x, y, turn = wanted.linear.x, wanted.linear.y if self._is_omni else 0.0, wanted.angular.z
         if not (math.isfinite(x) and math.isfinite(turn) and math.isfinite(y)):
             return None
-        motion = Motion(float(x), float(turn), float(y))
+        motion = Velocity(float(x), float(y), float(turn))
         if self._is_car:
             x = max(self._base.min_vel_x, min(self._base.max_vel_x, motion.x))
-            motion = Motion(x * math.cos(motion.turn), x * math.sin(motion.turn) / self._wheelbase)
+            motion = Velocity(x * math.cos(motion.turn), 0.0, x * math.sin(motion.turn) / self._wheelbase)
         return self.clamp(motion)
 
-    def command_of(self, motion: Motion) -> Twist:
+    def command_of(self, motion: Velocity) -> Twist:
         """The command that makes the base do this."""
-        x, turn, y = motion
+        x, y, turn = motion
         if self._is_car:
             angle = math.atan2(math.copysign(turn, turn * x) * self._wheelbase, abs(x)) if x else 0.0
             x, turn = math.copysign(math.hypot(x, turn * self._wheelbase), x) if x else 0.0, angle
         return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
 
-    def clamp(self, wanted: Motion) -> Motion:
+    def clamp(self, wanted: Velocity) -> Velocity:
         """`wanted` within the limits of speed; what is less than LEAST is 0."""
-        x, turn, y = [part if abs(part) >= LEAST else 0.0 for part in wanted]
+        x, y, turn = [part if abs(part) >= LEAST else 0.0 for part in wanted]
         base, most_y = self._base, self._most_y
         x, turn = max(base.min_vel_x, min(base.max_vel_x, x)), max(-base.max_vel_theta, min(base.max_vel_theta, turn))
-        return Motion(x, turn, max(-most_y, min(most_y, y)))
+        return Velocity(x, max(-most_y, min(most_y, y)), turn)
 
-    def approach(self, wanted: Motion, last: Motion, seconds: float) -> Motion:
+    def approach(self, wanted: Velocity, last: Velocity, seconds: float) -> Velocity:
         """What comes of `wanted` in `seconds` within the limits of acceleration, if the base has any."""
         if not self._has_accelerations:
             return wanted
@@ -232,9 +211,9 @@ class BaseLimits:
             # They go through straight on, and are never turned more sharply than was asked for.
             sharpest = abs(wanted.turn * x / wanted.x) if wanted.x and wanted.turn * last.turn >= 0.0 else 0.0
             turn = max(-sharpest, min(sharpest, turn))
-        return Motion(x, turn, _approach(wanted.y, last.y, sideways, sideways))
+        return Velocity(x, _approach(wanted.y, last.y, sideways, sideways), turn)
 
-    def brake(self, last: Motion, seconds: float) -> Motion:
+    def brake(self, last: Velocity, seconds: float) -> Velocity:
         """The motion after braking for `seconds`: along the same arc, as hard as all parts can."""
         if self._has_accelerations:
             longest = self.stop_time(last)
@@ -248,19 +227,19 @@ class BaseLimits:
         fastest = max(self._base.max_vel_x, -self._base.min_vel_x, self._most_y)
         return fastest * (reaction + 0.5 * fastest / self.least_braking)
 
-    def stop_time(self, motion: Motion) -> float:
+    def stop_time(self, motion: Velocity) -> float:
         """Seconds that braking along the arc takes."""
         straight = max(abs(motion.x) / self._braking[motion.x < 0.0], abs(motion.y) / self._side_braking)
         return straight if self._is_car else max(straight, abs(motion.turn) / self._turn_braking)
 
-    def measure(self, told: Motion, view: View) -> Motion | None:
+    def measure(self, told: Velocity, view: View) -> Velocity | None:
         """The velocity that odometry says, if the base is faster than it was told to be in some part; else None."""
         if view.odom is None:
             return None
         linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
-        x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
-        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True))
-        return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
+        x, y, turn = linear.x, linear.y if self._is_omni else 0.0, angular.z
+        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, y, turn), told, strict=True))
+        return Velocity(float(x), float(y), float(turn)) if is_faster and math.isfinite(x + turn + y) else None
 
 
 limits_of = lru_cache(maxsize=256)(BaseLimits)
@@ -280,11 +259,11 @@ class LimitsOnly:
         """As of `SafetyLayer`: nothing is remembered."""
 
 
-def at_least(motion: Motion, measured: Motion | None) -> Motion:
+def at_least(motion: Velocity, measured: Velocity | None) -> Velocity:
     """`motion`, with each part as large as it is `measured` where the base is faster than it was told to be."""
     if measured is None:
         return motion
-    return Motion(*[math.copysign(max(abs(a), abs(b)), a) if a else a for a, b in zip(motion, measured, strict=True)])
+    return Velocity(*[math.copysign(max(abs(a), abs(b)), a) if a else a for a, b in zip(motion, measured, strict=True)])
 
 
 def _approach(wanted: float, last: float, gain: float, loss: float) -> float:

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Point2, Pose2, normalize_angle
+from zteam.geometry import Point2, Pose2, Velocity, normalize_angle
 from zteam.kernels import safety as kernels
 from zteam.messages import LaserScan, Odometry
 from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.planar import pose2_of
-from zteam.robot.behaviors.behavior import View, own_pose
-from zteam.robot.behaviors.scans import Beams, beams_of
-from zteam.robot.safety.motion import Motion, Outline, limits_of, outline_of, place_after
+from zteam.robot.safety.motion import Outline, limits_of, outline_of, place_after
+from zteam.robot.scans import Beams, beams_of
+from zteam.robot.view import View, own_pose
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class LaserCoverage:
         self._heard[sectors[~is_silent]] = now
         self.silent = bearings[is_silent & (self._heard[sectors] < now - to_ns(STALE_AFTER))]
 
-    def looks_along(self, motion: Motion, seconds: float, forwards: bool) -> bool:
+    def looks_along(self, motion: Velocity, seconds: float, forwards: bool) -> bool:
         """Whether the laser looks where the base drives to within `seconds`: a little to either side of a way forwards,
         and else as far as the base is wide. A turn on the spot is no way."""
         way = math.atan2(motion.y, motion.x)
@@ -83,7 +83,7 @@ class LaserCoverage:
         """Whether the laser looks to all bearings within `spare` (rad) of one."""
         return self._half > 3.1 or abs(normalize_angle(bearing - self._middle)) + spare <= self._half
 
-    def is_blind(self, outline: Outline, motion: Motion, seconds: float, mates: list[tuple[float, float]]) -> bool:
+    def is_blind(self, outline: Outline, motion: Velocity, seconds: float, mates: list[tuple[float, float]]) -> bool:
         """Whether a beam that says nothing points into the way; those towards `mates` (x, y) are explained."""
         silent, (laser_x, laser_y) = self.silent, self.laser
         for x, y in mates:

@@ -1,158 +1,79 @@
-"""All trials of a behaviour, each twice, watched from another thread: it may hang."""
+"""All trials of a behaviour. Each is one comparison of two runs with new objects, as after a reset."""
 
-import queue
+import inspect
+import linecache
+import math
+import os
+import sys
 import threading
-from collections.abc import Callable, Collection, Iterable, Iterator
+import traceback
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from zteam.clock import monotonic
-from zteam.errors import UsageError
-from zteam.robot.behaviors.behavior import Behavior, View
-from zteam.robot.behaviors.registry import find_behavior, read_params
-from zteam.robot.safety.motion import Motion
-from zteam.robot.trials.situations import (
-    POSES,
-    ROBOT,
-    SITUATIONS,
-    STALE_SITUATIONS,
-    ViewMaker,
-    bounds,
-    elsewhere,
-    given_params,
-)
-from zteam.robot.trials.subject import (
-    Candidate,
-    Fault,
-    HeardCalls,
-    StepAnswer,
-    Subject,
-    TrialOver,
-    TrialWatch,
-    place_of_step,
-    shared_state,
-    velocity_text,
-)
-from zteam.robot.trials.worlds import PLACES, SECONDS, Start, TrialDrive
+from zteam.clock import monotonic, thread_time
+from zteam.errors import BehaviorError, EncodeError, UsageError
+from zteam.geometry import Velocity
+from zteam.messages import Message, Twist
+from zteam.messages.cdr import encode
+from zteam.node.faults import dump_stacks, stacks_in
+from zteam.robot.behaviors.asking import ask
+from zteam.robot.behaviors.behavior import Behavior
+from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
+from zteam.robot.safety.motion import BaseLimits
+from zteam.robot.trials.situations import POSES, ROBOT, SITUATIONS, STALE_SITUATIONS, ViewMaker, bounds, given_params
+from zteam.robot.trials.worlds import PLACES, SECONDS, Start, drive
+from zteam.robot.view import View
+
+Kind = Literal[
+    "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "differs", "old", "touched"
+]  # fmt: skip
+T = TypeVar("T")
+
+TICK = 0.1
+"""Seconds of processor time that a step may take: a scan of Stage's worlds comes every 0.1 s."""
+WAIT = 1.0
+"""Seconds of the host's clock that a step may take: on a crowded machine a step waits for the processor."""
+SLOW_STEPS = 3
+"""So many steps above TICK or WAIT are the behaviour's fault; a single one may be the machine's."""
+HANGS_AFTER = 5.0
+"""Seconds after which a step counts as one that does not return."""
+_LOOK_EVERY = 0.1
+"""Host seconds between two looks at a step that is under way."""
+_TOLERANCE = 1e-6
+"""m/s and rad/s above a limit that are rounding."""
+_NO_SPEED = "a robot only drives forward (linear.x) and turns (angular.z): Twist(Vector3(speed), Vector3(z=turn))"
+_HINTS = {
+    "read-only": "the scan is not yours to change: take ranges = view.scan.ranges.copy()",
+    **dict.fromkeys(("mappingproxy", "immutable type"), "the view is not yours to change: keep what you need in self"),
+    "NoneType": "what has not come yet, or is unknown, is None: test it with `if x is None`",
+    "ZeroDivisionError": "view.dt is 0 on the first step, and a range may be 0",
+    **dict.fromkeys(
+        ("NaN", "infinity"),
+        "beams that say nothing are nan, those that meet nothing inf: zteam.behaviors.look_ahead sorts them out",
+    ),
+    **dict.fromkeys(
+        ("IndexError", "zero-size", "empty"),
+        "a laser may have any number of beams: take angles (zteam.behaviors.look_ahead), not places in the list",
+    ),
+}
+"""What mostly is behind an error, by what Python and numpy say of it."""
 
 
-class TrialRun:
-    """One run of a trial: makes its subjects, and keeps what it came to."""
+class Fault(msgspec.Struct, frozen=True):
+    """One thing that a behaviour does wrong."""
 
-    def __init__(self, candidate: Candidate, watch: TrialWatch, blame: Callable[[Fault], None]) -> None:
-        self.candidate, self.blame, self._watch = candidate, blame, watch
-        self.moment = ViewMaker(candidate.kind.inputs)
-        self.note = ""
-        """What else a person may want to know."""
-
-    def make(self, **params: Any) -> Subject:
-        """A new object of the behaviour, with these parameters besides."""
-        return Subject(self.candidate, self._watch, self.blame, **params)
-
-    def look(self, views: Iterable[View]) -> list[StepAnswer]:
-        """What a new object answers to these views."""
-        subject, answers = self.make(), []
-        for view in views:
-            subject.prepare(view)
-            answers.append(subject.step(view))
-        return answers
-
-
-Trial = Callable[[TrialRun], list[StepAnswer]]
-
-
-def all_trials(candidate: Candidate) -> dict[str, Trial]:
-    """The trials of a behaviour, by their names, in order."""
-    found: dict[str, Trial] = {name: partial(_look, make) for name, make in SITUATIONS.items()}
-    found["nothing has come yet"] = _before_anything
-    if candidate.kind.inputs:
-        found["empty messages on its inputs"] = partial(_look, lambda moment: moment.views(has_messages=True))
-    found |= {name: partial(_look_at_old_poses, ages) for name, ages in STALE_SITUATIONS.items()}
-    if any(bounds(candidate.kind)):
-        found["parameters at their bounds"] = _try_bounds
-    return found | {name: partial(_drive, place) for name, place in PLACES.items()}
-
-
-def _look(views: Callable[[ViewMaker], Iterable[View]], run: TrialRun) -> list[StepAnswer]:
-    return run.look(views(run.moment))
-
-
-def _before_anything(run: TrialRun) -> list[StepAnswer]:
-    """No robot asks for a step before its first scan, so an error there is a remark."""
-    view, subject = run.moment.view(1.0, 0.0, None, {}, has_odom=False), run.make()
-    subject.prepare(view)
-    subject.step_anyhow(view)
-    return []
-
-
-def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> list[StepAnswer]:
-    """Robots that differ in nothing but old poses: if they drive differently, they drive by these.
-
-    One that drives without these poses too is not meant: to keep clear of where another robot was is no fault.
-    """
-    own, kind = ages[0] > 0.0, run.candidate.kind
-    here, again, *there = (
-        run.look(run.moment.views(poses=poses, ages=ages)) for poses in (POSES, POSES, *elsewhere(own=own))
-    )
-    depends = any(_motions(answers) != _motions(here) for answers in there)
-    if depends and _motions(here) == _motions(again) and _stands_without(run, own=own):
-        text = f"it drives by poses that are {max(ages):g} s old"
-        hint = "stand unless view.is_fresh(stamp, 0.5)" + ("; set uses_tf = True" if own else "")
-        run.blame(Fault("old", text, hint, place_of_step(kind)))
-    return here
-
-
-def _stands_without(run: TrialRun, *, own: bool) -> bool:
-    """Whether it stands, or fails, while the others' poses are unknown, and its `own` one if asked for."""
-    unwatched = TrialRun(run.candidate, TrialWatch(run.candidate.kind), lambda _: None)
-    try:
-        answers = unwatched.look(run.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
-    except TrialOver:
-        return True
-    return not any(any(answer.motion) for answer in answers)
-
-
-def _motions(answers: list[StepAnswer]) -> list[Motion]:
-    return [answer.motion for answer in answers]
-
-
-def _try_bounds(run: TrialRun) -> list[StepAnswer]:
-    answers = []
-    for name, value in bounds(run.candidate.kind):
-        try:
-            subject, changed = run.make(**{name: value}), run.make()
-        except UsageError:
-            # Another rule of its Params forbids this value.
-            continue
-        for step, view in enumerate(run.moment.views()):
-            if step == 1:
-                changed.set_params(**{name: value})
-            answers += [subject.step(view), changed.step(view)]
-    return answers
-
-
-def _drive(place: Start, run: TrialRun) -> list[StepAnswer]:
-    drive = TrialDrive(run.make(), place, run.moment.messages())
-    try:
-        drive.run()
-    finally:
-        if drive.contact_at is not None:
-            x, y, _ = drive.contact_at
-            text = f"it drove against something for {drive.contact:.1f} s, at x {x:.1f}, y {y:.1f}"
-            hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
-            run.blame(Fault("touched", text, hint, place_of_step(run.candidate.kind)))
-    run.note = f"{drive.travelled:.1f} m in {SECONDS:g} s"
-    run.note += f"; the safety layer held it for {drive.cut:.1f} s" if drive.cut else ""
-    return drive.answers
-
-
-_LOOK_EVERY = 0.02
-"""Host seconds between two looks at the thread that steps."""
-_PATIENCE = 3.0
-"""Host seconds of slow steps after which no further trial begins."""
+    kind: Kind
+    text: str
+    """What it does, with the behaviour as the subject that is left out: `step raises …`."""
+    hint: str
+    """What to do instead; empty if the text says it."""
+    place: str
+    """`file:line: source` of the author's own line; empty where there is none."""
 
 
 class TrialResult(msgspec.Struct, frozen=True):
@@ -161,57 +82,275 @@ class TrialResult(msgspec.Struct, frozen=True):
     name: str
     faults: list[Fault]
     note: str
+    """What else a person may want to know."""
     seconds: float
     """Of the host's time."""
 
-    @property
-    def is_good(self) -> bool:
-        """Whether nothing was wrong; remarks are not."""
-        return all(fault.is_remark for fault in self.faults)
+
+class TrialOver(Exception):  # noqa: N818 - it is no error
+    """The behaviour cannot go on in this trial."""
 
 
-def trial_names(kind: type[Behavior]) -> list[str]:
-    return [*all_trials(Candidate("", kind, {}))]
+class Trial:
+    """One trial of a behaviour: what its objects answer in a run, and what they do wrong."""
+
+    def __init__(self, spec: str, kind: type[Behavior], params: dict[str, Any]) -> None:
+        self.spec, self.kind, self.params = spec, kind, params
+        self.moment = ViewMaker(kind.inputs)
+        self.answers: list[Velocity] = []
+        """Of all steps of the run so far."""
+        self.faults: dict[tuple[str, str], Fault] = {}
+        """By kind and place."""
+        self.note = ""
+        self.began: float | None = None
+        """Host time when the step began that is under way."""
+        self.slow_steps = 0
+        self.error: BaseException | None = None
+        """What went wrong in zteam itself."""
+
+    def blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+        place = place or self.place_of("step")
+        self.faults.setdefault((kind, place), Fault(kind, text, hint, place))
+
+    def look(self, views: Iterable[View]) -> list[Velocity]:
+        """What a new object answers to these views."""
+        subject, before = Subject(self), len(self.answers)
+        for view in views:
+            subject.prepare(view)
+            subject.step(view)
+        return self.answers[before:]
+
+    def compare(self, act: Callable[["Trial"], None]) -> None:
+        """Do it twice, and compare the answers."""
+        runs = []
+        for _ in range(2):
+            self.answers = []
+            with suppress(TrialOver):
+                act(self)
+            runs.append(self.answers)
+        for step, (one, other) in enumerate(zip(*runs, strict=False), 1):
+            # As text, because nan is not equal to itself.
+            if str(one) != str(other):
+                text = f"step {step} asks for {velocity_text(one)}, then for {velocity_text(other)}"
+                hint = "view.random() for chance, view.now for time, and what changes in self, from __init__ on"
+                self.blame("differs", f"a new object answers the same views otherwise: {text}", hint)
+                return
+
+    def place_in(self, stack: traceback.StackSummary) -> str:
+        """The author's innermost line in a stack; where there is none, that of its `step`."""
+        module = getattr(sys.modules.get(self.kind.__module__), "__file__", "")
+        own = [frame for frame in stack if is_own(frame.filename) or frame.filename == module]
+        return _line_text(own[-1].filename, own[-1].lineno or 0) if own else self.place_of("step")
+
+    def place_of(self, method: str) -> str:
+        code = getattr(inspect.unwrap(getattr(self.kind, method)), "__code__", None)
+        return "" if code is None else _line_text(code.co_filename, code.co_firstlineno)
+
+
+class Subject:
+    """A new object of the behaviour. It raises TrialOver after a fault that ends a robot."""
+
+    def __init__(self, trial: Trial, **params: Any) -> None:
+        """With these `params` besides those of the trial. Raises UsageError if it does not take them."""
+        self._trial, self._label = trial, ""
+        given = self._read(params)
+        self._behavior = self._call("__init__", lambda: trial.kind(given))
+
+    def _read(self, params: dict[str, Any]) -> Any:
+        self._label = "".join(f", with {name} = {value}" for name, value in params.items())
+        return read_params(self._trial.spec, self._trial.kind, {**self._trial.params, **params}, ROBOT)
+
+    def set_params(self, **params: Any) -> None:
+        """Set parameters as `zteam param set` does. Raises UsageError."""
+        self._behavior.params = self._read(params)
+        self._call("on_params", self._behavior.on_params)
+
+    def prepare(self, view: View) -> None:
+        """Ask what it lacks before it is ready."""
+        lacks: Any = self._call("missing", lambda: self._behavior.missing(view))
+        if not (isinstance(lacks, list) and all(isinstance(noun, str) for noun in lacks)):
+            place = self._trial.place_of("missing")
+            self._blame("type", f"missing returned {lacks!r}", "return a list of texts, [] for ready", place)
+            raise TrialOver
+
+    def step(self, view: View) -> tuple[Twist, str]:
+        """The velocity that it wants, and its reason."""
+        trial, before = self._trial, _bytes_of(view)
+        began, worked = monotonic(), thread_time()
+        trial.began = began
+        try:
+            wanted, reason = self._call("step", lambda: ask(self._behavior, view))
+        finally:
+            trial.began = None
+        seconds = monotonic() - began
+        if thread_time() - worked > TICK or seconds > WAIT:
+            trial.slow_steps += 1
+            if trial.slow_steps >= SLOW_STEPS:
+                text = f"{SLOW_STEPS} steps took longer than a tick of {TICK:g} s, the last {seconds:.2f} s"
+                self._blame("slow", text, "do less in a step, and never sleep: count view.dt until it is time")
+                raise TrialOver
+        for what, content in _bytes_of(view).items():
+            if content != before[what]:
+                self._blame("changed", f"step changed view.{what}", f"copy it first: copy.deepcopy(view.{what})")
+        self._check(wanted, reason, view)
+        return wanted, reason
+
+    def _check(self, wanted: Twist, reason: Any, view: View) -> None:
+        linear, angular = wanted.linear, wanted.angular
+        motion = Velocity(linear.x, turn=angular.z)
+        self._trial.answers.append(motion)
+        if not isinstance(reason, str):
+            self._blame("type", f"self.reason is {reason!r}", 'it is a text: "" while the robot drives')
+            raise TrialOver
+        if not math.isfinite(motion.x + motion.turn):
+            hint = "nan comes of beams that say nothing, of 0/0 and of inf - inf: test with math.isfinite"
+            self._blame("number", f"step asks for {velocity_text(motion)}", hint)
+            return
+        most = BaseLimits(view.base).clamp(motion)
+        if max(abs(most.x - motion.x), abs(most.turn - motion.turn)) > _TOLERANCE:
+            hint = "limit it, for example max(-1.0, min(1.0, speed)); view.base has the limits"
+            self._blame("limit", f"step asks for {velocity_text(motion)}, this robot does {velocity_text(most)}", hint)
+        ignored = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
+        for name, value in ignored.items():
+            if value:
+                self._blame("ignored", f"step sets {name} = {value!r}, which moves nothing", _NO_SPEED)
+
+    def _blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+        self._trial.blame(kind, text + self._label, hint, place)
+
+    def _call(self, method: str, call: Callable[[], T]) -> T:
+        """What the author's method returns; TrialOver if it raises."""
+        try:
+            return call()
+        except BehaviorError as error:
+            self._blame("type", str(error))
+        except BaseException as error:
+            # The author's own code may raise anything, also SystemExit.
+            text, place = error_text(error), self._trial.place_in(traceback.extract_tb(error.__traceback__))
+            hint = next((hint for word, hint in _HINTS.items() if word in text), "")
+            self._blame("raises", f"{method} raises {text}", hint, place)
+        raise TrialOver
+
+
+def _line_text(file: str, line: int) -> str:
+    source = linecache.getline(file, line).strip()
+    path = Path(file)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{os.fspath(shown)}:{line}: {source}".removesuffix(": ")
+
+
+def velocity_text(motion: Velocity) -> str:
+    return f"{motion.x:.6g} m/s, {motion.turn:.6g} rad/s"
+
+
+def _bytes_of(view: View) -> dict[str, bytes]:
+    """The messages of a view, by the name of its field."""
+    found = {"scan": _encoded(view.scan), "odom": _encoded(view.odom)}
+    for name, message in view.inputs.items():
+        messages = message.values() if isinstance(message, Mapping) else [message]
+        found[f'inputs["{name}"]'] = b"".join(map(_encoded, messages))
+    return found
+
+
+def _encoded(message: Message | None) -> bytes:
+    try:
+        return b"" if message is None else encode(message)
+    except EncodeError as error:
+        return str(error).encode()
+
+
+def _look(make: Callable[[ViewMaker], Iterable[View]], trial: Trial) -> None:
+    trial.look(make(trial.moment))
+
+
+def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
+    """A robot that drives while poses are old, and stands or fails while these are unknown, drives by them."""
+    answers = trial.look(trial.moment.views(ages=ages))
+    own, known, unknown = ages[0] > 0.0, dict(trial.faults), list[Velocity]()
+    with suppress(TrialOver):
+        unknown = trial.look(trial.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
+    trial.faults = known
+    if any(map(any, answers)) and not any(map(any, unknown)):
+        hint = "stand unless view.is_fresh(stamp, 0.5)" + ("; set uses_tf = True" if own else "")
+        trial.blame("old", f"it drives by poses that are {max(ages):g} s old", hint)
+
+
+def _try_bounds(trial: Trial) -> None:
+    for name, value in bounds(trial.kind):
+        # Another rule of its Params may forbid this value.
+        with suppress(UsageError):
+            made, changed = Subject(trial, **{name: value}), Subject(trial)
+            for step, view in enumerate(trial.moment.views()):
+                if step == 1:
+                    changed.set_params(**{name: value})
+                made.step(view)
+                changed.step(view)
+
+
+def _drive(place: Start, trial: Trial) -> None:
+    found = drive(Subject(trial).step, place, trial.moment.messages())
+    if found.contact_at is not None:
+        x, y, _ = found.contact_at
+        text = f"it drove against something for {found.contact:.1f} s, at x {x:.1f}, y {y:.1f}"
+        hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
+        trial.blame("touched", text, hint)
+    trial.note = f"{found.travelled:.1f} m in {SECONDS:g} s"
+    trial.note += f"; the safety layer held it for {found.cut:.1f} s" if found.cut else ""
+
+
+def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], None]]:
+    """The trials of a behaviour, by their names, in order."""
+    found: dict[str, Callable[[Trial], None]] = {name: partial(_look, make) for name, make in SITUATIONS.items()}
+    if kind.inputs:
+        found["empty messages on its inputs"] = partial(_look, lambda moment: moment.views(has_messages=True))
+    found |= {name: partial(_look_at_old_poses, ages) for name, ages in STALE_SITUATIONS.items()}
+    if any(bounds(kind)):
+        found["parameters at their bounds"] = _try_bounds
+    return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
 def run_trials(
     spec: str, kind: type[Behavior], params: dict[str, Any], leave_out: Collection[str] = ()
 ) -> Iterator[TrialResult]:
-    """Try the behaviour `spec`; each result as soon as it is there. A behaviour that hangs or waits ends the trials.
+    """Try the behaviour `spec`; each result as soon as it is there. A behaviour that is slow or hangs ends the trials.
 
     The trials of these names are left out. Raises UsageError where `params` are not what it takes.
     """
-    candidate = Candidate(spec, kind, given_params(spec, kind, params))
-    read_params(spec, kind, candidate.params, ROBOT)
-    results = queue.Queue[TrialResult | BaseException | None]()
-    judge = _Judge(candidate)
-    trials = {name: trial for name, trial in all_trials(candidate).items() if name not in leave_out}
+    given = given_params(spec, kind, params)
+    read_params(spec, kind, given, ROBOT)
+    for name, act in all_trials(kind).items():
+        if name in leave_out:
+            continue
+        began, trial = monotonic(), Trial(spec, kind, given)
+        _run(trial, act)
+        faults = [*trial.faults.values()]
+        yield TrialResult(name, faults, trial.note, monotonic() - began)
+        if any(fault.kind in ("slow", "hangs") for fault in faults):
+            return
+
+
+def _run(trial: Trial, act: Callable[[Trial], None]) -> None:
+    """Run a trial on a thread, which is left alone where a step does not return."""
 
     def work() -> None:
         try:
-            for name, trial in trials.items():
-                results.put(judge.judge(name, trial))
-                if judge.watch.lost > _PATIENCE:
-                    break
+            trial.compare(act)
         except BaseException as error:
-            results.put(error)
-        results.put(None)
+            trial.error = error
 
-    threading.Thread(target=work, name="trials", daemon=True).start()
-    while True:
-        try:
-            result = results.get(timeout=_LOOK_EVERY)
-        except queue.Empty:
-            hanging = judge.watch.look()
-            if hanging is not None:
-                yield judge.end_trial(hanging)
-                return
-            continue
-        if result is None:
+    thread = threading.Thread(target=work, name="trial", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_LOOK_EVERY)
+        began = trial.began
+        if began is not None and monotonic() - began > HANGS_AFTER:
+            stack = stacks_in(dump_stacks()).get(thread.ident or 0, traceback.StackSummary())
+            text = f"step did not return within {HANGS_AFTER:g} s"
+            hint = "do one thing and return: step is called anew for each scan"
+            trial.blame("hangs", text, hint, trial.place_in(stack))
             return
-        if isinstance(result, BaseException):
-            raise result
-        yield result
+    if trial.error is not None:
+        raise trial.error
 
 
 def find_faults(behavior: str, **params: Any) -> list[str]:
@@ -222,74 +361,5 @@ def find_faults(behavior: str, **params: Any) -> list[str]:
     found: dict[tuple[str, str], str] = {}
     for result in run_trials(behavior, find_behavior(behavior), params):
         for fault in result.faults:
-            if not fault.is_remark:
-                found.setdefault((fault.kind, fault.place), f"{fault.text} ({fault.place}; {result.name})")
+            found.setdefault((fault.kind, fault.place), f"{fault.text} ({fault.place}; {result.name})")
     return [*found.values()]
-
-
-class _Judge:
-    """Runs each trial twice with new objects, as after a reset, and compares."""
-
-    def __init__(self, candidate: Candidate) -> None:
-        self.watch = TrialWatch(candidate.kind)
-        self._candidate = candidate
-        self._name = ""
-        self._faults: dict[tuple[str, str], Fault] = {}
-        """Of the trial that runs, by kind and place."""
-        self._began = 0.0
-
-    def judge(self, name: str, trial: Trial) -> TrialResult:
-        self._name, self._faults, self._began = name, {}, monotonic()
-        note = ""
-        # The fault that ends a trial is noted.
-        with suppress(TrialOver):
-            note = self._compare(trial)
-        return self.end_trial(self.watch.slowness(), note)
-
-    def end_trial(self, fault: Fault | None, note: str = "") -> TrialResult:
-        """The result of the trial that runs; `fault` is a last one."""
-        if fault is not None:
-            self._take(fault)
-        return TrialResult(self._name, [*self._faults.values()], note, monotonic() - self._began)
-
-    def _take(self, fault: Fault) -> None:
-        self._faults.setdefault((fault.kind, fault.place), fault)
-
-    def _compare(self, trial: Trial) -> str:
-        kind = self._candidate.kind
-        before, run = shared_state(kind), TrialRun(self._candidate, self.watch, self._take)
-        first = trial(run)
-        kept = [name for name, value in shared_state(kind).items() if before.get(name) != value]
-        heard = self.watch.heard = HeardCalls(kind)
-        try:
-            second = trial(TrialRun(self._candidate, self.watch, self._take))
-        finally:
-            self.watch.heard = None
-        for name, place in heard.clocks.items():
-            hint = "go by view.now and view.dt, and never wait: simulated time is faster, slower, or stands still"
-            self._take(Fault("clock", f"step calls {name}, by the host's clock", hint, place))
-        difference = _difference(first, second)
-        if difference:
-            self._take(self._why(difference, kept, heard))
-        return run.note
-
-    def _why(self, difference: str, kept: list[str], heard: HeardCalls) -> Fault:
-        """The fault behind two runs that differ."""
-        step = place_of_step(self._candidate.kind)
-        if kept and not heard.chance:
-            text = f"it keeps {', '.join(kept)} over a reset: {difference}"
-            return Fault("state", text, "a new object is made then: keep what changes in self, from __init__ on", step)
-        text = f"the same views and seed do not give the same velocities: {difference}"
-        if heard.chance:
-            return Fault("random", text, "take view.random(), which a run repeats", heard.chance["random"])
-        hint = "step may go by its view alone: view.random() for chance (not numpy.random), view.now for time"
-        return Fault("random", text, hint, step)
-
-
-def _difference(first: list[StepAnswer], second: list[StepAnswer]) -> str:
-    """Where two runs differ first, for people; empty where they do not."""
-    for step, (one, other) in enumerate(zip(first, second, strict=True), 1):
-        # As text, because nan is not equal to itself.
-        if str(one.motion) != str(other.motion):
-            return f"step {step} asks for {velocity_text(one.motion)}, then for {velocity_text(other.motion)}"
-    return ""

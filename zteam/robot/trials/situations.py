@@ -1,7 +1,7 @@
 """Trials by hand: what a robot knows in awkward moments, as views; and values at the bounds of parameters."""
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -13,8 +13,9 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
-from zteam.robot.behaviors.behavior import Behavior, FindPose, View, declared_inputs
+from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.parameters import parameters_of
+from zteam.robot.view import FindPose, View
 
 RANGE_MAX = 30.0
 """Metres."""
@@ -67,7 +68,6 @@ _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
 POSES: Poses = {LEADER: (1.5, 0.3, 0.2), ROBOT: (0.0, 0.0, 0.0), 2: (-1.5, -0.5, 0.0)}
 _ELSEWHERE: Poses = {LEADER: (-0.43, 2.1, 1.5), ROBOT: (0.4, -0.6, 0.9), 2: (1.3, 1.0, 0.0)}
-_CLOSE: Poses = {LEADER: (0.17, -0.06, -0.7), ROBOT: (-0.05, -0.02, -0.3), 2: (-0.2, 0.11, 0.4)}
 
 
 def room(beams: int = _BEAMS) -> np.ndarray:
@@ -96,7 +96,6 @@ class ViewMaker:
         *,
         ages: tuple[float, float] = (0.0, 0.0),
         has_messages: bool = False,
-        has_odom: bool = True,
     ) -> View:
         """What it knows at `seconds`; `ages` (s) are those of its own pose and of the others'."""
         now = to_ns(seconds)
@@ -111,7 +110,7 @@ class ViewMaker:
             dt=dt,
             robot_id=ROBOT,
             scan=None if ranges is None else _scan(ranges, now),
-            odom=_odom(now) if has_odom else None,
+            odom=None if ranges is None else _odom(now),
             lookup=lookup,
             team=tuple(sorted(POSES)),
             bases=dict.fromkeys(POSES, DEFAULT_BASE),
@@ -170,7 +169,7 @@ def _near(moment: ViewMaker) -> Iterator[View]:
     return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})
 
 
-SITUATIONS: dict[str, Callable[[ViewMaker], Iterator[View]]] = {
+SITUATIONS: dict[str, Callable[[ViewMaker], Iterable[View]]] = {
     "in the middle of a room": lambda moment: moment.views(),
     "all beams say nothing (nan)": lambda moment: moment.views(_all(math.nan)),
     "all beams meet nothing (inf)": lambda moment: moment.views(_all(math.inf)),
@@ -186,6 +185,7 @@ SITUATIONS: dict[str, Callable[[ViewMaker], Iterator[View]]] = {
     "no other robot known": lambda moment: moment.views(poses={ROBOT: POSES[ROBOT]}),
     "it is put elsewhere": _moved,
     "time stands still, then leaps": _odd_times,
+    "nothing has come yet": lambda moment: [moment.view(1.0, 0.0, None, {})],
 }
 """By name: the views of a robot."""
 STALE_SITUATIONS: dict[str, tuple[float, float]] = {
@@ -193,12 +193,6 @@ STALE_SITUATIONS: dict[str, tuple[float, float]] = {
     "all poses are 3 s old": (3.0, 3.0),
 }
 """By name: the ages (s) of its own pose and of the others'."""
-
-
-def elsewhere(*, own: bool) -> list[Poses]:
-    """Other poses than POSES, with another `own` one only if asked for: far apart, and close together."""
-    moved = [_ELSEWHERE, _CLOSE]
-    return moved if own else [{**poses, ROBOT: POSES[ROBOT]} for poses in moved]
 
 
 _INSIDE = 1e-3

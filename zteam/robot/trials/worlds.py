@@ -1,7 +1,7 @@
 """Trials in the simulator: a small world, another robot, and the safety layer under both, as in a team."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -11,18 +11,17 @@ from zteam.config.resources import find_world
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.messages.base import DEFAULT_BASE
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.behaviors.asking import decide
 from zteam.robot.behaviors.straight import Forward, ForwardParams
-from zteam.robot.safety import SafetyLayer, decide
+from zteam.robot.safety import SafetyLayer
 from zteam.robot.trials.situations import LEADER, ROBOT, lookup_in
-from zteam.robot.trials.subject import StepAnswer, Subject
+from zteam.robot.view import View
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world import World, add_robot, load_world
 
 SECONDS = 10.0
 """Simulated seconds of a trial."""
-_WORLD = "arena"
 
 
 class Start(NamedTuple):
@@ -42,70 +41,55 @@ PLACES = {
 """By the name of the trial."""
 
 
-class TrialDrive:
-    """A robot's drive from a place on, and what came of it."""
+class Drive(NamedTuple):
+    """What came of a drive."""
 
-    def __init__(self, subject: Subject, place: Start, inputs: Mapping[str, Any]) -> None:
-        """`inputs` are what the robot's views hold of its declared inputs."""
-        self._subject, self._inputs = subject, inputs
-        self._world = _load()
-        starts = {LEADER: place.other, ROBOT: place.own}
-        robots = {i: add_robot(self._world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
-        self._engine = Engine(self._world, robots=robots)
-        self._layers = {i: SafetyLayer() for i in robots}
-        self._other = Forward(ForwardParams(place.speed))
-        self._at = place.own
-        self.answers: list[StepAnswer] = []
-        self.travelled = 0.0
-        """Metres."""
-        self.cut = 0.0
-        """Seconds in which the safety layer slowed the robot down or stopped it."""
-        self.contact = 0.0
-        """Seconds in which it drove against something."""
-        self.contact_at: Pose2 | None = None
-        """Where that began."""
+    travelled: float
+    """Metres."""
+    cut: float
+    """Seconds in which the safety layer slowed the robot down or stopped it."""
+    contact: float
+    """Seconds in which it drove against something."""
+    contact_at: Pose2 | None
+    """Where that began."""
 
-    def run(self) -> None:
-        """Drive for SECONDS. Raises TrialOver."""
-        commands: dict[int, Twist] = {}
-        for _ in range(round(to_ns(SECONDS) / self._world.interval)):
-            observation = self._engine.step(commands)
-            self._note(observation)
-            view = self._view(observation, ROBOT)
-            answer = self._subject.step(view)
-            self.answers.append(answer)
-            command, cause = self._layers[ROBOT].limit(answer.wanted, view, answer.reason)
-            self.cut += self._tick if cause else 0.0
-            other, _ = decide(self._other, self._view(observation, LEADER), self._layers[LEADER])
-            commands = {ROBOT: command, LEADER: other}
 
-    @property
-    def _tick(self) -> float:
-        return self._world.interval / NS_PER_S
-
-    def _note(self, observation: Observation) -> None:
+def drive(step: Callable[[View], tuple[Twist, str]], place: Start, inputs: Mapping[str, Any]) -> Drive:
+    """Drive for SECONDS with the velocities and reasons of `step`. `inputs` are what its views hold of its inputs."""
+    world, starts = _load(), {LEADER: place.other, ROBOT: place.own}
+    robots = {i: add_robot(world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
+    engine, tick = Engine(world, robots=robots), world.interval / NS_PER_S
+    layers, other = {i: SafetyLayer() for i in robots}, Forward(ForwardParams(place.speed))
+    commands: dict[int, Twist] = {}
+    at, contacts, travelled, cut = place.own, list[Pose2](), 0.0, 0.0
+    for _ in range(round(to_ns(SECONDS) / world.interval)):
+        observation = engine.step(commands)
         robot = observation.robots[ROBOT]
-        self.travelled += math.dist(robot.truth[:2], self._at[:2])
-        self._at = robot.truth
-        if robot.stall:
-            self.contact += self._tick
-            self.contact_at = self.contact_at or self._at
+        travelled, at = travelled + math.dist(robot.truth[:2], at[:2]), robot.truth
+        contacts += [at] if robot.stall else []
+        view = _view(observation, ROBOT, tick, inputs)
+        wanted, reason = step(view)
+        commands[ROBOT], cause = layers[ROBOT].limit(wanted, view, reason)
+        cut += tick if cause else 0.0
+        commands[LEADER], _reason = decide(other, _view(observation, LEADER, tick, {}), layers[LEADER])
+    return Drive(travelled, cut, tick * len(contacts), contacts[0] if contacts else None)
 
-    def _view(self, observation: Observation, robot_id: int) -> View:
-        now = observation.stamp
-        return View(
-            now=now,
-            dt=self._tick if observation.tick > 1 else 0.0,
-            robot_id=robot_id,
-            scan=scan_message(observation, robot_id, 0),
-            odom=odometry_message(observation, robot_id),
-            lookup=lookup_in({i: robot.truth for i, robot in observation.robots.items()}, now),
-            team=tuple(observation.robots),
-            bases=dict.fromkeys(observation.robots, DEFAULT_BASE),
-            inputs=self._inputs if robot_id == ROBOT else {},
-        )
+
+def _view(observation: Observation, robot_id: int, tick: float, inputs: Mapping[str, Any]) -> View:
+    now = observation.stamp
+    return View(
+        now=now,
+        dt=tick if observation.tick > 1 else 0.0,
+        robot_id=robot_id,
+        scan=scan_message(observation, robot_id, 0),
+        odom=odometry_message(observation, robot_id),
+        lookup=lookup_in({i: robot.truth for i, robot in observation.robots.items()}, now),
+        team=tuple(observation.robots),
+        bases=dict.fromkeys(observation.robots, DEFAULT_BASE),
+        inputs=inputs,
+    )
 
 
 @cache
 def _load() -> World:
-    return load_world(find_world(_WORLD))
+    return load_world(find_world("arena"))

@@ -12,8 +12,8 @@ from zteam.clock import to_ns
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.follow import Follow, FollowParams
+from zteam.robot.view import View
 
 Found = tuple[Pose2, int] | None
 _STREAM = 700

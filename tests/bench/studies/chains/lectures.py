@@ -8,7 +8,8 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.behavior import Behavior, View
+from zteam.robot.behaviors.behavior import Behavior
+from zteam.robot.view import View
 
 MIN_DIST, MAX_LINEAR, MAX_ANGULAR = 0.8, 0.7, 3.14
 

@@ -7,20 +7,19 @@ import msgspec
 
 from studies.navigation.scene import Way, make_robot, scan_of, twist_of
 from zteam.clock import NS_PER_S
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import Twist
 from zteam.navigation.planning.controller import (
     BlockedError,
     GoalChecker,
     ProgressChecker,
     RegulatedPurePursuit,
-    Velocity,
 )
 from zteam.navigation.planning.costmap import Costmap
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.navigation.planning.recovery import Recovery
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.wander import Wander, WanderParams
+from zteam.robot.view import View
 from zteam.sim import Engine, Options
 from zteam.simulator.core.observation import Observation, RobotObservation
 from zteam.simulator.core.to_messages import odometry_message, scan_message

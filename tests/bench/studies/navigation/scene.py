@@ -8,9 +8,8 @@ import numpy as np
 
 from zteam.counter_random import uniform
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import Twist, Vector3
-from zteam.navigation.planning.controller import Velocity
 from zteam.navigation.planning.costmap import Costmap, CostmapOptions, Footprint, make_costmap, make_footprint
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError, Plan

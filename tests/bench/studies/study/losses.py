@@ -9,8 +9,8 @@ from zteam import names
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.follow import Follow, FollowParams
+from zteam.robot.view import View
 
 SHARE = 0.05
 """Of the messages of others that are lost, each by itself."""

@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from studies.study.losses import SHARE, Losses
-from zteam.robot.behaviors.behavior import View
+from zteam.robot.view import View
 from zteam.testing import make_view
 
 TICKS = 4000

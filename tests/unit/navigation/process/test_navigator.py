@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from support.goals import make_goal
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState
-from zteam.navigation.planning.controller import BlockedError, Velocity
+from zteam.navigation.planning.controller import BlockedError
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Plan
 from zteam.navigation.process.costmaps import PlacedScan

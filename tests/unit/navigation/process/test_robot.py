@@ -9,7 +9,7 @@ import pytest
 from support.goals import make_goal
 from support.installed_packages import install
 from zteam import names
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import (
     Header,
     LaserScan,
@@ -25,7 +25,6 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.base import DEFAULT_BASE
-from zteam.navigation.planning.controller import Velocity
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner

@@ -10,9 +10,9 @@ from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist
-from zteam.robot.behaviors.behavior import View
 from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
 from zteam.robot.behaviors.registry import load_behavior
+from zteam.robot.view import View
 from zteam.testing import make_view
 
 

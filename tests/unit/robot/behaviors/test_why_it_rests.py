@@ -9,12 +9,11 @@ import pytest
 
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.messages import Twist
+from zteam.robot.behaviors.asking import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.robot.behaviors.straight import Forward
-from zteam.robot.safety import ask
 from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
-from zteam.robot.trials.subject import StepAnswer
-from zteam.robot.trials.worlds import PLACES, TrialDrive
+from zteam.robot.trials.worlds import PLACES, drive
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
 """The leader stands so near before it that it has nothing to do."""
@@ -60,15 +59,15 @@ class _Asked:
     def _begin(self, where: str) -> None:
         self._where, self._behavior = where, load_behavior(self._name, self._params)
 
-    def step(self, view: View) -> StepAnswer:
-        """As `Subject.step`."""
+    def step(self, view: View) -> tuple[Twist, str]:
+        """The velocity that it wants, and its reason."""
         return self._note(*ask(self._behavior, view))
 
-    def _note(self, command: Twist, reason: str) -> StepAnswer:
+    def _note(self, command: Twist, reason: str) -> tuple[Twist, str]:
         self.steps += 1
         if not command.linear.x and not command.angular.z:
             self.told.append((self._where, reason or self._behavior.why_it_rests()))
-        return StepAnswer(command, reason)
+        return command, reason
 
     def run(self) -> None:
         """Step it everywhere."""
@@ -79,8 +78,7 @@ class _Asked:
                 self._note(*decide(self._behavior, view, layer))
         for where, place in PLACES.items():
             self._begin(where)
-            # A Subject would look for faults.
-            TrialDrive(self, place, ViewMaker(self._behavior.inputs).messages()).run()  # type: ignore[arg-type]
+            drive(self.step, place, ViewMaker(self._behavior.inputs).messages())
 
 
 @pytest.mark.few(1)

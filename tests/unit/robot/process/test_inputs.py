@@ -124,11 +124,11 @@ def test_no_tick_is_complete_without_the_base() -> None:
 def test_look_ups_give_the_newest_pose(inputs: RobotInputs) -> None:
     """The pose and its stamp, None for a frame that is unknown."""
     give(inputs, S)
-    found = inputs.lookup("map", "robot_1/base_footprint")
+    found = inputs.transforms.find_pose("map", "robot_1/base_footprint")
     assert found is not None
     pose, stamp = found
     assert (pose.x, stamp) == (3.0, S)
-    assert inputs.lookup("map", "robot_7/base_footprint") is None
+    assert inputs.transforms.find_pose("map", "robot_7/base_footprint") is None
 
 
 def test_after_a_jump_only_what_is_fixed_stays(inputs: RobotInputs) -> None:
@@ -136,8 +136,8 @@ def test_after_a_jump_only_what_is_fixed_stays(inputs: RobotInputs) -> None:
     give(inputs, 9 * S)
     inputs.forget()
     assert (inputs.scan, inputs.odom, inputs.transforms.stamp, inputs.scan_stamp) == (None, None, 0, 0)
-    assert inputs.lookup("map", "robot_1/base_footprint") is None
-    assert inputs.lookup("map", "robot_1/odom") is not None
+    assert inputs.transforms.find_pose("map", "robot_1/base_footprint") is None
+    assert inputs.transforms.find_pose("map", "robot_1/odom") is not None
     give(inputs, S)
     assert not inputs.lacking(S, connected=True)
 
@@ -148,10 +148,10 @@ def test_robots_of_one_process_share_the_transforms() -> None:
     first, second = RobotInputs(1, transforms=shared), RobotInputs(2, transforms=shared)
     bundles = [TFMessage([stamped("map", "robot_1/base_footprint", at, float(at // S))]) for at in (9 * S, S)]
     first.transforms.take_bundle(bundles[0])
-    assert second.lookup("map", "robot_1/base_footprint") == (Pose2(9.0, 0.0, 0.0), 9 * S)
+    assert second.transforms.find_pose("map", "robot_1/base_footprint") == (Pose2(9.0, 0.0, 0.0), 9 * S)
     first.forget()
     first.transforms.take_bundle(bundles[1])
     second.forget()
-    assert first.lookup("map", "robot_1/base_footprint") is None
+    assert first.transforms.find_pose("map", "robot_1/base_footprint") is None
     second.transforms.take_bundle(bundles[1])
-    assert first.lookup("map", "robot_1/base_footprint") == (Pose2(1.0, 0.0, 0.0), S)
+    assert first.transforms.find_pose("map", "robot_1/base_footprint") == (Pose2(1.0, 0.0, 0.0), S)

@@ -13,10 +13,11 @@ from zteam.bus.presence import own_info
 from zteam.clock import FREEZES, monotonic
 from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.node import node as node_module
-from zteam.robot.behaviors.behavior import SILENT_AFTER, declared_inputs
+from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.behaviors.line import STATUSES
 from zteam.robot.process import node as robot_module
 from zteam.robot.process.inputs import DeclaredInputs
+from zteam.robot.view import SILENT_AFTER
 
 pytestmark = pytest.mark.gate
 

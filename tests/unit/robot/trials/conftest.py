@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from zteam.robot.trials import subject
+from zteam.robot.trials import check
 
 
 @pytest.fixture(autouse=True)
 def patient_watch(monkeypatch: pytest.MonkeyPatch) -> None:
     """A crowded machine makes no step too slow."""
-    monkeypatch.setattr(subject, "TICK", 2.0)
-    monkeypatch.setattr(subject, "HANGS_AFTER", 30.0)
+    monkeypatch.setattr(check, "TICK", 2.0)
+    monkeypatch.setattr(check, "HANGS_AFTER", 30.0)
 
 
 @pytest.fixture
