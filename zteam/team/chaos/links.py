@@ -1,7 +1,7 @@
 """The links of a team that was started with `--chaos`: each process has its own, which can be cut or made slow."""
 
 import threading
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
@@ -10,7 +10,21 @@ from zteam.bus import Bus, Change
 from zteam.bus.options import host_port
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
-from zteam.team.chaos.forwarder import Forwarder, Link, Wire
+
+if TYPE_CHECKING:
+    from zteam.team.chaos.forwarder import Link
+
+
+class Wire(msgspec.Struct, frozen=True):
+    """One direction of a link. The default is a good one."""
+
+    delay: float = 0.0
+    """Host seconds that each byte takes."""
+    rate: float | None = None
+    """Bytes a host second; None = as fast as they come. With a `delay` a direction holds 4 MiB at most, and without a
+    rate as much as 1 MiB a second: then its sender waits."""
+    stalled: bool = False
+    """Whether no byte passes. What waits passes when this ends."""
 
 
 class LinkRequest(Change):
@@ -37,6 +51,9 @@ class Links:
     """A link for each process of a team, through this process."""
 
     def __init__(self) -> None:
+        # It imports asyncio, and few teams have links of their own.
+        from zteam.team.chaos.forwarder import Forwarder
+
         self._forwarder = Forwarder()
         self._links: dict[str, Link] = {}
         self._heals: dict[str, threading.Timer] = {}  # noqa: TID251
