@@ -27,8 +27,6 @@ from zteam.team.security.certificates import (
     Issued,
     left_text,
     open_authority,
-    posing,
-    posing_text,
     read_identity,
     read_index,
 )
@@ -44,7 +42,6 @@ class Row(msgspec.Struct):
     expires_in: str
     state: str
     hosts: tuple[str, ...] = ()
-    passes_as_router: bool = False
 
 
 def build_parser() -> Parser:
@@ -95,8 +92,6 @@ def _init(args: argparse.Namespace) -> None:
         authority.take_team(args.team, rights, strip_slash(args.namespace or ""))
         _issue_missing(authority, [ROUTER], args.host, args.days)
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
-    # An authority that is there is kept.
-    _print_posing(args.folder)
 
 
 def _check_hosts(args: argparse.Namespace) -> None:
@@ -171,17 +166,11 @@ def _list(args: argparse.Namespace) -> None:
         return
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
     print_block(format_table(("name", "serial", "expires in", "state"), cells))
-    _print_posing(args.folder)
-
-
-def _print_posing(folder: Path) -> None:
-    if older := posing(folder):
-        print_line(": ".join(posing_text(older, folder)))
 
 
 def _row(name: str, issued: Issued) -> Row:
     end, left = issued.expires.isoformat(), left_text(issued.expires)
-    return Row(name, issued.serial, end, left, issued.state, issued.hosts, issued.passes_as_router)
+    return Row(name, issued.serial, end, left, issued.state, issued.hosts)
 
 
 def _explain(args: argparse.Namespace) -> None:

@@ -21,13 +21,11 @@ from zteam.team.security.certificates import (
     ACCESS,
     CA,
     CA_KEY,
-    DAYS,
     INDEX,
     MAX_DAYS,
     files_of,
     now,
     open_authority,
-    posing,
     prepare,
     read_identity,
     read_index,
@@ -96,31 +94,6 @@ def test_only_the_router_has_a_certificate_of_a_server(folder: Path) -> None:
     assert uses_and_names(folder, "router") == ({SERVER, CLIENT}, hosts)
     for name in ("robot_1", "robot_2", "operator"):
         assert uses_and_names(folder, name) == ({CLIENT}, [])
-    assert posing(folder) == []
-
-
-@pytest.fixture
-def older(folder: Path) -> Path:
-    """A folder of a zteam that made each certificate one of a server; one was revoked."""
-    with open_authority(folder) as authority:
-        authority.revoke("robot_2")
-    index = json.loads((folder / INDEX).read_text())
-    for issued in index["certificates"].values():
-        del issued[0]["passes_as_router"]
-    (folder / INDEX).write_text(json.dumps(index))
-    return folder
-
-
-def test_certificates_that_pass_as_the_routers_are_named(older: Path, later: Callable[[float], None]) -> None:
-    """Those of an older zteam, also after they were renewed or revoked, until they expire."""
-    with open_authority(older) as authority:
-        authority.issue(["robot_1"])
-    assert posing(older) == ["robot_1.1", "robot_2.1", "operator.1"]
-    (line,) = prepare(older, "", RIGHTS, "", ["robot_1"])
-    assert "robot_1.1, robot_2.1, operator.1 pass as the router's" in line
-    assert f"remove the folder {older}, make a new authority with 'zteam certs init'" in line
-    later(DAYS + 1)
-    assert posing(older) == []
 
 
 def test_a_strict_client_takes_the_certificates(folder: Path) -> None:
