@@ -27,9 +27,10 @@ from zteam.team.security.certificates import (
     Issued,
     left_text,
     open_authority,
-    read_identity,
     read_index,
+    state_until,
 )
+from zteam.team.security.signing import load_certificate
 
 
 class Row(msgspec.Struct):
@@ -157,8 +158,8 @@ def _revoke(args: argparse.Namespace) -> None:
 
 def _list(args: argparse.Namespace) -> None:
     index = read_index(args.folder)
-    own = read_identity(args.folder / CA)
-    rows = [Row("authority", 0, own.expires.isoformat(), left_text(own.expires), own.state)]
+    end = load_certificate(args.folder / CA).not_valid_after_utc
+    rows = [Row("authority", 0, end.isoformat(), left_text(end), state_until(end))]
     for name, found in sorted(index.certificates.items()):
         rows += [_row(name, each) for each in found]
     if args.json:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -87,18 +87,6 @@ class Index(msgspec.Struct):
         return found[-1] if found else None
 
 
-class Identity(NamedTuple):
-    """What a certificate says of itself."""
-
-    common_name: str
-    expires: datetime
-
-    @property
-    def state(self) -> State:
-        """By the host's clock; whether it is revoked only the index knows."""
-        return state_until(self.expires)
-
-
 def now() -> datetime:
     """By the host's clock."""
     return datetime.fromtimestamp(wall_ns() / 1e9, UTC)
@@ -122,12 +110,6 @@ def files_of(folder: Path, name: str) -> TlsFiles:
     """What the process `name` is told; absolute paths."""
     place = folder.resolve()
     return TlsFiles(str(place / CA), str(place / f"{name}.pem"), str(place / f"{name}.key"))
-
-
-def read_identity(path: Path) -> Identity:
-    """What the certificate in a PEM file says. Raises ZteamError."""
-    certificate = load_certificate(path)
-    return Identity(name_in(certificate), certificate.not_valid_after_utc)
 
 
 def read_index(folder: Path) -> Index:
@@ -223,7 +205,7 @@ class Authority:
         return (
             last is not None
             and _has_files(self.folder, name)
-            and read_identity(self.folder / f"{name}.pem").common_name == f"{name}.{last.serial}"
+            and name_in(load_certificate(self.folder / f"{name}.pem")) == f"{name}.{last.serial}"
         )
 
     def _check_name(self, name: str) -> None:
@@ -324,6 +306,9 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
     Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
     has no certificate that is valid.
     """
+    # Only a team with certificates pays for this import.
+    from zteam.monitor.doctor.examination import check_certificate
+
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]
@@ -345,26 +330,16 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
                     f"'zteam certs issue {revoked[0]}{_option(folder)}'"
                 )
             authority.issue([name for name in names if not authority.is_complete(name)])
-    return [*_expiries(folder, names)]
+    warnings = []
+    for name in names:
+        found = check_certificate(files_of(folder, name))
+        if found.level != "ok":
+            text = f"{found.text}: {found.next_step}"
+            if found.level == "problem":
+                raise ZteamError(text)
+            warnings.append(text)
+    return warnings
 
 
 def _has_files(folder: Path, name: str) -> bool:
     return all((folder / f"{name}.{ending}").exists() for ending in ("pem", "key"))
-
-
-def _expiries(folder: Path, names: Iterable[str]) -> Iterator[str]:
-    """A line for each certificate that expires soon. Raises ZteamError for one that has expired."""
-    for name in names:
-        found = read_identity(folder / f"{name}.pem")
-        if found.state != "valid":
-            text = expiry_text(found, folder)
-            if found.state == "expired":
-                raise ZteamError(text)
-            yield text
-
-
-def expiry_text(identity: Identity, folder: Path = Path(FOLDER)) -> str:
-    """When a certificate expires, or has expired, and what to do."""
-    word = "has expired" if identity.state == "expired" else "expires"
-    step = f"zteam certs renew {identity.common_name.rpartition('.')[0]}{_option(folder)}"
-    return f"the certificate {identity.common_name} {word} on {identity.expires:%Y-%m-%d %H:%M} UTC: '{step}'"
