@@ -42,6 +42,7 @@ class Link:
         self._refuses = False
         """Whether its connections were reset and new ones are."""
         self._connections: set[asyncio.Task[None]] = set()
+        self._healing: asyncio.TimerHandle | None = None
 
     @property
     def endpoint(self) -> str:
@@ -49,17 +50,23 @@ class Link:
         host, port = self._listener.getsockname()[:2]
         return f"tcp/{host}:{port}"
 
-    def change(self, up: Wire | None = None, down: Wire | None = None) -> None:
-        """Make the two directions so from now on, None = a good one; a link that was reset connects again."""
+    def change(self, up: Wire | None = None, down: Wire | None = None, seconds: float = 0.0) -> None:
+        """Make the two directions so, None = a good one; with `seconds`, for so many of the host's.
+
+        A link that was reset connects again.
+        """
         self.up, self.down, self._refuses = up or Wire(), down or Wire(), False
-        self._loop.call_soon_threadsafe(self._notify)
+        self._loop.call_soon_threadsafe(self._notify, seconds)
 
     def reset(self) -> None:
         """End its connections, and refuse new ones until the next `change`."""
         self._refuses = True
         self._loop.call_soon_threadsafe(lambda: [each.cancel() for each in self._connections])
 
-    def _notify(self) -> None:
+    def _notify(self, seconds: float) -> None:
+        if self._healing is not None:
+            self._healing.cancel()
+        self._healing = self._loop.call_later(seconds, self.change) if seconds else None
         self.changed.set_result(None)
         self.changed = self._loop.create_future()
 

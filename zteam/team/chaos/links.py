@@ -1,6 +1,5 @@
 """The links of a team that was started with `--chaos`: each process has its own, which can be cut or made slow."""
 
-import threading
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -56,7 +55,6 @@ class Links:
 
         self._forwarder = Forwarder()
         self._links: dict[str, Link] = {}
-        self._heals: dict[str, threading.Timer] = {}  # noqa: TID251
 
     def endpoint(self, name: str, router: str) -> str:
         """Where the process `name` connects, to reach the router at this endpoint. Raises UsageError."""
@@ -73,14 +71,7 @@ class Links:
         """Make both directions of a link so; with `seconds`, for so many of the host's. Raises BusError."""
         if name not in self._links:
             raise BusError(f"there is no link of {name!r}; there are those of {', '.join(self._links) or 'no process'}")
-        if (timer := self._heals.pop(name, None)) is not None:
-            timer.cancel()
-        self._links[name].change(wire, wire)
-        if seconds:
-            # Host time: the processes at both ends of a link live in it.
-            timer = self._heals[name] = threading.Timer(seconds, self._links[name].change)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+        self._links[name].change(wire, wire, seconds)
 
     def heal(self) -> None:
         """Make all links good ones."""
@@ -98,6 +89,4 @@ class Links:
 
     def close(self) -> None:
         """End all links, and with them the processes' connections."""
-        for timer in self._heals.values():
-            timer.cancel()
         self._forwarder.close()
