@@ -7,7 +7,8 @@ from urllib.parse import urlsplit
 from studies.view.frames import decode_frame
 from support.browser import OpenScreen, Screen, start_view
 from zteam.clock import HOST_FACTOR, monotonic
-from zteam.team.chaos.forwarder import Forwarder, Wire
+from zteam.team.chaos.forwarder import Forwarder
+from zteam.team.chaos.links import Wire
 from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC
 

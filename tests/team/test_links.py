@@ -16,7 +16,8 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_world
 from zteam.messages import Odometry, ns_from_time
 from zteam.monitor.observer import TeamObserver
-from zteam.team.chaos.forwarder import Link, Wire
+from zteam.team.chaos.forwarder import Link
+from zteam.team.chaos.links import Wire
 from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
@@ -118,7 +119,7 @@ def test_a_robot_that_is_cut_off_stops_and_its_line_waits(team: TeamFixture, tmp
     pause_with_no_command_under_way(team, 3)
     # It may look dead meanwhile.
     team.expect_end("robot_3")
-    link.cut()
+    link.change(Wire(stalled=True), Wire(stalled=True))
     begin = team.sim_status.now / 1e9
     team.sim.resume()
     team.run(seconds)

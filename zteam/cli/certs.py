@@ -27,11 +27,10 @@ from zteam.team.security.certificates import (
     Issued,
     left_text,
     open_authority,
-    posing,
-    posing_text,
-    read_identity,
     read_index,
+    state_until,
 )
+from zteam.team.security.signing import load_certificate
 
 
 class Row(msgspec.Struct):
@@ -44,7 +43,6 @@ class Row(msgspec.Struct):
     expires_in: str
     state: str
     hosts: tuple[str, ...] = ()
-    passes_as_router: bool = False
 
 
 def build_parser() -> Parser:
@@ -95,8 +93,6 @@ def _init(args: argparse.Namespace) -> None:
         authority.take_team(args.team, rights, strip_slash(args.namespace or ""))
         _issue_missing(authority, [ROUTER], args.host, args.days)
         _issue_missing(authority, [name for name in rights if name != ROUTER], (), args.days)
-    # An authority that is there is kept.
-    _print_posing(args.folder)
 
 
 def _check_hosts(args: argparse.Namespace) -> None:
@@ -162,8 +158,8 @@ def _revoke(args: argparse.Namespace) -> None:
 
 def _list(args: argparse.Namespace) -> None:
     index = read_index(args.folder)
-    own = read_identity(args.folder / CA)
-    rows = [Row("authority", 0, own.expires.isoformat(), left_text(own.expires), own.state)]
+    end = load_certificate(args.folder / CA).not_valid_after_utc
+    rows = [Row("authority", 0, end.isoformat(), left_text(end), state_until(end))]
     for name, found in sorted(index.certificates.items()):
         rows += [_row(name, each) for each in found]
     if args.json:
@@ -171,17 +167,11 @@ def _list(args: argparse.Namespace) -> None:
         return
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
     print_block(format_table(("name", "serial", "expires in", "state"), cells))
-    _print_posing(args.folder)
-
-
-def _print_posing(folder: Path) -> None:
-    if older := posing(folder):
-        print_line(": ".join(posing_text(older, folder)))
 
 
 def _row(name: str, issued: Issued) -> Row:
     end, left = issued.expires.isoformat(), left_text(issued.expires)
-    return Row(name, issued.serial, end, left, issued.state, issued.hosts, issued.passes_as_router)
+    return Row(name, issued.serial, end, left, issued.state, issued.hosts)
 
 
 def _explain(args: argparse.Namespace) -> None:

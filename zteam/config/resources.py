@@ -71,11 +71,16 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
         return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
-    fault = _fault(Path(text))
-    if fault is not None and fault.errno == errno.EACCES:
-        return f"{fault.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
-    if fault is not None:
-        return f"a symbolic link leads to no file ({fault.strerror}); mend it, or name the {kind.what} file itself"
+    try:
+        Path(text).stat()
+    except PermissionError as error:
+        return f"{error.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
+    except OSError as error:
+        if error.errno == errno.ELOOP or (error.errno == errno.ENOENT and Path(text).is_symlink()):
+            return f"a symbolic link leads to no file ({error.strerror}); mend it, or name the {kind.what} file itself"
+    except ValueError:
+        # With a NUL.
+        pass
     known = names(kind.folder(), kind.suffix)
     hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
     return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
@@ -94,34 +99,15 @@ def read_file(path: Path, what: str, most: int, error: type[UsageError]) -> byte
     return data
 
 
+# Unlike Path's own methods, these take a name that no file can have: too long, or with a NUL.
 def is_folder(path: Path) -> bool:
-    """Whether `path` is a folder; it is not where no file can have such a name."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
-
-
-def _fault(path: Path) -> OSError | None:
-    """Why the file at `path` cannot be reached, by its folders' rights or by a symbolic link; None if it is missing."""
-    try:
-        path.stat()
-    except OSError as error:
-        if error.errno in (errno.ELOOP, errno.EACCES) or (error.errno == errno.ENOENT and path.is_symlink()):
-            return error
-    except ValueError:
-        # With a NUL.
-        pass
-    return None
+    """Whether `path` is a folder."""
+    return os.path.isdir(path)  # noqa: PTH112
 
 
 def existing_file(path: Path) -> Path | None:
-    """`path` if it is a file, else None, also where no file can have such a name."""
-    try:
-        return path if path.is_file() else None
-    except (OSError, ValueError):
-        # Too long, or with a NUL.
-        return None
+    """`path` if it is a file, else None."""
+    return path if os.path.isfile(path) else None  # noqa: PTH113
 
 
 def _find(folder: Path, name: str, suffix: str) -> Path | None:

@@ -117,7 +117,6 @@ def _navigation(options: NavigationOptions) -> Part:
 
 
 def _view(options: ViewOptions) -> Part:
-    from zteam.team.security.certificates import check_authority
     from zteam.view.node import run_view
 
     if options.foxglove_port is not None:
@@ -125,7 +124,7 @@ def _view(options: ViewOptions) -> Part:
 
         require_sdk()
     return Part(
-        lambda node: run_view(node, options, partial(print, flush=True), check_authority),
+        lambda node: run_view(node, options, partial(print, flush=True)),
         small=True,
         name=options.name or names.view_name(),
     )

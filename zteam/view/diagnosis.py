@@ -9,7 +9,7 @@ import msgspec
 from zteam.bus import BusOptions
 from zteam.clock import monotonic, wall_ns
 from zteam.errors import ZteamError
-from zteam.monitor.doctor.examination import CheckFiles, examine
+from zteam.monitor.doctor.examination import examine
 from zteam.monitor.doctor.facts import Finding
 
 log = logging.getLogger("zteam")
@@ -39,12 +39,9 @@ class Diagnosis:
     """Examines the team, one time after the other, on a session and a thread of its own: it listens to all keys of the
     team, and pages must not wait for it. Threads may make calls at the same time."""
 
-    def __init__(
-        self, options: BusOptions | None, on_news: Callable[[], None], check_files: CheckFiles = lambda _files: []
-    ) -> None:
-        """`options` is how to reach the team; None for a bus in memory, which no other session can join. `check_files`
-        is that of `examine`."""
-        self._options, self._on_news, self._check_files = options, on_news, check_files
+    def __init__(self, options: BusOptions | None, on_news: Callable[[], None]) -> None:
+        """`options` is how to reach the team; None for a bus in memory, which no other session can join."""
+        self._options, self._on_news = options, on_news
         self._lock = threading.Lock()
         self._wanted = self._closed = False
         self._found = Examination()
@@ -76,7 +73,7 @@ class Diagnosis:
     def _run(self, options: BusOptions) -> None:
         found = Examination()
         try:
-            found.findings, found.time = examine(options, check_files=self._check_files)[:_MOST], wall_ns() / 1e9
+            found.findings, found.time = examine(options)[:_MOST], wall_ns() / 1e9
         except ZteamError as error:
             found.error = f"{error}: try 'zteam doctor' in a terminal"
         except Exception as error:

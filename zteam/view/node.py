@@ -15,7 +15,6 @@ import msgspec
 
 from zteam.bus.queries import decode_json
 from zteam.errors import DecodeError, UsageError
-from zteam.monitor.doctor.examination import CheckFiles
 from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
@@ -28,11 +27,9 @@ from zteam.view.team_view import TeamView
 log = logging.getLogger("zteam")
 
 
-def run_view(
-    node: ProcessNode, options: ViewOptions, show: Callable[[str], None], check_files: CheckFiles = lambda _files: []
-) -> None:
+def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None]) -> None:
     """Serve the page until the process is asked to stop. `show` prints the address, which a log must not have: pages
-    without the token show all logs. `check_files` is that of `zteam.monitor.doctor.examination.examine`.
+    without the token show all logs.
     """
     if options.foxglove_layout is not None:
         write_layout(node, options.foxglove_layout, show)
@@ -47,7 +44,7 @@ def run_view(
             "the view listens at %s: every browser that reaches this machine may watch; commands need the token",
             options.host,
         )
-    state = TeamView(node, check_files)
+    state = TeamView(node)
     server = WebServer(state, listener, options.host, token, layout)
     node.on_stop(server.close)
     node.on_stop(state.diagnosis.close)

@@ -18,7 +18,6 @@ from zteam.messages import (
 )
 from zteam.messages.planar import pose2_of
 from zteam.messages.tf_stamps import bases_stamp
-from zteam.monitor.doctor.examination import CheckFiles
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
@@ -209,7 +208,7 @@ REST = 3600.0
 class TeamView:
     """The main thread runs `serve`; the thread of the pages makes frames and tells of viewers."""
 
-    def __init__(self, node: ProcessNode, check_files: CheckFiles = lambda _files: []) -> None:
+    def __init__(self, node: ProcessNode) -> None:
         self.node = node
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
@@ -217,7 +216,7 @@ class TeamView:
         self.drawables = Drawables(self.received)
         self.places = Places(self.received)
         self.queries = TeamQueries(node, self.received, lambda: self.on_news())
-        self.diagnosis = Diagnosis(node.bus.options, lambda: self.on_news(), check_files)
+        self.diagnosis = Diagnosis(node.bus.options, lambda: self.on_news())
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
         """The viewer that drives a robot."""

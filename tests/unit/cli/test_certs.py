@@ -1,7 +1,6 @@
 """`zteam certs`: what a user makes, sees and takes back."""
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -85,29 +84,6 @@ def test_the_hosts_of_a_router(capsys: pytest.CaptureFixture[str]) -> None:
         assert refused(capsys, verb, "router", "robot_1", "--host", "b") == (
             "zteam certs: --host b: only the certificate router has hosts: name it alone"
         )
-
-
-def test_an_authority_of_an_older_zteam_is_named(capsys: pytest.CaptureFixture[str], place: Path) -> None:
-    """The list says which of its certificates pass as the router's, and a new authority ends it."""
-    certs(capsys, "init", "mine.toml")
-    index = json.loads((place / "certs" / "index.json").read_text())
-    for issued in index["certificates"].values():
-        del issued[0]["passes_as_router"]
-    (place / "certs" / "index.json").write_text(json.dumps(index))
-    certs(capsys, "renew", "robot_1")
-    for words in (["list"], ["init", "mine.toml"]):
-        last = certs(capsys, *words)[-1]
-        assert "pass as the router's" in last
-        assert "remove the folder certs, make a new authority with 'zteam certs init'" in last
-    rows = json.loads(certs(capsys, "list", "--json")[0])
-    posing = {(row["name"], row["serial"]) for row in rows if row["passes_as_router"]}
-    assert ("robot_1", 1) in posing
-    assert ("robot_1", 2) not in posing
-    shutil.rmtree(place / "certs")
-    certs(capsys, "init", "mine.toml")
-    rows = json.loads(certs(capsys, "list", "--json")[0])
-    assert [row["name"] for row in rows if row["passes_as_router"]] == ["router"]
-    assert "pass as the router's" not in certs(capsys, "list")[-1]
 
 
 def test_a_certificate_is_explained(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from support.certificates import Authority
 from zteam.bus import BusOptions
 from zteam.bus.options import RouterOptions
 from zteam.bus.router import Router
@@ -16,7 +15,6 @@ from zteam.monitor.doctor.examination import check_certificate, check_default_po
 from zteam.monitor.doctor.facts import note, ok, problem
 from zteam.team.security import certificates
 from zteam.team.security.access import Rights
-from zteam.team.security.certificates import check_authority
 
 FINDINGS = [
     ok("data", "data on 7 keys"),
@@ -79,19 +77,6 @@ def test_the_end_of_the_certificate_is_told(tmp_path: Path, monkeypatch: pytest.
         assert text in found.text
     (tmp_path / "operator.pem").write_text("nonsense")
     assert check_certificate(files).level == "problem"
-
-
-def test_certificates_that_pass_as_the_routers_are_a_problem(tmp_path: Path) -> None:
-    """On any machine of the team: the uses in the files say it, without the authority's index."""
-    signer = Authority(tmp_path)
-    files = signer.issue("operator")
-    signer.issue("router", server=True)
-    assert check_authority(files) == []
-    signer.issue("robot_1", server=True)
-    (found,) = check_authority(files)
-    assert found == problem("authority", found.text, found.next_step)
-    assert found.text.startswith("the certificates robot_1.1 pass as the router's")
-    assert "make a new authority with 'zteam certs init'" in found.next_step
 
 
 def test_the_router_at_the_default_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,6 @@
 """The doctor: what is wrong with a team, from its router on. `zteam doctor` prints it, and the view shows it."""
 
 import platform
-from collections.abc import Callable
 from contextlib import closing
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -83,18 +82,13 @@ def check_certificate(tls: TlsFiles) -> Finding:
     return (note if left > 0.0 else problem)("certificate", text, step)
 
 
-CheckFiles = Callable[[TlsFiles], list[Finding]]
-
-
-def examine(
-    options: BusOptions, map_file: tuple[str, MapInfo] | None = None, check_files: CheckFiles = lambda _files: []
-) -> list[Finding]:
+def examine(options: BusOptions, map_file: tuple[str, MapInfo] | None = None) -> list[Finding]:
     """Everything that is found. Raises ZteamError.
 
-    Also compares a map's file, by its name, with the running world. `check_files` looks at the team's certificates.
+    Also compares a map's file, by its name, with the running world.
     """
     router = check_router(options)
-    certificates = [] if options.tls is None else [check_certificate(options.tls), *check_files(options.tls)]
+    certificates = [] if options.tls is None else [check_certificate(options.tls)]
     findings = [check_versions(), *certificates, router, *check_default_port(options)]
     if not router.good:
         return [*findings, *check_elsewhere(Facts(routers=at_other_routers(options, "")))]

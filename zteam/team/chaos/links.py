@@ -1,7 +1,6 @@
 """The links of a team that was started with `--chaos`: each process has its own, which can be cut or made slow."""
 
-import threading
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
@@ -10,7 +9,21 @@ from zteam.bus import Bus, Change
 from zteam.bus.options import host_port
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
-from zteam.team.chaos.forwarder import Forwarder, Link, Wire
+
+if TYPE_CHECKING:
+    from zteam.team.chaos.forwarder import Link
+
+
+class Wire(msgspec.Struct, frozen=True):
+    """One direction of a link. The default is a good one."""
+
+    delay: float = 0.0
+    """Host seconds that each byte takes."""
+    rate: float | None = None
+    """Bytes a host second; None = as fast as they come. With a `delay` a direction holds 4 MiB at most, and without a
+    rate as much as 1 MiB a second: then its sender waits."""
+    stalled: bool = False
+    """Whether no byte passes. What waits passes when this ends."""
 
 
 class LinkRequest(Change):
@@ -37,9 +50,11 @@ class Links:
     """A link for each process of a team, through this process."""
 
     def __init__(self) -> None:
+        # It imports asyncio, and few teams have links of their own.
+        from zteam.team.chaos.forwarder import Forwarder
+
         self._forwarder = Forwarder()
         self._links: dict[str, Link] = {}
-        self._heals: dict[str, threading.Timer] = {}  # noqa: TID251
 
     def endpoint(self, name: str, router: str) -> str:
         """Where the process `name` connects, to reach the router at this endpoint. Raises UsageError."""
@@ -56,14 +71,7 @@ class Links:
         """Make both directions of a link so; with `seconds`, for so many of the host's. Raises BusError."""
         if name not in self._links:
             raise BusError(f"there is no link of {name!r}; there are those of {', '.join(self._links) or 'no process'}")
-        if (timer := self._heals.pop(name, None)) is not None:
-            timer.cancel()
-        self._links[name].change(wire, wire)
-        if seconds:
-            # Host time: the processes at both ends of a link live in it.
-            timer = self._heals[name] = threading.Timer(seconds, self._links[name].change)  # noqa: TID251
-            timer.daemon = True
-            timer.start()
+        self._links[name].change(wire, wire, seconds)
 
     def heal(self) -> None:
         """Make all links good ones."""
@@ -81,6 +89,4 @@ class Links:
 
     def close(self) -> None:
         """End all links, and with them the processes' connections."""
-        for timer in self._heals.values():
-            timer.cancel()
         self._forwarder.close()

@@ -9,8 +9,7 @@ from zteam.config.fault import Fault
 from zteam.errors import BusError
 from zteam.simulator.client import SimulatorClient
 from zteam.simulator.faults import is_simulated
-from zteam.team.chaos.forwarder import Wire
-from zteam.team.chaos.links import LinkReply, LinkRequest, no_link
+from zteam.team.chaos.links import LinkReply, LinkRequest, Wire, no_link
 from zteam.team.chaos.signals import SignalKind, SignalRequest, by_hand
 
 _MARGIN = 5.0

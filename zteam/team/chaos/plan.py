@@ -26,10 +26,6 @@ _DELAYS = 0.05, 1.6
 """Seconds of a random slow link."""
 
 
-class _Plan(msgspec.Struct, forbid_unknown_fields=True):
-    faults: list[Fault]
-
-
 def read_plan(path: Path) -> tuple[Fault, ...]:
     """The faults of a plan file, in the order of time. Raises ConfigError with a line for each mistake."""
     lines, tables = read_toml(path, "plan of faults")
@@ -42,12 +38,7 @@ def read_plan(path: Path) -> tuple[Fault, ...]:
         problems = [Problem(("faults",), "write a table [[faults]] with at, fault and name for each fault")]
     if problems:
         raise error_of(Mistake(KeyPlace(source, problem.path), problem.text) for problem in problems)
-    return in_order(msgspec.convert(tables, _Plan).faults)
-
-
-def in_order(faults: Sequence[Fault]) -> tuple[Fault, ...]:
-    """The faults in the order of their beginning."""
-    return tuple(sorted(faults, key=lambda fault: fault.at))
+    return tuple(sorted(msgspec.convert(entries, list[Fault]), key=lambda fault: fault.at))
 
 
 def check_names(faults: Sequence[Fault], known: Sequence[str], where: str) -> None:
@@ -106,11 +97,6 @@ def _entries(fault: Fault) -> dict[str, object]:
     return {key: value for key, value in told.items() if key not in unused and value is not None}
 
 
-def parse_seed(text: str) -> int:
-    """The seed of a random plan. Raises UsageError."""
-    return parse_whole(text, 0, MAX_SEED, "the seed of a plan")
-
-
 def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, lockstep: bool) -> tuple[Fault, ...]:
     """The plan that a user names: a file, or the seed of a random one of so many simulated seconds. Raises UsageError.
 
@@ -122,10 +108,11 @@ def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, l
         return plan
     if seconds is None:
         raise UsageError(f"a plan of seed {text} needs an end: say --for SECONDS")
+    seed = parse_whole(text, 0, MAX_SEED, "the seed of a plan")
     if lockstep:
         robots = [name for name in processes if names.robot_id_of(name) is not None]
-        return random_plan(parse_seed(text), seconds, robots, KINDS[1:])
-    return random_plan(parse_seed(text), seconds, [name for name in processes if not names.is_view(name)])
+        return random_plan(seed, seconds, robots, KINDS[1:])
+    return random_plan(seed, seconds, [name for name in processes if not names.is_view(name)])
 
 
 def describe(plan: Sequence[Fault]) -> str:

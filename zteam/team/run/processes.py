@@ -16,8 +16,7 @@ from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
-from zteam.team.chaos.forwarder import Wire
-from zteam.team.chaos.links import Links, no_link
+from zteam.team.chaos.links import Links, Wire, no_link
 from zteam.team.launch.plan import MEMBER, LaunchPlan
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor

@@ -9,10 +9,10 @@ import fcntl
 import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -23,7 +23,6 @@ from zteam.names import name_problem
 from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
 from zteam.team.security.signing import (
-    is_of_server,
     key_bytes,
     load_certificate,
     name_in,
@@ -37,8 +36,6 @@ from zteam.team.security.signing import (
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
     from cryptography.x509 import Certificate
-
-    from zteam.monitor.doctor.facts import Finding
 
 FOLDER = "certs"
 DAYS = 365
@@ -54,8 +51,6 @@ _MAX_NAME = 50
 
 CA, CA_KEY, ACCESS, INDEX = "ca.pem", "ca.key", "access.json5", "index.json"
 _LOOPBACK = ("localhost", "127.0.0.1")
-_SHOWN = 3
-"""Of many certificates, those that a line names."""
 
 State = Literal["valid", "expires_soon", "expired", "revoked"]
 
@@ -68,8 +63,6 @@ class Issued(msgspec.Struct):
     hosts: tuple[str, ...] = ()
     """Names and addresses of machines for which it stands, besides loopback. Only the router's has any."""
     revoked: bool = False
-    passes_as_router: bool = True
-    """Whether clients accept a router that has it. An older zteam issued only certificates that pass."""
 
     @property
     def state(self) -> State:
@@ -92,19 +85,6 @@ class Index(msgspec.Struct):
         """The newest certificate of this name."""
         found = self.certificates.get(name)
         return found[-1] if found else None
-
-
-class Identity(NamedTuple):
-    """What a certificate says of itself."""
-
-    common_name: str
-    expires: datetime
-    passes_as_router: bool
-
-    @property
-    def state(self) -> State:
-        """By the host's clock; whether it is revoked only the index knows."""
-        return state_until(self.expires)
 
 
 def now() -> datetime:
@@ -132,12 +112,6 @@ def files_of(folder: Path, name: str) -> TlsFiles:
     return TlsFiles(str(place / CA), str(place / f"{name}.pem"), str(place / f"{name}.key"))
 
 
-def read_identity(path: Path) -> Identity:
-    """What the certificate in a PEM file says. Raises ZteamError."""
-    certificate = load_certificate(path)
-    return Identity(name_in(certificate), certificate.not_valid_after_utc, is_of_server(certificate))
-
-
 def read_index(folder: Path) -> Index:
     """What a folder holds. Raises ZteamError if no authority is there."""
     if not (folder / CA).exists() and not (folder / INDEX).exists():
@@ -156,36 +130,6 @@ def _read_index(folder: Path) -> Index:
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         text = f"{path}: {error}: restore it, or make a new folder with 'zteam certs init --folder NEW'"
         raise ZteamError(text) from None
-
-
-def posing(folder: Path) -> list[str]:
-    """The common names of this authority's certificates, as far as they are known here, that are not the router's but
-    pass as it, and have not expired.
-
-    To revoke or renew one changes nothing: clients ask for a signature of the authority only.
-    """
-    index = _read_index(folder) if (folder / INDEX).exists() else Index()
-    found = {
-        f"{name}.{each.serial}": each.expires
-        for name, issued in index.certificates.items()
-        for each in issued
-        if each.passes_as_router
-    }
-    authority = load_certificate(folder / CA).subject if (folder / CA).exists() else None
-    for path in folder.glob("*.pem"):
-        with suppress(ZteamError):
-            # Those of other authorities may lie there, too.
-            own, issuer = read_identity(path), load_certificate(path).issuer
-            if own.passes_as_router and authority in (None, issuer):
-                found[own.common_name] = own.expires
-    return [name for name, expires in found.items() if name.rpartition(".")[0] != ROUTER and expires > now()]
-
-
-def posing_text(posing: Sequence[str], folder: Path) -> tuple[str, str]:
-    """That the certificates `posing` of a folder pass as the router's, and what to do."""
-    more = f" and {len(posing) - _SHOWN} more" if len(posing) > _SHOWN else ""
-    text = f"the certificates {', '.join(posing[:_SHOWN])}{more} pass as the router's: an older zteam issued them"
-    return text, _anew(folder)
 
 
 def _option(folder: Path) -> str:
@@ -230,9 +174,7 @@ class Authority:
         found = []
         for name in names:
             earlier = self.index.certificates.setdefault(name, [])
-            is_router = name == ROUTER
-            number = len(earlier) + 1
-            found.append(Issued(number, expires, tuple(hosts) if is_router else (), passes_as_router=is_router))
+            found.append(Issued(len(earlier) + 1, expires, tuple(hosts) if name == ROUTER else ()))
             earlier.append(found[-1])
         # Before the files: a certificate in the folder is one that the index knows.
         self._save_index()
@@ -263,7 +205,7 @@ class Authority:
         return (
             last is not None
             and _has_files(self.folder, name)
-            and read_identity(self.folder / f"{name}.pem").common_name == f"{name}.{last.serial}"
+            and name_in(load_certificate(self.folder / f"{name}.pem")) == f"{name}.{last.serial}"
         )
 
     def _check_name(self, name: str) -> None:
@@ -364,6 +306,9 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
     Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
     has no certificate that is valid.
     """
+    # Only a team with certificates pays for this import.
+    from zteam.monitor.doctor.examination import check_certificate
+
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]
@@ -385,40 +330,16 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
                     f"'zteam certs issue {revoked[0]}{_option(folder)}'"
                 )
             authority.issue([name for name in names if not authority.is_complete(name)])
-    found = posing(folder)
-    return [*_expiries(folder, names), *([": ".join(posing_text(found, folder))] if found else [])]
+    warnings = []
+    for name in names:
+        found = check_certificate(files_of(folder, name))
+        if found.level != "ok":
+            text = f"{found.text}: {found.next_step}"
+            if found.level == "problem":
+                raise ZteamError(text)
+            warnings.append(text)
+    return warnings
 
 
 def _has_files(folder: Path, name: str) -> bool:
     return all((folder / f"{name}.{ending}").exists() for ending in ("pem", "key"))
-
-
-def _expiries(folder: Path, names: Iterable[str]) -> Iterator[str]:
-    """A line for each certificate that expires soon. Raises ZteamError for one that has expired."""
-    for name in names:
-        found = read_identity(folder / f"{name}.pem")
-        if found.state != "valid":
-            text = expiry_text(found, folder)
-            if found.state == "expired":
-                raise ZteamError(text)
-            yield text
-
-
-def expiry_text(identity: Identity, folder: Path = Path(FOLDER)) -> str:
-    """When a certificate expires, or has expired, and what to do."""
-    word = "has expired" if identity.state == "expired" else "expires"
-    step = f"zteam certs renew {identity.common_name.rpartition('.')[0]}{_option(folder)}"
-    return f"the certificate {identity.common_name} {word} on {identity.expires:%Y-%m-%d %H:%M} UTC: '{step}'"
-
-
-def check_authority(tls: TlsFiles) -> "list[Finding]":
-    """A problem if certificates of the team's authority pass as the router's."""
-    # Only the doctor and the view pay for this import.
-    from zteam.monitor.doctor.facts import problem
-
-    folder = Path(tls.certificate).parent
-    try:
-        found = posing(folder)
-    except ZteamError as error:
-        return [problem("authority", str(error))]
-    return [problem("authority", *posing_text(found, folder))] if found else []

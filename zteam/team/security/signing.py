@@ -139,12 +139,3 @@ def name_in(certificate: "Certificate") -> str:
 
     found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(found[0].value) if found else ""
-
-
-def is_of_server(certificate: "Certificate") -> bool:
-    """Whether clients accept a server with it."""
-    from cryptography import x509
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
-    uses = [each.value for each in certificate.extensions if isinstance(each.value, x509.ExtendedKeyUsage)]
-    return any(ExtendedKeyUsageOID.SERVER_AUTH in each for each in uses)

@@ -9,8 +9,7 @@ import pytest
 from support.limits import LIMIT
 from zteam.bus.memory import MemoryHub
 from zteam.errors import BusError, UsageError
-from zteam.team.chaos.forwarder import Wire
-from zteam.team.chaos.links import LinkReply, LinkRequest, Links, no_link
+from zteam.team.chaos.links import LinkReply, LinkRequest, Links, Wire, no_link
 
 STALLED = Wire(stalled=True)
 
