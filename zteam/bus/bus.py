@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 
-from zteam.bus.held_declarations import Held, Holding
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.rights import RightCheck, Use
@@ -16,6 +15,8 @@ from zteam.bus.transport import (
     Closeable,
     Declaration,
     Handle,
+    Held,
+    Holding,
     RawPublisher,
     RawSample,
     SampleHandler,
@@ -50,26 +51,20 @@ class Publisher(Held[RawPublisher], Generic[M]):
         forget: Callable[[], object],
     ) -> None:
         """`declare()` opens it on the transport; `forget()` is called when it is closed."""
-        super().__init__(declare)
+
+        def open_raw() -> RawPublisher:
+            raw = declare()
+            if latched and self._kept is not None:
+                raw.put(self._kept)
+            return raw
+
+        super().__init__(open_raw)
         self._forget = forget
         self._key = key
         self._type = message_type
         self._latched = latched
-        self._kept: bytes | None = None
+        self._kept: bytes | M | None = None
         """The last message from before its opening."""
-        self.hand_over: Callable[[M], None] = self._hand_over
-        """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
-
-        In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
-        still narrowed, and arrays become read-only.
-        """
-
-    def _opened(self) -> RawPublisher:
-        raw = self._declare()
-        if self._latched and self._kept is not None:
-            raw.put(self._kept)
-        self.hand_over = raw.hand_over
-        return raw
 
     @property
     def has_subscribers(self) -> bool:
@@ -80,11 +75,6 @@ class Publisher(Held[RawPublisher], Generic[M]):
         raw = self._handle
         return self._latched and not self._closed if raw is None else raw.has_subscribers
 
-    def find_subscribers(self) -> bool:
-        """As `has_subscribers`, by a question: for those that must know of a subscriber in the moment it is known."""
-        raw = self._handle
-        return self.has_subscribers if raw is None else raw.find_subscribers()
-
     def put(self, message: M) -> None:
         """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent.
 
@@ -92,22 +82,25 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        raw = self._handle
-        self._keep(message) if raw is None else raw.put_message(message)
+        self._send(encode(message))
 
-    def _hand_over(self, message: M) -> None:
-        raw = self._handle
-        self._keep(message) if raw is None else raw.hand_over(message)
+    def hand_over(self, message: M) -> None:
+        """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
 
-    def _keep(self, message: M) -> None:
-        payload = encode(message)
-        with self._lock:
-            raw = self._handle
-            if raw is None:
-                self._kept = payload
-                return
-        # It has been opened meanwhile.
-        raw.put(payload)
+        In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
+        still narrowed, and arrays become read-only.
+        """
+        self._send(message)
+
+    def _send(self, content: bytes | M) -> None:
+        raw = self._handle
+        if raw is None:
+            with self._lock:
+                raw = self._handle
+                if raw is None:
+                    self._kept = content
+                    return
+        raw.put(content)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""

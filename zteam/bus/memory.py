@@ -1,7 +1,6 @@
 """A bus in the memory of one process: the same keys and behaviour as over Zenoh, for teams and unit tests.
 
-The receivers of a message share one, which they do not change: what its bytes say, or the sender's own if it hands that
-over. `put` returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred
+Receivers decode a message, or share the sender's own, which they do not change, if it hands that over. `put` returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred
 answer has a thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
@@ -27,11 +26,9 @@ from zteam.bus.transport import (
     call,
     check_use,
     matches,
-    size_problem,
 )
 from zteam.clock import monotonic, wait_until
-from zteam.errors import DecodeError
-from zteam.messages import Message, decode, encode
+from zteam.messages import Message
 from zteam.messages.cdr import adopt
 
 
@@ -222,7 +219,7 @@ class MemoryTransport:
 
 
 class MemoryPublisher:
-    """Puts payloads on one key of a hub."""
+    """Publishes on one key of a hub."""
 
     def __init__(
         self,
@@ -262,28 +259,10 @@ class MemoryPublisher:
     def has_subscribers(self) -> bool:
         return (self._latched or bool(self._receivers())) and not self._closed
 
-    def find_subscribers(self) -> bool:
-        return self.has_subscribers
-
-    def put(self, payload: bytes) -> None:
-        self._send(bytes(payload))
-
-    def put_message(self, message: Message) -> None:
-        payload = encode(message)
-        content: bytes | Message = payload
-        if not size_problem(payload):
-            try:
-                content = decode(type(message), payload)
-            except DecodeError:
-                # The receivers are to refuse it, each with its reason.
-                pass
-        self._send(content)
-
-    def hand_over(self, message: Message) -> None:
-        self._send(adopt(message))
-
-    def _send(self, content: bytes | Message) -> None:
+    def put(self, content: bytes | Message) -> None:
         hub = self._hub
+        if not isinstance(content, bytes):
+            content = adopt(content)
         if not self._latched:
             if not self._closed and (receivers := self._receivers()):
                 hub.deliver(receivers, self._sample(content))

@@ -65,7 +65,7 @@ class _Audience:
 
     def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
         self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = publisher.find_subscribers()
+        self._matching = publisher.has_subscribers
         self._known: list[str] | None = None
         """By name; None if they tell no name."""
 
@@ -81,7 +81,7 @@ class _Audience:
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        if self._publisher.find_subscribers() == self._matching:
+        if self._publisher.has_subscribers == self._matching:
             return
         self._matching = not self._matching
         graph = find_graph(self._bus)
@@ -92,7 +92,7 @@ class _Audience:
 
     def _find(self, graph: Graph) -> list[str] | None:
         found = graph.subscribers(self._key)
-        if found or not self._publisher.find_subscribers():
+        if found or not self._publisher.has_subscribers:
             return found
         # One that has come since then tells its name now.
         return find_graph(self._bus).subscribers(self._key) or None

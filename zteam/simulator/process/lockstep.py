@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Container
 
 from zteam import names
-from zteam.bus.held_declarations import Held
+from zteam.bus.transport import Held
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
