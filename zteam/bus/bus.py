@@ -82,7 +82,8 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        self._send(encode(message))
+        content, raw = encode(message), self._handle
+        self._keep(content) if raw is None else raw.put(content)
 
     def hand_over(self, message: M) -> None:
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
@@ -90,16 +91,16 @@ class Publisher(Held[RawPublisher], Generic[M]):
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
         still narrowed, and arrays become read-only.
         """
-        self._send(message)
-
-    def _send(self, content: bytes | M) -> None:
         raw = self._handle
-        if raw is None:
-            with self._lock:
-                raw = self._handle
-                if raw is None:
-                    self._kept = content
-                    return
+        self._keep(message) if raw is None else raw.put(message)
+
+    def _keep(self, content: bytes | M) -> None:
+        with self._lock:
+            raw = self._handle
+            if raw is None:
+                self._kept = content
+                return
+        # It has been opened meanwhile.
         raw.put(content)
 
     def close(self) -> None:
