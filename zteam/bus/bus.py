@@ -1,16 +1,19 @@
 """The typed bus: messages, queries and presence tokens over any transport."""
 
 import logging
+import os
+import socket
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 import msgspec
 
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.rights import RightCheck, Use
-from zteam.bus.sessions import RivalLog, SessionInfo, SessionRequest, own_session_info
 from zteam.bus.transport import (
     Closeable,
     Declaration,
@@ -23,6 +26,7 @@ from zteam.bus.transport import (
     Transport,
     check_use,
 )
+from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
@@ -35,8 +39,42 @@ M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 log = logging.getLogger("zteam.bus")
 
+MOST_SESSIONS = 16
+"""Sessions that are asked: a sender can invent them."""
+_RIVALS_PAUSE = 60.0
+"""Host seconds between two lines about others that publish on a key."""
+_Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
+
+
+class SessionRequest(msgspec.Struct):
+    """Asks a session which process it is, and tells it of others that publish on a key."""
+
+    key: _Text = ""
+    rivals: Annotated[list[_Text], msgspec.Meta(max_length=MOST_SESSIONS)] = []
+
+
+class SessionInfo(msgspec.Struct):
+    """Answer to `@session/<instance>/info`: which process this is, tools included, as it says."""
+
+    name: _Text
+    """That of the process on the bus, or the command of a tool."""
+    host: _Text
+    pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+    publishes: bool = False
+    """Whether it publishes on the key that it was asked for."""
+
+    def __str__(self) -> str:
+        return f"{self.name} (process {self.pid} on {self.host})"
+
+
+def _command() -> str:
+    """That of this process, such as `zteam teleop`."""
+    path = Path(sys.argv[0])
+    if path.name == "zteam" or path.parts[-2:] == ("zteam", "__main__.py"):
+        return " ".join(["zteam", *sys.argv[1:2]])
+    return "python" if path.name in ("", "-c") else path.name
 
 
 class Publisher(Held[RawPublisher], Generic[M]):
@@ -133,7 +171,8 @@ class Bus:
         """The open publishers and subscribers."""
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rival_log = RivalLog()
+        self._rivals_logged: dict[str, float] = {}
+        """By key: host time of the last line about others that publish on it."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
@@ -310,8 +349,12 @@ class Bus:
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
         if publishes and request.rivals:
-            self._rival_log.take(request.key, request.rivals)
-        return own_session_info(self.name, publishes=publishes)
+            now = monotonic()
+            # Any program may ask.
+            if now - self._rivals_logged.get(request.key, -_RIVALS_PAUSE) >= _RIVALS_PAUSE:
+                self._rivals_logged[request.key] = now
+                log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
+        return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:
         found, rights = list(self._declared.values()), self._rights

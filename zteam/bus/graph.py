@@ -10,9 +10,8 @@ from itertools import chain
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus
+from zteam.bus.bus import MOST_SESSIONS, Bus, SessionInfo, SessionRequest
 from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
-from zteam.bus.sessions import MOST_SESSIONS, SessionInfo, SessionRequest
 from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.clock import monotonic, pause
 from zteam.messages import Message, type_of_encoding

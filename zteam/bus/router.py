@@ -18,6 +18,7 @@ from zteam.bus.options import (
     LEASE,
     RELEASE,
     BusOptions,
+    Owner,
     RouterOptions,
     host_port,
     open_session,
@@ -25,12 +26,11 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.owner import Owner
 from zteam.bus.queries import decode_json
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, DecodeError, UsageError
-from zteam.names import all_tokens_key, is_of_team, split_namespaced_token_key
+from zteam.names import all_tokens_key, declarations_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
 
@@ -164,8 +164,6 @@ class Router:
         self._options = msgspec.structs.replace(options, listen=listen)
         """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
-        self._made = [folder for folder in self._note.parents if not folder.exists()]
-        """Folders that are removed with the note, the innermost first."""
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
@@ -321,8 +319,6 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
-            for folder in self._made:
-                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]
@@ -336,6 +332,27 @@ def _version_of(config: str | None) -> tuple[int, ...]:
         # It is about to be replaced, or router_config says why it cannot be read.
         found = None
     return (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found is not None else ()
+
+
+def find_strangers(options: BusOptions) -> list[str]:
+    """The sessions at the router that are none of zteam's, each by its id and addresses; empty where it reports none.
+
+    Every session of zteam answers for its declarations, in whatever namespace it is.
+    """
+    session = try_open(msgspec.structs.replace(options, namespace=None))
+    if session is None:
+        return []
+    known, asked = {str(session.zid())}, declarations_key("*")
+    with session:
+        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        for key in (asked, f"*/{asked}"):
+            replies = session.get(key, timeout=1.0)
+            known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
+    return [
+        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
+        for each in (record.sessions if record else [])
+        if each.peer not in known and each.whatami != "router"
+    ]
 
 
 def detach() -> None:
