@@ -71,8 +71,8 @@ class Counters:
         self._last: dict[str, _Drop] = {}
 
     def of(self, key: str) -> KeyCount:
-        """The key's count, which a receiver of good messages adds to without the lock: that would take most of the time,
-        and an addition is not interrupted by other threads."""
+        """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
+        not interrupt an addition."""
         with self._lock:
             return self._count(key)
 
