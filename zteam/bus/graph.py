@@ -40,17 +40,13 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
 
 def find_tokens(bus: Bus, key_expr: str) -> set[tuple[str, str, str]]:
     """(namespace, name, session) of each presence token."""
-    alive = set[tuple[str, str, str]]()
-
-    def take(key: str, is_alive: bool) -> None:
-        if token := names.split_namespaced_token_key(key):
-            (alive.add if is_alive else alive.discard)(token)
-
-    watches = bus.watch_tokens([key_expr], take)
+    alive = dict[str, bool]()
+    watches = bus.watch_tokens([key_expr], alive.__setitem__)
     pause(_SETTLE)
     for watch in watches:
         watch.close()
-    return set(alive)
+    tokens = (names.split_namespaced_token_key(key) for key, is_alive in list(alive.items()) if is_alive)
+    return {token for token in tokens if token is not None}
 
 
 class Graph:

@@ -1,8 +1,8 @@
 """A bus in the memory of one process: the same keys and behaviour as over Zenoh, for teams and unit tests.
 
 Receivers decode a message, or share the sender's own, which they do not change, if it hands that over. `put` returns
-when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer has a thread of
-its own, as over Zenoh). Sessions share a `MemoryHub`.
+when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer has a thread
+of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
 import itertools

@@ -175,11 +175,10 @@ class Receiver:
                 count = self._counters.of(key)
                 if len(known) < MAX_KEYS:
                     known[key] = count
-            message = sample.content
-            if type(message) is not message_type:
-                message = self._read(sample, message_type)
-                if message is None:
-                    return
+            content = sample.content
+            message = content if type(content) is message_type else self._read(sample, message_type)
+            if message is None:
+                return
             count.received += 1
             if latched and (key in newest or len(newest) < MAX_KEYS):
                 newest[key] = sample.sent(monotonic()), sample.source
