@@ -131,20 +131,17 @@ class BusOptions(msgspec.Struct, frozen=True):
     def from_environment(cls) -> "BusOptions":
         """What the environment says; every command's options have these as their defaults. Raises UsageError."""
 
-        def given(name: str) -> str | None:
-            return os.environ.get(f"ZTEAM_{name}") or None
-
+        connect, namespace, config, patience = (
+            os.environ.get(f"ZTEAM_{name}") or None for name in ("CONNECT", "NAMESPACE", "CONFIG", "PATIENCE")
+        )
+        lease = _seconds_from("ZTEAM_LEASE", *LEASE_BOUNDS)
         try:
-            lease = parse_number(given("LEASE") or str(LEASE), *LEASE_BOUNDS, "seconds")
-        except UsageError as error:
-            raise UsageError(f"ZTEAM_LEASE {error}") from None
-        try:
-            factor_from(given("PATIENCE") or "")
+            factor_from(patience or "")
         except ValueError:
-            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {given('PATIENCE')!r}") from None
+            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {patience!r}") from None
         tls = TlsFiles.from_environment()
         give_up = give_up_from_environment()
-        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease, tls=tls, give_up=give_up)
+        return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
     def endpoint(self) -> str:
@@ -199,11 +196,15 @@ class Owner(msgspec.Struct, frozen=True):
 
 def give_up_from_environment() -> float | None:
     """What ZTEAM_GIVE_UP says. Raises UsageError."""
-    text = os.environ.get("ZTEAM_GIVE_UP")
+    return _seconds_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS)
+
+
+def _seconds_from(variable: str, least: float, most: float) -> float | None:
+    text = os.environ.get(variable)
     try:
-        return parse_number(text, *GIVE_UP_BOUNDS, "seconds") if text else None
+        return parse_number(text, least, most, "seconds") if text else None
     except UsageError as error:
-        raise UsageError(f"ZTEAM_GIVE_UP {error}") from None
+        raise UsageError(f"{variable} {error}") from None
 
 
 def default_endpoint(tls: TlsFiles | None) -> str:

@@ -240,7 +240,7 @@ class Router:
             self._changed.notify_all()
 
     def _on_release(self, query: zenoh.Query) -> None:
-        # Answered by `run`: a look at the tokens would wait for this very thread of Zenoh.
+        # `run` answers: a look at the tokens would wait for this very thread of Zenoh.
         with self._changed:
             self._questions.append(query)
             self._changed.notify_all()
@@ -248,15 +248,15 @@ class Router:
     def _answer(self, query: zenoh.Query) -> None:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
-        try:
-            request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
-        except DecodeError as error:
-            log.debug("question for the port: %s", error)
-            request = None
         with query:
-            promised = None if request is None else self._promise(request)
+            promised = None
+            try:
+                request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
+                promised = self._promise(request)
+            except DecodeError as error:
+                log.debug("question for the port: %s", error)
             query.reply(RELEASE, msgspec.json.encode(promised))
-        if request is not None and promised is not None:
+        if promised is not None:
             with self._changed:
                 self._heirs.add(request.session)
 
