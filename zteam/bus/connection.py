@@ -155,7 +155,7 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
 
     callback: Any = zenoh.handlers.Callback(answer, indirect=False)
     with other, session.declare_queryable(key, callback):
-        if not any(read_record(other, str(zid)) for zid in other.info.routers_zid()):
+        if read_record(other) is None:
             return False
         deadline = monotonic() + _RIGHTS_WITHIN
         while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=_LINK_TIMEOUT)):

@@ -106,13 +106,16 @@ class RouterRecord(msgspec.Struct):
     sessions: list[RouterSession] = msgspec.field(default_factory=list)
 
 
-def read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
-    for reply in session.get(f"@/{router}/router", timeout=1.0):
-        if reply.ok is not None:
-            try:
-                return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
-            except DecodeError as error:
-                log.debug("admin space: %s", error)
+def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None:
+    """The record of a router, by default of the one that the session is connected to."""
+    # By its id: routers that are linked to it would answer too.
+    for zid in [router] if router else session.info.routers_zid():
+        for reply in session.get(f"@/{zid}/router", timeout=1.0):
+            if reply.ok is not None:
+                try:
+                    return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
+                except DecodeError as error:
+                    log.debug("admin space: %s", error)
     return None
 
 
@@ -125,8 +128,7 @@ def read_admin(options: BusOptions) -> RouterRecord | None:
     if session is None:
         return None
     with session:
-        # Routers that are linked to it would answer too.
-        return next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        return read_record(session)
 
 
 def _find_endpoint(listen: str, locators: Sequence[str]) -> str:
@@ -344,7 +346,7 @@ def find_strangers(options: BusOptions) -> list[str]:
         return []
     known, asked = {str(session.zid())}, declarations_key("*")
     with session:
-        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        record = read_record(session)
         for key in (asked, f"*/{asked}"):
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
@@ -409,7 +411,7 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
     """The sessions of the other clients of the router if it promises its port, else None."""
     end = monotonic() + _ANSWER_WITHIN
     while monotonic() < end:
-        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        record = read_record(session)
         if record is None and not session.info.routers_zid():
             # It has just ended.
             return []
