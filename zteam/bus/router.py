@@ -26,10 +26,9 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.queries import decode_json
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
-from zteam.errors import BusError, DecodeError, UsageError
+from zteam.errors import BusError, UsageError
 from zteam.names import all_tokens_key, declarations_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
@@ -51,6 +50,10 @@ _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
 """Before a router that was closed for new settings gives up."""
+
+
+_UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
+"""What JSON of others may raise. `queries.decode_json` would import numpy, without which a router starts twice as fast."""
 
 
 class RouterMetadata(msgspec.Struct):
@@ -112,10 +115,8 @@ def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None
     for zid in [router] if router else session.info.routers_zid():
         for reply in session.get(f"@/{zid}/router", timeout=1.0):
             if reply.ok is not None:
-                try:
-                    return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
-                except DecodeError as error:
-                    log.debug("admin space: %s", error)
+                with suppress(*_UNREADABLE):
+                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=RouterRecord)
     return None
 
 
@@ -252,11 +253,9 @@ class Router:
         follow."""
         with query:
             promised = None
-            try:
-                request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
+            with suppress(*_UNREADABLE):
+                request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
                 promised = self._promise(request)
-            except DecodeError as error:
-                log.debug("question for the port: %s", error)
             query.reply(RELEASE, msgspec.json.encode(promised))
         if promised is not None:
             with self._changed:
@@ -418,7 +417,7 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
         if record is None or record.metadata is None or not record.metadata.on_demand:
             return None
         for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
-            with suppress(msgspec.DecodeError, UnicodeDecodeError):
+            with suppress(*_UNREADABLE):
                 if reply.ok is not None:
                     return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
         pause(_ASK_AGAIN)
