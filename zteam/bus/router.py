@@ -53,7 +53,7 @@ _OPEN_TRIES = 20
 
 
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
-"""What JSON of others may raise. `queries.decode_json` would import numpy, without which a router starts twice as fast."""
+"""What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
 
 
 class RouterMetadata(msgspec.Struct):
