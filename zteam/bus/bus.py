@@ -1,27 +1,32 @@
 """The typed bus: messages, queries and presence tokens over any transport."""
 
 import logging
+import os
+import socket
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 import msgspec
 
-from zteam.bus.held_declarations import Held, Holding
 from zteam.bus.queries import Change, NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.rights import RightCheck, Use
-from zteam.bus.sessions import RivalLog, SessionInfo, SessionRequest, own_session_info
 from zteam.bus.transport import (
     Closeable,
     Declaration,
     Handle,
+    Held,
+    Holding,
     RawPublisher,
     RawSample,
     SampleHandler,
     Transport,
     check_use,
 )
+from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.messages.message import check_message_type
@@ -34,8 +39,42 @@ M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 log = logging.getLogger("zteam.bus")
 
+MOST_SESSIONS = 16
+"""Sessions that are asked: a sender can invent them."""
+_RIVALS_PAUSE = 60.0
+"""Host seconds between two lines about others that publish on a key."""
+_Text = Annotated[str, msgspec.Meta(max_length=255)]
 _DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
+
+
+class SessionRequest(msgspec.Struct):
+    """Asks a session which process it is, and tells it of others that publish on a key."""
+
+    key: _Text = ""
+    rivals: Annotated[list[_Text], msgspec.Meta(max_length=MOST_SESSIONS)] = []
+
+
+class SessionInfo(msgspec.Struct):
+    """Answer to `@session/<instance>/info`: which process this is, tools included, as it says."""
+
+    name: _Text
+    """That of the process on the bus, or the command of a tool."""
+    host: _Text
+    pid: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+    publishes: bool = False
+    """Whether it publishes on the key that it was asked for."""
+
+    def __str__(self) -> str:
+        return f"{self.name} (process {self.pid} on {self.host})"
+
+
+def _command() -> str:
+    """That of this process, such as `zteam teleop`."""
+    path = Path(sys.argv[0])
+    if path.name == "zteam" or path.parts[-2:] == ("zteam", "__main__.py"):
+        return " ".join(["zteam", *sys.argv[1:2]])
+    return "python" if path.name in ("", "-c") else path.name
 
 
 class Publisher(Held[RawPublisher], Generic[M]):
@@ -50,26 +89,20 @@ class Publisher(Held[RawPublisher], Generic[M]):
         forget: Callable[[], object],
     ) -> None:
         """`declare()` opens it on the transport; `forget()` is called when it is closed."""
-        super().__init__(declare)
+
+        def open_raw() -> RawPublisher:
+            raw = declare()
+            if latched and self._kept is not None:
+                raw.put(self._kept)
+            return raw
+
+        super().__init__(open_raw)
         self._forget = forget
         self._key = key
         self._type = message_type
         self._latched = latched
-        self._kept: bytes | None = None
+        self._kept: bytes | M | None = None
         """The last message from before its opening."""
-        self.hand_over: Callable[[M], None] = self._hand_over
-        """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
-
-        In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
-        still narrowed, and arrays become read-only.
-        """
-
-    def _opened(self) -> RawPublisher:
-        raw = self._declare()
-        if self._latched and self._kept is not None:
-            raw.put(self._kept)
-        self.hand_over = raw.hand_over
-        return raw
 
     @property
     def has_subscribers(self) -> bool:
@@ -80,11 +113,6 @@ class Publisher(Held[RawPublisher], Generic[M]):
         raw = self._handle
         return self._latched and not self._closed if raw is None else raw.has_subscribers
 
-    def find_subscribers(self) -> bool:
-        """As `has_subscribers`, by a question: for those that must know of a subscriber in the moment it is known."""
-        raw = self._handle
-        return self.has_subscribers if raw is None else raw.find_subscribers()
-
     def put(self, message: M) -> None:
         """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent.
 
@@ -92,22 +120,26 @@ class Publisher(Held[RawPublisher], Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        raw = self._handle
-        self._keep(message) if raw is None else raw.put_message(message)
+        content, raw = encode(message), self._handle
+        self._keep(content) if raw is None else raw.put(content)
 
-    def _hand_over(self, message: M) -> None:
-        raw = self._handle
-        self._keep(message) if raw is None else raw.hand_over(message)
+    def hand_over(self, message: M) -> None:
+        """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
 
-    def _keep(self, message: M) -> None:
-        payload = encode(message)
+        In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
+        still narrowed, and arrays become read-only.
+        """
+        raw = self._handle
+        self._keep(message) if raw is None else raw.put(message)
+
+    def _keep(self, content: bytes | M) -> None:
         with self._lock:
             raw = self._handle
             if raw is None:
-                self._kept = payload
+                self._kept = content
                 return
         # It has been opened meanwhile.
-        raw.put(payload)
+        raw.put(content)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""
@@ -139,7 +171,8 @@ class Bus:
         """The open publishers and subscribers."""
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
-        self._rival_log = RivalLog()
+        self._rivals_logged: dict[str, float] = {}
+        """By key: host time of the last line about others that publish on it."""
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._own_declarations(), at_once=True)
         self.serve(session_info_key(self.instance), SessionRequest, self._tell_process, at_once=True)
         if rights is not None:
@@ -316,8 +349,12 @@ class Bus:
     def _tell_process(self, request: SessionRequest) -> SessionInfo:
         publishes = any(each.key == request.key and each.publishes for each in list(self._declared.values()))
         if publishes and request.rivals:
-            self._rival_log.take(request.key, request.rivals)
-        return own_session_info(self.name, publishes=publishes)
+            now = monotonic()
+            # Any program may ask.
+            if now - self._rivals_logged.get(request.key, -_RIVALS_PAUSE) >= _RIVALS_PAUSE:
+                self._rivals_logged[request.key] = now
+                log.warning("%s is also published by %s: end all but one", request.key, ", ".join(request.rivals))
+        return SessionInfo((self.name or _command())[:255], socket.gethostname()[:255], os.getpid(), publishes)
 
     def _own_declarations(self) -> list[Declaration]:
         found, rights = list(self._declared.values()), self._rights

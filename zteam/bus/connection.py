@@ -4,7 +4,6 @@ While it is open, a session's link is watched: whether it carries both ways afte
 on demand must be started again.
 """
 
-import atexit
 import logging
 import math
 import random
@@ -71,8 +70,6 @@ _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
-
-
 _MAX_ENDPOINT = 1024
 """Characters of an endpoint on standard input."""
 
@@ -105,15 +102,15 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     else:
         session = _open_patiently(options, options.give_up if patience is None else patience, stopping)
     transport = ZenohTransport(session)
-    transport.watch_link(LinkCheck(session, options).on_link)
+    LinkCheck(transport, session, options)
     if options.tls is not None:
-        _say_why_link_stays_away(transport, options)
+        _on_loss(transport, partial(_say_why_link_stays_away, options))
         transport.limit_silence(options.lease)
         rights = RightCheck(transport, options)
         transport.before_close(rights.close)
         return Bus(transport, rights, options)
     if options.connect is None:
-        _keep_router_alive(transport, options)
+        _on_loss(transport, partial(_keep_router_alive, options))
     return Bus(transport, options=options)
 
 
@@ -125,7 +122,11 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
             return session
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
-        _check_own_files(options)
+        if options.tls is not None:
+            from zteam.bus.tls import own_fault
+
+            if fault := own_fault(options.tls):
+                raise BusError(fault)
         waited = monotonic() - start
         if patience is not None and waited > patience:
             raise BusError(_no_router(options))
@@ -154,7 +155,7 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
 
     callback: Any = zenoh.handlers.Callback(answer, indirect=False)
     with other, session.declare_queryable(key, callback):
-        if not any(read_record(other, str(zid)) for zid in other.info.routers_zid()):
+        if read_record(other) is None:
             return False
         deadline = monotonic() + _RIGHTS_WITHIN
         while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=_LINK_TIMEOUT)):
@@ -162,15 +163,6 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
                 return False
             pause(_RIGHTS_AGAIN)
     return True
-
-
-def _check_own_files(options: BusOptions) -> None:
-    """Raise BusError if no router would take the process's own certificate."""
-    if options.tls is not None:
-        from zteam.bus.tls import own_fault
-
-        if fault := own_fault(options.tls):
-            raise BusError(fault)
 
 
 def _no_router(options: BusOptions) -> str:
@@ -210,58 +202,46 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
     )
 
 
-def _say_why_link_stays_away(transport: ZenohTransport, options: BusOptions) -> None:
-    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
-    ever."""
+def _on_loss(transport: ZenohTransport, watch: Callable[[Callable[[], bool]], None]) -> None:
+    """Call `watch(is_away)` on a thread of its own after each loss of the link: `is_away()` until that is back."""
     changes = 0
 
     def on_link(up: bool) -> None:
         nonlocal changes
         changes += 1
-        if not up:
-            threading.Thread(target=watch, args=(changes,), name="link lost", daemon=True).start()
+        loss = changes
 
-    def watch(change: int) -> None:
-        reasons = Reasons(options, _LINK_PATIENCE)
-        while changes == change and not transport.closed:
-            if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
-                log.error("no link to the router: %s", why)
-            pause(_LINK_LOOK)
+        def is_away() -> bool:
+            return changes == loss and not transport.closed
+
+        if not up:
+            threading.Thread(target=watch, args=[is_away], name="link lost", daemon=True).start()
 
     transport.watch_link(on_link)
 
 
-def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
+def _say_why_link_stays_away(options: BusOptions, is_away: Callable[[], bool]) -> None:
+    """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
+    ever."""
+    reasons = Reasons(options, _LINK_PATIENCE)
+    while is_away():
+        if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
+            log.error("no link to the router: %s", why)
+        pause(_LINK_LOOK)
+
+
+def _keep_router_alive(options: BusOptions, is_away: Callable[[], bool]) -> None:
     """Start a router on demand again when it dies; Zenoh reconnects by itself."""
-
-    losses = 0
-
-    def on_link(up: bool) -> None:
-        nonlocal losses
-        if not up:
-            losses += 1
-            # Spread out, so that few routers compete for the port.
-            revive_in(random.uniform(0.0, 0.2), losses)
-
-    def revive_in(seconds: float, loss: int) -> None:
-        # Not in the callback: it holds a Zenoh thread. Host time: a restart must not block Zenoh's thread.
-        timer = threading.Timer(seconds, revive, (loss,))  # noqa: TID251
-        timer.daemon = True
-        timer.start()
-
-    def revive(loss: int) -> None:
-        if transport.up or transport.closed or loss != losses:
-            return
+    # Spread out, so that few routers compete for the port.
+    pause(random.uniform(0.0, 0.2))
+    while is_away():
         # A router that is there may end before Zenoh has connected to it.
-        revive_in(_REVIVE_PERIOD, loss)
-        if port_accepts(options.endpoint):
-            return
-        try:
-            spawn_router(options.endpoint, options.lease)
-        except BusError as error:
-            log.error("%s", error)
-
-    transport.watch_link(on_link)
+        if not port_accepts(options.endpoint):
+            try:
+                spawn_router(options.endpoint, options.lease)
+            except BusError as error:
+                log.error("%s", error)
+        pause(_REVIVE_PERIOD)
 
 
 class LinkCheck:
@@ -272,12 +252,20 @@ class LinkCheck:
     query, for ever (1 of 20 floods of 150 MB to one session). A link that ends once more comes back whole.
     """
 
-    def __init__(self, session: zenoh.Session, options: BusOptions) -> None:
+    def __init__(self, transport: ZenohTransport, session: zenoh.Session, options: BusOptions) -> None:
+        self._transport = transport
         self._session = session
         self._options = options
-        self._key = declarations_key(str(session.zid()))
         self._changes = 0
         self._cuts = 0
+        self._in_zenoh = threading.Lock()
+        transport.before_close(self._wait)
+        transport.watch_link(self.on_link)
+
+    def _wait(self) -> None:
+        # The interpreter ends a thread where it comes back from a call. If that is one of Zenoh, the process aborts.
+        if self._in_zenoh.acquire(timeout=_LAST_QUESTION):
+            self._in_zenoh.release()
 
     def on_link(self, up: bool) -> None:
         """The link was lost or is back: ask on a thread of its own."""
@@ -286,46 +274,38 @@ class LinkCheck:
             threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
 
     def _run(self, change: int) -> None:
-        # The interpreter ends this thread where it comes back from a call. If that is one of Zenoh, the process aborts.
-        in_zenoh = threading.Lock()
-        end = partial(in_zenoh.acquire, timeout=_LAST_QUESTION)
-        atexit.register(end)
         failed = 0
-        try:
-            for _ in range(_LINK_QUESTIONS):
-                with in_zenoh:
-                    links, reached = links_of(self._session), self._is_reached()
-                    is_over = self._changes != change or self._session.is_closed()
-                    failed = failed + 1 if reached is False else 0
-                    if failed == _LINK_FAILURES and not is_over:
-                        self._mend(links)
-                if is_over or failed == _LINK_FAILURES:
+        for _ in range(_LINK_QUESTIONS):
+            with self._in_zenoh:
+                if self._transport.closed:
                     return
-                pause(_LINK_PERIOD)
-            self._cuts = 0
-        finally:
-            atexit.unregister(end)
+                links, reached = links_of(self._session), self._is_reached()
+                if self._changes != change or self._transport.closed:
+                    return
+                failed = failed + 1 if reached is False else 0
+                if failed == _LINK_FAILURES:
+                    self._mend(links)
+                    return
+            pause(_LINK_PERIOD)
+        self._cuts = 0
+
+    def _is_reached(self) -> bool | None:
+        """Whether the session answers another one; None if that finds no router."""
+        key = declarations_key(self._transport.instance)
+        try:
+            with open_session(client_config(self._options), "usual") as other:
+                return any(reply.ok is not None for reply in other.get(key, timeout=_LINK_TIMEOUT))
+        except zenoh.ZError as error:
+            log.debug("link: %s", error)
+            return None
 
     def _mend(self, links: set[Ends]) -> None:
         if self._options.tls is not None and read_admin(self._options) is None:
             # No further link would carry more.
             log.error("%s", ": ".join(why_refused(self._options)))
-        else:
-            self._replace(links)
-
-    def _is_reached(self) -> bool | None:
-        """Whether the session answers another one; None if that finds no router."""
-        try:
-            with open_session(client_config(self._options), "usual") as other:
-                return any(reply.ok is not None for reply in other.get(self._key, timeout=_LINK_TIMEOUT))
-        except zenoh.ZError as error:
-            log.debug("link: %s", error)
-            return None
-
-    def _replace(self, links: set[Ends]) -> None:
-        if self._cuts == _LINK_CUTS:
+        elif self._cuts == _LINK_CUTS:
             log.error("no query reaches this process after %d new links: start it again", _LINK_CUTS)
-            return
-        self._cuts += 1
-        log.warning("no query reaches this process on the link that came back: opening another link")
-        cut(links)
+        else:
+            self._cuts += 1
+            log.warning("no query reaches this process on the link that came back: opening another link")
+            cut(links)

@@ -10,9 +10,8 @@ from itertools import chain
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus
+from zteam.bus.bus import MOST_SESSIONS, Bus, SessionInfo, SessionRequest
 from zteam.bus.presence import ProcessInfo, find_processes, holder_text, names_of_sessions
-from zteam.bus.sessions import MOST_SESSIONS, SessionInfo, SessionRequest
 from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.clock import monotonic, pause
 from zteam.messages import Message, type_of_encoding
@@ -41,17 +40,13 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
 
 def find_tokens(bus: Bus, key_expr: str) -> set[tuple[str, str, str]]:
     """(namespace, name, session) of each presence token."""
-    alive = set[tuple[str, str, str]]()
-
-    def take(key: str, is_alive: bool) -> None:
-        if token := names.split_namespaced_token_key(key):
-            (alive.add if is_alive else alive.discard)(token)
-
-    watches = bus.watch_tokens([key_expr], take)
+    alive = dict[str, bool]()
+    watches = bus.watch_tokens([key_expr], alive.__setitem__)
     pause(_SETTLE)
     for watch in watches:
         watch.close()
-    return set(alive)
+    tokens = (names.split_namespaced_token_key(key) for key, is_alive in list(alive.items()) if is_alive)
+    return {token for token in tokens if token is not None}
 
 
 class Graph:

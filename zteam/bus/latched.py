@@ -12,8 +12,7 @@ from functools import partial
 
 import msgspec
 
-from zteam.bus.held_declarations import Held
-from zteam.bus.transport import Closeable, Handle, RawSample, SampleHandler
+from zteam.bus.transport import Closeable, Handle, Held, RawSample, SampleHandler
 from zteam.clock import NOT_KNOWN, Sent, monotonic
 from zteam.names import split_latched_token
 

@@ -1,11 +1,12 @@
 """A bus in the memory of one process: the same keys and behaviour as over Zenoh, for teams and unit tests.
 
-The receivers of a message share one, which they do not change: what its bytes say, or the sender's own if it hands that
-over. `put` returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred
-answer has a thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
+Receivers decode a message, or share the sender's own, which they do not change, if it hands that over. `put` returns
+when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer has a thread
+of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
 import itertools
+import queue
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -27,11 +28,9 @@ from zteam.bus.transport import (
     call,
     check_use,
     matches,
-    size_problem,
 )
-from zteam.clock import monotonic, wait_until
-from zteam.errors import DecodeError
-from zteam.messages import Message, decode, encode
+from zteam.clock import monotonic
+from zteam.messages import Message
 from zteam.messages.cdr import adopt
 
 
@@ -94,13 +93,9 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def change_subscriber(self, number: int, subscriber: _Subscriber | None) -> None:
-        """Add a subscriber, or remove it."""
+    def remove_subscriber(self, number: int) -> None:
         with self.lock:
-            if subscriber is None:
-                self.subscribers.pop(number)
-            else:
-                self.subscribers[number] = subscriber
+            del self.subscribers[number]
             self.version += 1
 
     def change_token(self, key: str, by: int) -> None:
@@ -142,7 +137,8 @@ class MemoryTransport:
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
         check_use("publish on", key, self._closed)
-        publisher = MemoryPublisher(self._hub, self.instance, key, encoding, latched, to_others, source, self._forget)
+        passed_over, source = self.instance if to_others else "", source or self.instance
+        publisher = MemoryPublisher(self._hub, key, encoding, latched, passed_over, source, self._forget)
         self._open[publisher] = None
         return publisher
 
@@ -152,11 +148,12 @@ class MemoryTransport:
         check_use("subscribe to", key_expr, self._closed)
         hub, number, receiver = self._hub, self._hub.new_id(), HubReceiver(self._owner, handler)
         with hub.lock:
-            hub.change_subscriber(number, _Subscriber(self.instance, key_expr, receiver))
+            hub.subscribers[number] = _Subscriber(self.instance, key_expr, receiver)
+            hub.version += 1
             history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in sorted(history, key=lambda each: each.timestamp):
             hub.deliver([receiver], sample)
-        return self._keep(lambda: hub.change_subscriber(number, None))
+        return self._keep(lambda: hub.remove_subscriber(number))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         check_use("serve", key, self._closed)
@@ -167,27 +164,23 @@ class MemoryTransport:
     def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         check_use("ask", key_expr, self._closed)
         end = monotonic() + timeout
-        replies: list[Reply] = []
-        changed = threading.Condition()
-
-        def take(reply: Reply) -> None:
-            with changed:
-                replies.append(reply)
-                changed.notify_all()
-
+        come: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         passed_over = self.instance if to_others else None
         served = list(self._hub.queryables.values())
         asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
         for queryable in asked:
             answer = make_answer(queryable.key, partial(queryable.handler, key_expr, payload))
             if isinstance(answer, Reply):
-                take(answer)
+                come.put(answer)
             else:
-                queryable.deferred.start(queryable.key, answer, take)
-        with changed:
-            if not wait_until(changed, lambda: len(replies) == len(asked), max(0.0, end - monotonic())):
+                queryable.deferred.start(queryable.key, answer, come.put)
+        replies: list[Reply] = []
+        for _ in asked:
+            try:
+                replies.append(come.get(timeout=max(0.0, end - monotonic())))
+            except queue.Empty:
                 return [*replies, TIMED_OUT]
-            return replies
+        return replies
 
     def declare_token(self, key: str) -> Closeable:
         check_use("declare the token", key, self._closed)
@@ -222,28 +215,28 @@ class MemoryTransport:
 
 
 class MemoryPublisher:
-    """Puts payloads on one key of a hub."""
+    """Publishes on one key of a hub."""
 
     def __init__(
         self,
         hub: MemoryHub,
-        session: str,
         key: str,
         encoding: str,
         latched: bool,
-        to_others: bool,
+        passed_over: str,
         source: str,
         forget: Callable[["MemoryPublisher"], object],
     ) -> None:
-        """`source` is the session id that its samples carry, if it is not `session`. `forget` is called at its end."""
+        """The session `passed_over` gets nothing. `source` is the session id that its samples carry. `forget` is called
+        at its end."""
         self._hub = hub
         self._forget = forget
         self._number = hub.new_id()
-        self._source = source or session
+        self._source = source
         self._key = key
         self._encoding = encoding
         self._latched = latched
-        self._passed_over = session if to_others else None
+        self._passed_over = passed_over
         self._closed = False
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""
@@ -262,28 +255,10 @@ class MemoryPublisher:
     def has_subscribers(self) -> bool:
         return (self._latched or bool(self._receivers())) and not self._closed
 
-    def find_subscribers(self) -> bool:
-        return self.has_subscribers
-
-    def put(self, payload: bytes) -> None:
-        self._send(bytes(payload))
-
-    def put_message(self, message: Message) -> None:
-        payload = encode(message)
-        content: bytes | Message = payload
-        if not size_problem(payload):
-            try:
-                content = decode(type(message), payload)
-            except DecodeError:
-                # The receivers are to refuse it, each with its reason.
-                pass
-        self._send(content)
-
-    def hand_over(self, message: Message) -> None:
-        self._send(adopt(message))
-
-    def _send(self, content: bytes | Message) -> None:
+    def put(self, content: bytes | Message) -> None:
         hub = self._hub
+        if not isinstance(content, bytes):
+            content = adopt(content)
         if not self._latched:
             if not self._closed and (receivers := self._receivers()):
                 hub.deliver(receivers, self._sample(content))

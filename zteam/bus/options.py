@@ -12,10 +12,9 @@ from typing import Any, Literal
 import msgspec
 import zenoh
 
-from zteam.bus.owner import Owner
 from zteam.clock import HOST_FACTOR, factor_from
 from zteam.config.numbers import parse_number, parse_whole
-from zteam.errors import UsageError
+from zteam.errors import UsageError, printable
 from zteam.names import KEYS_WITHOUT_MAPS, service_key
 from zteam.version import __version__
 
@@ -132,20 +131,17 @@ class BusOptions(msgspec.Struct, frozen=True):
     def from_environment(cls) -> "BusOptions":
         """What the environment says; every command's options have these as their defaults. Raises UsageError."""
 
-        def given(name: str) -> str | None:
-            return os.environ.get(f"ZTEAM_{name}") or None
-
+        connect, namespace, config, patience = (
+            os.environ.get(f"ZTEAM_{name}") or None for name in ("CONNECT", "NAMESPACE", "CONFIG", "PATIENCE")
+        )
+        lease = _seconds_from("ZTEAM_LEASE", *LEASE_BOUNDS)
         try:
-            lease = parse_number(given("LEASE") or str(LEASE), *LEASE_BOUNDS, "seconds")
-        except UsageError as error:
-            raise UsageError(f"ZTEAM_LEASE {error}") from None
-        try:
-            factor_from(given("PATIENCE") or "")
+            factor_from(patience or "")
         except ValueError:
-            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {given('PATIENCE')!r}") from None
+            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {patience!r}") from None
         tls = TlsFiles.from_environment()
         give_up = give_up_from_environment()
-        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease, tls=tls, give_up=give_up)
+        return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
 
     @property
     def endpoint(self) -> str:
@@ -160,13 +156,55 @@ class BusOptions(msgspec.Struct, frozen=True):
         return {"--connect": connect, "--namespace": self.namespace or "", "--config": self.config or ""}
 
 
+OWNER_VARIABLE = "ZTEAM_OWNER"
+"""The user that a process in a container belongs to: its own user id there says nothing about the host's users."""
+
+
+class Owner(msgspec.Struct, frozen=True):
+    """A process's user, as a router reports it in Zenoh's admin space."""
+
+    uid: int | None = None
+    pid_namespace: str = ""
+    """As Linux names it (pid_namespaces(7)); empty elsewhere. User ids of one namespace can be compared."""
+    user: str = ""
+    """ZTEAM_OWNER; empty without it."""
+
+    @classmethod
+    def of_this_process(cls) -> "Owner":
+        try:
+            namespace = str(Path("/proc/self/ns/pid").readlink())
+        except OSError:
+            namespace = ""
+        return cls(os.getuid(), namespace, os.environ.get(OWNER_VARIABLE, ""))
+
+    def is_another_user(self) -> bool:
+        """Whether this process's user is certainly another one.
+
+        A container has a PID namespace of its own, so its user id is not compared.
+        """
+        own = Owner.of_this_process()
+        if self.user:
+            # As docker-compose.yml passes it, also under sudo.
+            own_user = own.user or os.environ.get("SUDO_USER") or os.environ.get("USER")
+            if own_user and own_user != self.user:
+                return True
+        return self.uid not in (None, own.uid) and self.pid_namespace == own.pid_namespace
+
+    def __str__(self) -> str:
+        return printable(f"user {self.user}" if self.user else f"user id {self.uid}")
+
+
 def give_up_from_environment() -> float | None:
     """What ZTEAM_GIVE_UP says. Raises UsageError."""
-    text = os.environ.get("ZTEAM_GIVE_UP")
+    return _seconds_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS)
+
+
+def _seconds_from(variable: str, least: float, most: float) -> float | None:
+    text = os.environ.get(variable)
     try:
-        return parse_number(text, *GIVE_UP_BOUNDS, "seconds") if text else None
+        return parse_number(text, least, most, "seconds") if text else None
     except UsageError as error:
-        raise UsageError(f"ZTEAM_GIVE_UP {error}") from None
+        raise UsageError(f"{variable} {error}") from None
 
 
 def default_endpoint(tls: TlsFiles | None) -> str:

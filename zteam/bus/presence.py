@@ -175,16 +175,11 @@ class Claim:
             return sorted(self._alive | older), [c for c in self._claims if c < self._instance]
 
     def _refusal(self, rivals: list[str]) -> str:
-        what = f"{self.name} is taken"
         # A query right after the holder's start may miss its answer.
-        holders = self._holders(rivals) or self._holders(rivals)
-        if holders:
-            holder = holders[0]
-            what += f" by process {holder.pid} on {holder.host}, for {holder.age:.0f} s"
-        return f"{what}: stop that one first, or use another id or --namespace"
-
-    def _holders(self, rivals: list[str]) -> list[ProcessInfo]:
-        return [info for info in self._others() if not rivals or info.instance in rivals]
+        answers = (info for _ in range(2) for info in self._others())
+        holder = next((info for info in answers if not rivals or info.instance in rivals), None)
+        by = f" by process {holder.pid} on {holder.host}, for {holder.age:.0f} s" if holder is not None else ""
+        return f"{self.name} is taken{by}: stop that one first, or use another id or --namespace"
 
     def _others(self) -> list[ProcessInfo]:
         """The other processes that answer under this name."""

@@ -70,16 +70,11 @@ class Counters:
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
 
-    def receive(self, key: str) -> KeyCount:
-        """One good message came; the key's count.
-
-        The receiver may count further ones up itself, without the lock, which would take most of the time: an addition
-        is not interrupted by other threads.
-        """
+    def of(self, key: str) -> KeyCount:
+        """The key's count. A receiver adds to it without the lock, which would take most of the time: other threads do
+        not interrupt an addition."""
         with self._lock:
-            count = self._count(key)
-            count.received += 1
-            return count
+            return self._count(key)
 
     def drop(self, key: str, why: str) -> None:
         """One message was refused; say why."""
@@ -124,14 +119,14 @@ class Receiver:
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
-        message = self._decode(sample, message_type)
-        if message is not None:
-            self._counters.receive(sample.key)
-        return message
-
-    def _decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         if self._refuse(sample, message_type):
             return None
+        message = self._read(sample, message_type)
+        if message is not None:
+            self._counters.of(sample.key).received += 1
+        return message
+
+    def _read(self, sample: RawSample, message_type: type[M]) -> M | None:
         if isinstance(sample.content, message_type):
             return sample.content
         try:
@@ -158,10 +153,10 @@ class Receiver:
         newest: dict[str, tuple[Sent, str]] = {}
         """Of latched keys: when the last message that counts was sent, and by which session."""
         known: dict[str, KeyCount] = {}
-        """By keys on which messages came in memory: the next ones need no check, which would take most of the time."""
+        """By key: what comes on it again, of the due type, needs no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
-            key, message = sample.key, sample.content
+            key = sample.key
             if latched and key in newest:
                 (last, source), sent = newest[key], sample.sent(monotonic())
                 if 0 < last.stamp == sent.stamp and source == sample.source:
@@ -174,16 +169,17 @@ class Receiver:
                 self._counters.drop(key, why)
                 return
             count = known.get(key)
-            if count is not None and type(message) is message_type and sample.encoding == due:
-                count.received += 1
-            else:
-                decoded = self._decode(sample, message_type)
-                if decoded is None:
+            if count is None or sample.encoding != due:
+                if self._refuse(sample, message_type):
                     return
-                count = self._counters.receive(key)
-                if decoded is message:
+                count = self._counters.of(key)
+                if len(known) < MAX_KEYS:
                     known[key] = count
-                message = decoded
+            content = sample.content
+            message = content if type(content) is message_type else self._read(sample, message_type)
+            if message is None:
+                return
+            count.received += 1
             if latched and (key in newest or len(newest) < MAX_KEYS):
                 newest[key] = sample.sent(monotonic()), sample.source
             if with_source:
@@ -205,7 +201,7 @@ class Receiver:
             except DecodeError as error:
                 self._counters.drop(sample.key, str(error))
                 return
-            self._counters.receive(sample.key)
+            self._counters.of(sample.key).received += 1
 
         return self.guarded(handle)
 

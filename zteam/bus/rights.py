@@ -13,7 +13,7 @@ from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.bus.transport import Transport
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError
-from zteam.names import ANSWERS, PUBLISHES, checked_key, right_key
+from zteam.names import ANSWERS, checked_key, right_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -65,7 +65,7 @@ class RightCheck:
 
     def is_hidden(self, token: str) -> bool:
         """Whether a token of this session is kept from all others. Then the process ends, so nothing more is said."""
-        if self._find_hidden([token])[0]:
+        if self._find_hidden([token]):
             self._closed = True
         return self._closed
 
@@ -126,16 +126,11 @@ class RightCheck:
             with ExitStack() as ends:
                 for token in tokens:
                     ends.callback(self._transport.declare_token(token).close)
-                hidden, is_certain = self._find_hidden(list(tokens))
-            left = [tokens[token] for token in hidden]
-            if not is_certain:
-                # The access control is of an older zteam, which lets no token of an answer through.
-                return [use for use in left if use.verb == PUBLISHES]
+                left = [tokens[token] for token in self._find_hidden(list(tokens))]
         return left
 
-    def _find_hidden(self, tokens: Sequence[str]) -> tuple[list[str], bool]:
-        """Those of this session's tokens that no other session sees, none where the router is lost meanwhile; and
-        whether they were at the router before that look."""
+    def _find_hidden(self, tokens: Sequence[str]) -> list[str]:
+        """Those of this session's tokens that no other session sees, none where the router is lost meanwhile."""
         # Random: no other session can have declared it before.
         last = checked_key(self._transport.instance, secrets.token_hex(8))
         held, deadline = self._transport.declare_token(last), monotonic() + _SEEN_WITHIN
@@ -147,13 +142,13 @@ class RightCheck:
                     is_certain = _sees(other, last)
                     left = [token for token in left if not _sees(other, token)]
                     if is_certain or monotonic() > deadline:
-                        return left, is_certain
+                        return left
                     pause(_SEEN_PERIOD)
         except zenoh.ZError as error:
             log.debug("token: %s", error)
         finally:
             held.close()
-        return [], True
+        return []
 
     def _text(self, use: Use) -> str:
         from zteam.bus.tls import own_identity

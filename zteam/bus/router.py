@@ -18,6 +18,7 @@ from zteam.bus.options import (
     LEASE,
     RELEASE,
     BusOptions,
+    Owner,
     RouterOptions,
     host_port,
     open_session,
@@ -25,12 +26,10 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.owner import Owner
-from zteam.bus.queries import decode_json
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
-from zteam.errors import BusError, DecodeError, UsageError
-from zteam.names import all_tokens_key, is_of_team, split_namespaced_token_key
+from zteam.errors import BusError, UsageError
+from zteam.names import all_tokens_key, declarations_key, is_of_team, split_namespaced_token_key
 
 log = logging.getLogger("zteam.router")
 
@@ -51,6 +50,10 @@ _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _OPEN_TRIES = 20
 """Before a router that was closed for new settings gives up."""
+
+
+_UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
+"""What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
 
 
 class RouterMetadata(msgspec.Struct):
@@ -106,13 +109,14 @@ class RouterRecord(msgspec.Struct):
     sessions: list[RouterSession] = msgspec.field(default_factory=list)
 
 
-def read_record(session: zenoh.Session, router: str) -> RouterRecord | None:
-    for reply in session.get(f"@/{router}/router", timeout=1.0):
-        if reply.ok is not None:
-            try:
-                return decode_json(reply.ok.payload.to_bytes(), RouterRecord)
-            except DecodeError as error:
-                log.debug("admin space: %s", error)
+def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None:
+    """The record of a router, by default of the one that the session is connected to."""
+    # By its id: routers that are linked to it would answer too.
+    for zid in [router] if router else session.info.routers_zid():
+        for reply in session.get(f"@/{zid}/router", timeout=1.0):
+            if reply.ok is not None:
+                with suppress(*_UNREADABLE):
+                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=RouterRecord)
     return None
 
 
@@ -125,8 +129,7 @@ def read_admin(options: BusOptions) -> RouterRecord | None:
     if session is None:
         return None
     with session:
-        # Routers that are linked to it would answer too.
-        return next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        return read_record(session)
 
 
 def _find_endpoint(listen: str, locators: Sequence[str]) -> str:
@@ -164,8 +167,6 @@ class Router:
         self._options = msgspec.structs.replace(options, listen=listen)
         """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
-        self._made = [folder for folder in self._note.parents if not folder.exists()]
-        """Folders that are removed with the note, the innermost first."""
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
@@ -242,7 +243,7 @@ class Router:
             self._changed.notify_all()
 
     def _on_release(self, query: zenoh.Query) -> None:
-        # Answered by `run`: a look at the tokens would wait for this very thread of Zenoh.
+        # `run` answers: a look at the tokens would wait for this very thread of Zenoh.
         with self._changed:
             self._questions.append(query)
             self._changed.notify_all()
@@ -250,15 +251,13 @@ class Router:
     def _answer(self, query: zenoh.Query) -> None:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
-        try:
-            request = decode_json(query.payload.to_bytes() if query.payload else b"", ReleaseRequest)
-        except DecodeError as error:
-            log.debug("question for the port: %s", error)
-            request = None
         with query:
-            promised = None if request is None else self._promise(request)
+            promised = None
+            with suppress(*_UNREADABLE):
+                request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
+                promised = self._promise(request)
             query.reply(RELEASE, msgspec.json.encode(promised))
-        if request is not None and promised is not None:
+        if promised is not None:
             with self._changed:
                 self._heirs.add(request.session)
 
@@ -321,8 +320,6 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
-            for folder in self._made:
-                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]
@@ -336,6 +333,27 @@ def _version_of(config: str | None) -> tuple[int, ...]:
         # It is about to be replaced, or router_config says why it cannot be read.
         found = None
     return (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found is not None else ()
+
+
+def find_strangers(options: BusOptions) -> list[str]:
+    """The sessions at the router that are none of zteam's, each by its id and addresses; empty where it reports none.
+
+    Every session of zteam answers for its declarations, in whatever namespace it is.
+    """
+    session = try_open(msgspec.structs.replace(options, namespace=None))
+    if session is None:
+        return []
+    known, asked = {str(session.zid())}, declarations_key("*")
+    with session:
+        record = read_record(session)
+        for key in (asked, f"*/{asked}"):
+            replies = session.get(key, timeout=1.0)
+            known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
+    return [
+        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
+        for each in (record.sessions if record else [])
+        if each.peer not in known and each.whatami != "router"
+    ]
 
 
 def detach() -> None:
@@ -392,14 +410,14 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
     """The sessions of the other clients of the router if it promises its port, else None."""
     end = monotonic() + _ANSWER_WITHIN
     while monotonic() < end:
-        record = next((read_record(session, str(zid)) for zid in session.info.routers_zid()), None)
+        record = read_record(session)
         if record is None and not session.info.routers_zid():
             # It has just ended.
             return []
         if record is None or record.metadata is None or not record.metadata.on_demand:
             return None
         for reply in session.get(RELEASE, payload=msgspec.json.encode(request), timeout=1.0):
-            with suppress(msgspec.DecodeError, UnicodeDecodeError):
+            with suppress(*_UNREADABLE):
                 if reply.ok is not None:
                     return msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[str] | None)
         pause(_ASK_AGAIN)

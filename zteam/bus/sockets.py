@@ -1,16 +1,13 @@
 """The TCP sockets behind a session's links: Zenoh offers no way to end a link, nor to say how long it may be silent."""
 
-import logging
 import socket
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import zenoh
-
-log = logging.getLogger("zteam.bus")
 
 Ends = tuple[str, str]
 """Zenoh's endpoints of a link: this process's and the other one's."""
@@ -46,7 +43,8 @@ def links_of(session: zenoh.Session) -> set[Ends]:
 
 def cut(links: set[Ends]) -> None:
     for connection in _find(links):
-        with _noted():
+        # It has ended meanwhile.
+        with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)
 
 
@@ -61,45 +59,25 @@ def limit_silence(session: zenoh.Session, seconds: float) -> "zenoh.LinkEventsLi
     def limit(event: zenoh.LinkEvent) -> None:
         if option is not None and event.kind == zenoh.SampleKind.PUT:
             for connection in _find({(event.link.src, event.link.dst)}):
-                with _noted():
+                with suppress(OSError):
                     connection.setsockopt(socket.IPPROTO_TCP, option, round(seconds * 1e3))
 
     callback: Any = zenoh.handlers.Callback(limit, indirect=False)
     return session.info.declare_link_events_listener(callback, history=True)
 
 
-@contextmanager
-def _noted() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        # It has ended meanwhile.
-        log.debug("link: %s", error)
-
-
 def _find(links: set[Ends]) -> Iterator[socket.socket]:
     """This process's sockets of TCP links. They are Zenoh's, which closes them."""
     wanted = {(src.partition("/")[2], dst.partition("/")[2]) for src, dst in links}
-    descriptors: list[int] = []
-    with _noted():
-        descriptors += [int(path.name) for path in Path("/dev/fd").iterdir()]
-    for descriptor in descriptors:
-        try:
-            connection = socket.socket(fileno=descriptor)
-        except OSError:
-            # No socket, or closed meanwhile.
-            continue
-        try:
-            if _ends(connection) in wanted:
-                yield connection
-        finally:
-            connection.detach()
-
-
-def _ends(connection: socket.socket) -> Ends | None:
-    with _noted():
-        return _address(connection.getsockname()), _address(connection.getpeername())
-    return None
+    for path in list(Path("/dev/fd").iterdir()):
+        # No socket, or closed meanwhile.
+        with suppress(OSError):
+            connection = socket.socket(fileno=int(path.name))
+            try:
+                if (_address(connection.getsockname()), _address(connection.getpeername())) in wanted:
+                    yield connection
+            finally:
+                connection.detach()
 
 
 def _address(name: object) -> str:

@@ -24,8 +24,7 @@ def own_fault(tls: TlsFiles, *, routes: bool = False) -> str:
     """
     names = dict(zip(("ca", "certificate", "key"), tls.environment, strict=True))
     try:
-        server = _context(tls, ssl.PROTOCOL_TLS_SERVER)
-        client = _context(tls, ssl.PROTOCOL_TLS_CLIENT)
+        server, client = _sides(tls)
     except ssl.SSLError as error:
         if error.reason == "KEY_VALUES_MISMATCH":
             return f"{names['key']} {tls.key} is not the key of {names['certificate']} {tls.certificate}"
@@ -33,7 +32,6 @@ def own_fault(tls: TlsFiles, *, routes: bool = False) -> str:
     except OSError as error:
         return f"{error.filename or tls.ca}: {error.strerror}"
     # The certificate is shown to a server that checks it as the router does, and to a client.
-    client.check_hostname = False
     client.verify_mode = ssl.CERT_REQUIRED if routes else ssl.CERT_NONE
     try:
         _shake_hands(client, server)
@@ -73,10 +71,8 @@ def own_identity(tls: TlsFiles) -> tuple[str, float]:
     ("", 0.0) if `own_fault` has something to say.
     """
     try:
-        context = _context(tls, ssl.PROTOCOL_TLS_SERVER)
-        client = _context(tls, ssl.PROTOCOL_TLS_CLIENT)
-        client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
-        shown = _shake_hands(client, context)
+        server, client = _sides(tls)
+        shown = _shake_hands(client, server)
     except OSError:
         return "", 0.0
     name = next((value for each in shown.get("subject", ()) for key, value in each if key == "commonName"), "")
@@ -106,6 +102,13 @@ def _context(tls: TlsFiles, protocol: Any) -> ssl.SSLContext:
     context.load_verify_locations(tls.ca)
     context.verify_mode = ssl.CERT_REQUIRED
     return context
+
+
+def _sides(tls: TlsFiles) -> tuple[ssl.SSLContext, ssl.SSLContext]:
+    """A server, and a client that trusts any."""
+    client = _context(tls, ssl.PROTOCOL_TLS_CLIENT)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    return _context(tls, ssl.PROTOCOL_TLS_SERVER), client
 
 
 def _shake_hands(client: ssl.SSLContext, server: ssl.SSLContext) -> dict[str, Any]:

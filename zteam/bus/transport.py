@@ -1,8 +1,9 @@
 """What the typed bus needs of whatever carries its messages: Zenoh, or the memory of one process."""
 
 import logging
+import threading
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import msgspec
 import zenoh
@@ -115,6 +116,9 @@ class Closeable(Protocol):
         """Take it back; a second call does nothing."""
 
 
+C = TypeVar("C", bound=Closeable)
+
+
 class Handle:
     """A declaration that is taken back by these calls, in order and once."""
 
@@ -128,26 +132,70 @@ class Handle:
             each()
 
 
+class Held(Generic[C]):
+    """A declaration that is made by `open`, unless it was closed before."""
+
+    def __init__(self, declare: Callable[[], C]) -> None:
+        self._declare = declare
+        self._lock = threading.Lock()
+        self._handle: C | None = None
+        self._closed = False
+
+    def open(self) -> None:
+        with self._lock:
+            if not self._closed:
+                self._handle = self._declare()
+
+    def close(self) -> None:
+        """Take it back; a second call does nothing."""
+        with self._lock:
+            self._closed = True
+            if self._handle is not None:
+                self._handle.close()
+
+
+class Holding:
+    """Opens publishers and queries at once, or at the `release` after a `begin`.
+
+    A process opens nothing before it holds its name: other sessions see nothing of it until then.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[Callable[[], None]] | None = None
+        self._lock = threading.Lock()
+
+    def begin(self) -> None:
+        """From now on declarations wait. Messages are dropped; of a latched publisher the release sends the last."""
+        self._waiting = []
+
+    def release(self) -> None:
+        """Open what waits, in the order in which it came."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, None
+        for open_now in waiting or ():
+            open_now()
+
+    def open(self, declared: Held[C]) -> None:
+        """Open it now, or at the release."""
+        with self._lock:
+            if self._waiting is not None:
+                self._waiting.append(declared.open)
+                return
+        declared.open()
+
+
 class RawPublisher(Closeable, Protocol):
-    """Puts payloads or messages on one key."""
+    """Publishes on one key."""
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether a payload put now has a subscriber; always True for a latched publisher, False once closed."""
+        """Whether a message put now has a subscriber; always True for a latched publisher, False once closed."""
 
-    def find_subscribers(self) -> bool:
-        """As `has_subscribers`, which may be told of a change a moment later: this asks the session."""
+    def put(self, content: bytes | Message) -> None:
+        """Send without waiting: what finds no room is dropped. Raises EncodeError.
 
-    def put(self, payload: bytes) -> None:
-        """Send without waiting: a payload that finds no room is dropped."""
-
-    def put_message(self, message: Message) -> None:
-        """Send a message in the same way. What the caller changes in it afterwards is not sent. Raises EncodeError."""
-
-    def hand_over(self, message: Message) -> None:
-        """Send a message that the caller has made for this and does not change any more, nor anything it holds.
-
-        Where it is not encoded it is not copied either, and the caller answers for its values (`messages/cdr.py`).
+        A message, and all that it holds, is not changed any more. Within one process it is not copied, and the caller
+        answers for its values (`messages/cdr.py`).
         """
 
 

@@ -186,7 +186,7 @@ class Declared:
 
 
 class ZenohPublisher(Declared):
-    """Puts payloads on one key."""
+    """Publishes on one key."""
 
     def __init__(
         self, entity: Any, declared: set[Declared], latched: bool, stamp: Callable[[], zenoh.Timestamp]
@@ -194,7 +194,6 @@ class ZenohPublisher(Declared):
         """`stamp()` makes the time stamps of samples."""
         super().__init__(entity, declared)
         self._matching = True
-        self._latched = latched
         self._stamp = stamp
         if not latched:
             # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
@@ -211,16 +210,12 @@ class ZenohPublisher(Declared):
     def has_subscribers(self) -> bool:
         return self._matching and self._entity is not None
 
-    def find_subscribers(self) -> bool:
-        # Zenoh calls the listener in a task of its own, which may come late.
-        entity = self._entity
-        return entity is not None and (self._latched or bool(entity.matching_status.matching))
-
     def _on_matching(self, status: Any) -> None:
         with self._lock:
             self._matching, self._told = status.matching, True
 
-    def put(self, payload: bytes) -> None:
+    def put(self, content: bytes | Message) -> None:
+        payload = content if isinstance(content, bytes) else encode(content)
         entity = self._entity
         if entity is None:
             return
@@ -232,11 +227,6 @@ class ZenohPublisher(Declared):
             # "Already mutably borrowed": another thread closes it just now.
             if self._entity is not None:
                 raise
-
-    def put_message(self, message: Message) -> None:
-        self.put(encode(message))
-
-    hand_over = put_message
 
 
 class TokenWatch(Declared):

@@ -42,66 +42,48 @@ from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
 
 
-class _Words:
-    """The typed message. It is made anew for every publication if it holds the time of that moment."""
-
-    def __init__(self, kind: type[Message], words: Sequence[str]) -> None:
-        self._kind, self._words = kind, words
-        self.hold_time = False
-        self._message = from_words(kind, words, self._note)
-
-    def _note(self) -> Time:
-        self.hold_time = True
-        return Time()
-
-    def message(self, clock: AutoClock | None) -> Message:
-        if not self.hold_time or clock is None:
-            return self._message
-        return from_words(self._kind, self._words, lambda: time_from_ns(clock.now()))
-
-
 class _Audience:
     """The subscribers of a key: tells their names, and again when the first one has come or the last one has gone."""
 
     def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
         self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = publisher.find_subscribers()
-        self._known: list[str] | None = None
-        """By name; None if they tell no name."""
+        self._matching = publisher.has_subscribers
+        self._shown: list[str] | None = None
+        """By name; None if they report no name."""
 
-    def tell(self, what: str, graph: Graph) -> None:
+    def show(self, what: str, graph: Graph) -> None:
         """Print that `what` is published, and the subscribers; warn if there is none."""
-        self._tell(what, graph, self._find(graph))
+        self._print(what, graph, self._find(graph))
 
-    def _tell(self, what: str, graph: Graph, known: list[str] | None) -> None:
-        self._known = known
-        print_line(f"publishing {what} {self._describe()}")
-        if self._known == []:
+    def _print(self, what: str, graph: Graph, found: list[str] | None) -> None:
+        self._shown = found
+        if found is None:
+            listed = "subscribers that tell no name (frozen, or no processes of zteam)"
+        elif found:
+            listed = f"{counted(len(found), 'subscriber')}: {', '.join(found)}"
+        else:
+            listed = "no subscriber yet"
+        print_line(f"publishing {what} to {listed}")
+        if found == []:
             hint = "" if graph.publishers(self._key) else near_keys(self._key, graph.known_keys())
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        if self._publisher.find_subscribers() == self._matching:
+        if self._publisher.has_subscribers == self._matching:
             return
         self._matching = not self._matching
         graph = find_graph(self._bus)
         # A session that closes may tell of a subscriber that it has no more.
-        known = self._find(graph) if self._matching else []
-        if known != self._known:
-            self._tell(f"on {self._key}", graph, known)
+        found = self._find(graph) if self._matching else []
+        if found != self._shown:
+            self._print(f"on {self._key}", graph, found)
 
     def _find(self, graph: Graph) -> list[str] | None:
         found = graph.subscribers(self._key)
-        if found or not self._publisher.find_subscribers():
+        if found or not self._publisher.has_subscribers:
             return found
         # One that has come since then tells its name now.
         return find_graph(self._bus).subscribers(self._key) or None
-
-    def _describe(self) -> str:
-        if self._known is None:
-            return "to subscribers that tell no name (frozen, or no processes of zteam)"
-        subscribers = f"{counted(len(self._known), 'subscriber')}: {', '.join(self._known)}"
-        return f"to {subscribers if self._known else 'no subscriber yet'}"
 
 
 def publish(args: argparse.Namespace) -> int:
@@ -109,7 +91,15 @@ def publish(args: argparse.Namespace) -> int:
     key, kind = check_key(args.key), message_type(args.type)
     if names.is_wildcard(key):
         raise UsageError(f"{args.key!r} is a wildcard: give one key")
-    words = _Words(kind, args.values)
+    clock: AutoClock | None = None
+    holds_time = False
+
+    def now() -> Time:
+        nonlocal holds_time
+        holds_time = True
+        return Time() if clock is None else time_from_ns(clock.now())
+
+    message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
     with closing(open_bus(bus_options(args))) as bus:
         bus.check_right(key)
@@ -117,20 +107,25 @@ def publish(args: argparse.Namespace) -> int:
         publisher = bus.publisher(key, kind)
         graph = find_graph(bus)
         check_type(bus, key, kind, graph)
-        clock = open_clock(bus, args.clock) if times != 1 or words.hold_time else None
+        if times != 1 or holds_time:
+            clock = open_clock(bus, args.clock)
         audience = _Audience(bus, key, publisher)
         how = (
             "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
         )
-        audience.tell(f"{kind.ros_type} on {key} {how}", graph)
+        audience.show(f"{kind.ros_type} on {key} {how}", graph)
         _warn_of_others(key, graph)
-        publisher.put(words.message(clock))
+
+        def send() -> None:
+            publisher.put(from_words(kind, args.values, now) if holds_time else message)
+
+        send()
         if clock is None or times == 1:
             return 0
         wait = ticker(clock, 1.0 / args.rate)
         for _ in itertools.count() if times is None else range(times - 1):
             wait()
-            publisher.put(words.message(clock))
+            send()
             audience.look()
     return 0
 

@@ -8,7 +8,7 @@ are views into the payload. On the wire everything is little endian; both are re
 
 import struct
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -63,17 +63,6 @@ def decode(message_type: type[M], payload: bytes) -> M:
         return typing.cast(M, _decoder(message_type, payload[1] == 1)(payload, len(payload)))
     except (struct.error, UnicodeDecodeError, ValueError, OverflowError) as error:
         raise DecodeError(f"not a {message_type.__name__}: {error}") from None
-
-
-def prepare(*, encoded: Iterable[type[Message]] = (), decoded: Iterable[type[Message]] = ()) -> None:
-    """Make the functions that encode and decode messages of these types, in the byte order that zteam writes.
-
-    Otherwise each is made when it is first needed.
-    """
-    for message_type in encoded:
-        _encoder(message_type)
-    for message_type in decoded:
-        _decoder(message_type, True)
 
 
 def wire_form(hint: Any, place: str) -> tuple[str, str]:

@@ -1,7 +1,7 @@
 """Makes the codecs of what every robot exchanges, when it is imported: a warm parent does so once for all."""
 
-from zteam.messages import BaseInfo, Clock, Done, LaserScan, Odometry, RobotStatus, TeamStatus, TFMessage, Tick, Twist
-from zteam.messages.cdr import prepare
+from zteam import messages as m
 
-prepare(decoded=(Tick, TeamStatus, Clock, TFMessage, RobotStatus, Odometry, LaserScan, BaseInfo))
-prepare(encoded=(Twist, Done, RobotStatus))
+for kind in (m.BaseInfo, m.Clock, m.Done, m.LaserScan, m.Odometry, m.RobotStatus, m.TeamStatus, m.TFMessage, m.Tick):
+    m.decode(kind, m.encode(kind()))
+m.encode(m.Twist())

@@ -294,7 +294,7 @@ class Commands:
                 publisher = self._state.node.bus.publisher(key, type(message), to_others=True)
                 self._publishers[key] = publisher
         end = monotonic() + HEARD_WITHIN
-        while not publisher.find_subscribers():
+        while not publisher.has_subscribers:
             if monotonic() > end:
                 return False
             pause(0.01)

@@ -261,7 +261,7 @@ def open_session(*arguments):
     return opened(*arguments)
 bus = connect(options)
 connection.open_session = open_session
-connection.LinkCheck(bus.transport._session, options).on_link(True)
+connection.LinkCheck(bus.transport, bus.transport._session, options).on_link(True)
 asked.wait()
 bus.close()
 """

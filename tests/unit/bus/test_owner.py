@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.bus.owner import Owner
+from zteam.bus.options import Owner
 from zteam.bus.refusals import why_foreign
 from zteam.bus.router import RouterMetadata, RouterRecord
 

@@ -20,7 +20,7 @@ def test_a_drop_has_an_age_and_a_reason(now: list[float]) -> None:
     """The age grows with host time, and good messages do not change it."""
     found = Counters()
     found.drop("a", "broken")
-    found.receive("a")
+    found.of("a").received += 1
     now[0] += 61.5
     assert found.snapshot() == {"a": KeyCount(1, 1, 61.5, "broken")}
 
@@ -38,7 +38,7 @@ def test_the_last_drop_counts(now: list[float]) -> None:
 def test_without_a_drop_there_is_no_age() -> None:
     """A key with good messages only has neither age nor reason."""
     found = Counters()
-    found.receive("a")
+    found.of("a").received += 1
     assert found.snapshot() == {"a": KeyCount(1, 0, None, "")}
 
 
@@ -46,7 +46,7 @@ def test_drops_beyond_the_bound_of_keys_are_told_together(now: list[float], monk
     """Keys that a sender invents have one count, age and reason in common."""
     monkeypatch.setattr(receiving, "MAX_KEYS", 1)
     found = Counters()
-    found.receive("a")
+    found.of("a").received += 1
     found.drop("b", "first")
     now[0] += 3.0
     found.drop("c", "second")
@@ -91,10 +91,10 @@ def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.L
     """Ten thousand robots of which nothing good came make one line; one that is known has its own."""
     found = Counters()
     for _ in range(2):
-        found.receive("robot_1/cmd_vel")
+        found.of("robot_1/cmd_vel").received += 1
     for robot in range(100, 10_100):
         now[0] += 1e-5
-        found.receive(f"robot_{robot}/cmd_vel")
+        found.of(f"robot_{robot}/cmd_vel").received += 1
         found.drop(f"robot_{robot}/cmd_vel", "the world has no such robot")
     found.drop("robot_1/cmd_vel", "wrong type")
     assert [record.args[0] for record in caplog.records if isinstance(record.args, tuple)] == [

@@ -4,7 +4,9 @@ import sys
 
 import pytest
 
-from zteam.bus.sessions import own_session_info
+from zteam.bus import MemoryHub
+from zteam.bus.bus import SessionInfo
+from zteam.names import session_info_key
 
 
 @pytest.mark.parametrize(
@@ -16,7 +18,9 @@ from zteam.bus.sessions import own_session_info
         ([""], "python"),
     ],
 )
-def test_a_tool_is_called_by_its_command(argv: list[str], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tool_is_called_by_its_command(
+    argv: list[str], name: str, hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A session without a process of its own on the bus bears the name of its command."""
     monkeypatch.setattr(sys, "argv", argv)
-    assert own_session_info("", publishes=False).name == name
+    assert hub.bus().ask(session_info_key("*"), SessionInfo).name == name

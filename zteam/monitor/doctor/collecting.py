@@ -13,8 +13,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.graph import SURVEY, Graph, Survey, describe_sessions, find_nodes, find_tokens
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.bus.receiving import KeyCount
-from zteam.bus.router import find_local_routers, read_admin
-from zteam.bus.strangers import find_strangers
+from zteam.bus.router import find_local_routers, find_strangers, read_admin
 from zteam.bus.transport import Declaration, RawSample
 from zteam.clock import monotonic, pause, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DecodeError

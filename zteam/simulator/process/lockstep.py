@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Container
 
 from zteam import names
-from zteam.bus.held_declarations import Held
+from zteam.bus.transport import Held
 from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist

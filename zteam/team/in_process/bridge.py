@@ -88,31 +88,16 @@ class _PublisherPair:
         self._inside = inside
         self._outside = outside
         self._forget = forget
-        self._put_inside = inside.put_message
-        self._hand_over_inside = inside.hand_over
 
     @property
     def has_subscribers(self) -> bool:
         return self._inside.has_subscribers or self._outside.has_subscribers
 
-    def find_subscribers(self) -> bool:
-        return self._inside.find_subscribers() or self._outside.find_subscribers()
-
-    def put(self, payload: bytes) -> None:
-        if self._outside.has_subscribers:
-            self._outside.put(payload)
-        self._inside.put(payload)
-
-    def put_message(self, message: Message) -> None:
+    def put(self, content: bytes | Message) -> None:
         # First outside: what nodes answer to it on the hub, in this very thread, comes after it.
         if self._outside.has_subscribers:
-            self._outside.put_message(message)
-        self._put_inside(message)
-
-    def hand_over(self, message: Message) -> None:
-        if self._outside.has_subscribers:
-            self._outside.hand_over(message)
-        self._hand_over_inside(message)
+            self._outside.put(content)
+        self._inside.put(content)
 
     def close(self) -> None:
         self._forget(self)

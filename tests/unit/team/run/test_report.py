@@ -263,7 +263,7 @@ def test_drops_are_summed_over_all_processes() -> None:
     first.counters.drop("clock", "test")
     second.counters.drop("clock", "test")
     second.counters.drop("clock", "test")
-    second.counters.receive("map")
+    second.counters.of("map").received += 1
     dropped = read_dropped(asking)
     assert dropped == {"clock": 3, "robot_1/cmd_vel": 1}
     assert list(dropped) == ["clock", "robot_1/cmd_vel"]
