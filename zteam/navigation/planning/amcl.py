@@ -6,8 +6,8 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,8 +43,8 @@ _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
 
-class AmclOptions(NamedTuple):
-    """Parameters, with amcl's names and Nav2's defaults."""
+class AmclOptions(msgspec.Struct, frozen=True):
+    """Parameters, with amcl's names and Nav2's defaults. Raises ValueError for some that cannot work."""
 
     alpha1: float = 0.2
     alpha2: float = 0.2
@@ -77,23 +77,21 @@ class AmclOptions(NamedTuple):
     teammate_margin: float = 0.1
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
-
-def check_options(options: AmclOptions) -> None:
-    """Raise ValueError for options that cannot work."""
-    if not 1 <= options.min_particles <= options.max_particles:
-        raise ValueError(
-            f"min_particles {options.min_particles} and max_particles {options.max_particles}: "
-            "give two numbers from 1 on, the first one not above the second"
-        )
-    if options.max_beams < 1 or options.resample_interval < 1:
-        raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
-    if not (options.sigma_hit > 0.0 and options.laser_likelihood_max_dist > 0.0 and options.pf_err > 0.0):
-        raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
-    if options.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
-        raise ValueError(
-            f"robot_model_type {options.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
-            "nav2_amcl::OmniMotionModel"
-        )
+    def __post_init__(self) -> None:
+        if not 1 <= self.min_particles <= self.max_particles:
+            raise ValueError(
+                f"min_particles {self.min_particles} and max_particles {self.max_particles}: "
+                "give two numbers from 1 on, the first one not above the second"
+            )
+        if self.max_beams < 1 or self.resample_interval < 1:
+            raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
+        if not (self.sigma_hit > 0.0 and self.laser_likelihood_max_dist > 0.0 and self.pf_err > 0.0):
+            raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
+        if self.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
+            raise ValueError(
+                f"robot_model_type {self.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
+                "nav2_amcl::OmniMotionModel"
+            )
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:
@@ -128,9 +126,8 @@ class Amcl:
     """The localiser of one robot. `update` with odometry and scan; then read `pose` and `map_from_odom`."""
 
     def __init__(self, grid: GridMap, options: AmclOptions | None = None, *, seed: int = 1) -> None:
-        """Starts at the map's origin: call `set_pose`, or `localize_globally`. Raises ValueError for options."""
+        """Starts at the map's origin: call `set_pose`, or `localize_globally`."""
         self.options = options or AmclOptions()
-        check_options(self.options)
         self._grid = grid
         self._field: tuple[float, LikelihoodField] | None = None
         self._free = np.flatnonzero(grid.cells.ravel() == FREE)

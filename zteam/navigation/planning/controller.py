@@ -5,10 +5,10 @@ the outline touches already where the robot stands does not count: it may leave 
 """
 
 import math
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, Protocol
 
+import msgspec
 import numpy as np
-from msgspec import Meta
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, Velocity, curvature_to, normalize_angle
@@ -16,7 +16,7 @@ from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _STEP = 0.1
 """Cells that no point of the outline moves more than from one looked-at pose to the next."""
 
@@ -63,7 +63,7 @@ class Controller(Protocol):
         """Metres of the path that lie before the robot."""
 
 
-class PursuitOptions(NamedTuple):
+class PursuitOptions(msgspec.Struct, frozen=True):
     """Parameters of RegulatedPurePursuitController, with Nav2's names and defaults."""
 
     desired_linear_vel: Positive = 0.5
@@ -273,7 +273,7 @@ def _badness(carrot: tuple[float, float], command: Velocity, seconds: float) -> 
     return math.hypot(dx, dy) + 0.5 * abs(normalize_angle(math.atan2(dy, dx) - 2.0 * half))
 
 
-class GoalOptions(NamedTuple):
+class GoalOptions(msgspec.Struct, frozen=True):
     """Parameters, with Nav2's names and defaults."""
 
     xy_goal_tolerance: float = 0.25
@@ -302,7 +302,7 @@ class GoalChecker:
         return math.isnan(goal.yaw) or (abs(normalize_angle(goal.yaw - pose.yaw)) <= self.options.yaw_goal_tolerance)
 
 
-class ProgressOptions(NamedTuple):
+class ProgressOptions(msgspec.Struct, frozen=True):
     """Parameters, with Nav2's names and defaults."""
 
     required_movement_radius: float = 0.5

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from zteam.geometry import Pose2, in_polygon
@@ -90,7 +91,7 @@ def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:
     return np.stack((x + cos * px - sin * py, y + sin * px + cos * py), axis=1)
 
 
-class CostmapOptions(NamedTuple):
+class CostmapOptions(msgspec.Struct, frozen=True):
     """Parameters, with the names that Nav2 gives them in its layers."""
 
     inflation_radius: float = 0.7

@@ -1,18 +1,17 @@
 """The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults."""
 
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from msgspec import Meta
+import msgspec
 
 from zteam import names
 from zteam.errors import UsageError
 from zteam.messages.base import Base
 from zteam.navigation.planning import plugins
-from zteam.navigation.planning.amcl import AmclOptions, check_options
+from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
     GoalOptions,
@@ -23,7 +22,7 @@ from zteam.navigation.planning.controller import (
 )
 from zteam.navigation.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
-from zteam.navigation.planning.plugins import ASTAR, PURSUIT, Plugin, convert_options, plugin_name
+from zteam.navigation.planning.plugins import ASTAR, PURSUIT, Plugin, plugin_name, set_options
 from zteam.navigation.planning.recovery import RecoveryOptions
 
 Localizer = Literal["amcl", "fake", "none"]
@@ -35,17 +34,17 @@ OWN = "navigation"
 _PARAMETERS = "ros__parameters"
 
 
-class FirstPose(NamedTuple):
+class FirstPose(msgspec.Struct, frozen=True):
     """Where a robot is at first, in amcl's own parameters."""
 
     set_initial_pose: bool = False
     """Without it, a robot begins where the transforms say that it is."""
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
+    x: float = msgspec.field(default=0.0, name="initial_pose.x")
+    y: float = msgspec.field(default=0.0, name="initial_pose.y")
+    yaw: float = msgspec.field(default=0.0, name="initial_pose.yaw")
 
 
-class FakeOptions(NamedTuple):
+class FakeOptions(msgspec.Struct, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
     delta_x: float = 0.0
@@ -59,7 +58,7 @@ class FakeOptions(NamedTuple):
     """Radians."""
 
 
-class ControllerOptions(NamedTuple):
+class ControllerOptions(msgspec.Struct, frozen=True):
     """Parameters of controller_server itself."""
 
     controller_frequency: Positive = 20.0
@@ -67,30 +66,44 @@ class ControllerOptions(NamedTuple):
     """Seconds that the controller may find no command before a recovery begins."""
 
 
-class PlannerServerOptions(NamedTuple):
+class PlannerServerOptions(msgspec.Struct, frozen=True):
     """Parameters of planner_server itself."""
 
     expected_planner_frequency: Positive = 1.0
     """Plans a second while the robot drives."""
 
 
-class WindowOptions(NamedTuple):
-    """Parameters of a costmap's node besides its layers."""
+class WindowOptions(msgspec.Struct, frozen=True):
+    """Parameters of a costmap's node besides its layers. Raises ValueError for an outline that cannot be."""
 
     update_frequency: Positive = 5.0
     publish_frequency: Positive = 1.0
     """At most 2 Hz."""
-    width: Annotated[int, Meta(gt=0)] = 3
+    width: Annotated[int, msgspec.Meta(gt=0)] = 3
     """Metres; so is the next. The local costmap's alone."""
-    height: Annotated[int, Meta(gt=0)] = 3
+    height: Annotated[int, msgspec.Meta(gt=0)] = 3
     resolution: Positive = 0.05
-    robot_radius: float = math.nan
+    robot_radius: float | None = None
     """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
     """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"."""
     footprint_padding: float = 0.03
     """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
     direction."""
+
+    def __post_init__(self) -> None:
+        self.outline()
+
+    def outline(self) -> Footprint | None:
+        """The outline that is given, if one is."""
+        if not self.footprint:
+            return None if self.robot_radius is None else make_circle(self.robot_radius)
+        try:
+            corners = json.loads(self.footprint)
+        except ValueError:
+            example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
+            raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
+        return make_footprint(corners, self.footprint_padding)
 
 
 class Parameters(NamedTuple):
@@ -149,7 +162,6 @@ _PLUGINS = {"pursuit": "controller", "planner": "planner"}
 """Sections of plug-ins that packages may offer too, and their kinds."""
 NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
-_RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
 
@@ -204,41 +216,18 @@ def _read_parameters(tables: Tables, source: str) -> ReadParameters:
         default = Parameters._field_defaults[section.field]
         given = _own_names(section, table, type(default))
         taken |= {(section.node, name) for name in given.values()}
-        values, wrong = convert_options(type(default), {key: table[name] for key, name in given.items()})
-        problems += [f"{section.node}.{given[str(key)]}: {text}" for (key, *_), text in wrong]
-        found[section.field] = default._replace(**values)
+        found[section.field], wrong = set_options(default, {key: table[name] for key, name in given.items()})
+        for path, text in wrong:
+            place = ".".join([section.node, *(given[str(key)] for key in path[:1])])
+            problems.append(f"{place}: {text}")
     localizer = tables.get(OWN, {}).get("localizer", "amcl")
     if localizer not in get_args(Localizer):
         problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
-    parameters = Parameters(**found, localizer=localizer)
-    if problems := problems or list(_contradictions(parameters)):
+    if problems:
         raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
     every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
-    return ReadParameters(parameters, tuple(sorted(f"{node}.{name}" for node, name in every - taken)))
-
-
-def _contradictions(parameters: Parameters) -> Iterator[str]:
-    """What is wrong with values of the right types."""
-    try:
-        check_options(parameters.amcl)
-    except ValueError as error:
-        yield str(error)
-    for node, window in ("global_costmap", parameters.global_window), ("local_costmap", parameters.local_window):
-        try:
-            read_outline(window)
-        except ValueError as error:
-            yield f"{node}: footprint {window.footprint!r}: {error}"
-
-
-def read_outline(window: WindowOptions) -> Footprint | None:
-    """The outline that the parameters of a costmap give, if they do. Raises ValueError."""
-    if window.footprint:
-        try:
-            corners = json.loads(window.footprint)
-        except ValueError:
-            raise ValueError("give corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
-        return make_footprint(corners, window.footprint_padding)
-    return None if math.isnan(window.robot_radius) else make_circle(window.robot_radius)
+    unknown = sorted(f"{node}.{name}" for node, name in every - taken)
+    return ReadParameters(Parameters(**found, localizer=localizer), tuple(unknown))
 
 
 def make_controller(parameters: Parameters, base: Base) -> Controller:
@@ -248,7 +237,8 @@ def make_controller(parameters: Parameters, base: Base) -> Controller:
         return plugins.make_controller(name, given)
     options = parameters.pursuit
     return RegulatedPurePursuit(
-        options._replace(
+        msgspec.structs.replace(
+            options,
             desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
             rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
             max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
@@ -258,23 +248,21 @@ def make_controller(parameters: Parameters, base: Base) -> Controller:
 
 
 def make_planner(parameters: Parameters) -> Planner:
-    """The planner that the parameters name. Raises UsageError, and ValueError for its parameters."""
+    """The planner that the parameters name. Raises UsageError."""
     name, given = parameters.planner_plugin
     return AStarPlanner(parameters.planner) if name == ASTAR else plugins.make_planner(name, given)
 
 
-def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:
+def _own_names(section: _Section, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
     prefix = _prefix(section, table)
     found = {}
     for name in table:
         if section.anywhere:
             own = name.rpartition(".")[2]
-        elif kind is FirstPose:
-            own = name if name == "set_initial_pose" else _RENAMED.get(name, "")
         else:
             own = name.removeprefix(prefix) if name.startswith(prefix) else ""
-        if own in kind._fields:
+        if own in kind.__struct_encode_fields__:
             found[own] = name
     return found
 

@@ -9,6 +9,7 @@ import math
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,13 +71,11 @@ class Field:
     ) -> None:
         """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
 
-        Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are cut to whole
-        numbers from 1 to 255: raises ValueError for others.
+        Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are whole numbers from 1
+        to 255 (AStarOptions).
         """
-        heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
-        if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
-            raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        kernels.weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self.weights)
+        unknown = _heaviest(neutral, factor) if allow_unknown else 0
+        kernels.weigh_cells(costs, neutral, int(factor * 256.0), barred, unknown, self.weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:
@@ -132,8 +131,13 @@ class Field:
         return make_any_angle(self.weights, way + 1, self.steps.least) - 1
 
 
-class AStarOptions(NamedTuple):
-    """Parameters; names that Nav2's planners have are theirs."""
+def _heaviest(neutral: int, factor: float) -> int:
+    """The weight of the dearest cell that can be entered."""
+    return neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
+
+
+class AStarOptions(msgspec.Struct, frozen=True):
+    """Parameters; names that Nav2's planners have are theirs. Raises ValueError for weights that do not fit."""
 
     tolerance: float = 0.5
     """Metres from the goal at which a path may end, if the goal itself cannot be reached (NavfnPlanner)."""
@@ -151,12 +155,19 @@ class AStarOptions(NamedTuple):
     escape: float = 0.5
     """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
 
+    def __post_init__(self) -> None:
+        heaviest = _heaviest(self.neutral_cost, self.cost_factor)
+        if not (self.neutral_cost >= 1 and self.cost_factor >= 0.0 and heaviest <= 255):
+            raise ValueError(
+                f"neutral_cost {self.neutral_cost} and cost_factor {self.cost_factor:g}: "
+                f"weights must lie from 1 to 255, not from {self.neutral_cost} to {heaviest}"
+            )
+
 
 class AStarPlanner:
     """A* over the cells of a costmap, then straight lines that cost no more."""
 
     def __init__(self, options: AStarOptions | None = None) -> None:
-        """Raises ValueError for weights that do not fit."""
         self.options = options or AStarOptions()
         self._field: Field | None = None
 

@@ -8,7 +8,7 @@ planner that knows the ways of teammates needs no change here.
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
@@ -18,23 +18,18 @@ from zteam.errors import UsageError
 from zteam.navigation.planning.controller import Controller, PursuitOptions, RegulatedPurePursuit
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
 
-T = TypeVar("T", bound=tuple[Any, ...])
+T = TypeVar("T", bound=msgspec.Struct)
 
 
-def convert_options(kind: type[T], values: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
-    """Values of fields of a class such as AmclOptions, as the fields have them; and what is wrong with them."""
-    hints = get_type_hints(kind, include_extras=True)
-    defaults: dict[str, Any] = kind._field_defaults  # type: ignore[attr-defined]
-    checked = msgspec.defstruct(kind.__name__, [(name, hints[name], defaults[name]) for name in defaults])
-    problems = problems_of(values, checked) or [
+def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
+    """Options with other values, and what is wrong with these; with problems the options are as they were."""
+    table, kind = {**msgspec.to_builtins(options), **values}, type(options)
+    problems = problems_of(table, kind) or [
         Problem((name,), f"a finite number is expected, not {value}")
         for name, value in values.items()
         if isinstance(value, float) and not math.isfinite(value)
     ]
-    if problems:
-        return {}, problems
-    converted = msgspec.convert(values, checked)
-    return {name: getattr(converted, name) for name in values}, []
+    return options if problems else msgspec.convert(table, kind), problems
 
 
 def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[str]]:
@@ -42,11 +37,11 @@ def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[
 
     Raises UsageError for values that cannot be.
     """
-    known = {name: value for name, value in parameters.items() if name in kind._fields}  # type: ignore[attr-defined]
-    values, problems = convert_options(kind, known)
+    known = {name: value for name, value in parameters.items() if name in kind.__struct_encode_fields__}
+    options, problems = set_options(kind(), known)
     if problems:
         raise UsageError("\n".join(map(str, problems)))
-    return kind(**values), sorted(parameters.keys() - known.keys())
+    return options, sorted(parameters.keys() - known.keys())
 
 
 class Plugin(NamedTuple):

@@ -5,24 +5,24 @@ No clock and no bus: time, pose and costmap go in, velocities come out.
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, get_args
+
+import msgspec
 
 from zteam.geometry import Pose2, Velocity, normalize_angle
 from zteam.navigation.planning.controller import time_to_collision
 from zteam.navigation.planning.costmap import Costmap
 
 Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]
-BEHAVIORS: tuple[Behavior, ...] = ("wait", "clear_costmap", "back_up", "spin")
-
 
 _CURVATURES = 0.0, 2.0, -2.0, 4.0, -4.0
 """1/m: the ways in which a robot tries to back up."""
 
 
-class RecoveryOptions(NamedTuple):
+class RecoveryOptions(msgspec.Struct, frozen=True):
     """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
 
-    behaviors: tuple[Behavior, ...] = BEHAVIORS
+    behaviors: tuple[Behavior, ...] = get_args(Behavior)
     """In this order, again and again."""
     number_of_retries: int = 8
     """Behaviours after which it gives up: two rounds of all four."""
@@ -49,11 +49,7 @@ class Recovery:
     """The behaviours for one goal. `begin` starts the next one, `step` carries it out until it is over."""
 
     def __init__(self, options: RecoveryOptions | None = None) -> None:
-        """Raises ValueError for behaviours that do not exist."""
         self.options = options or RecoveryOptions()
-        for name in self.options.behaviors:
-            if name not in BEHAVIORS:
-                raise ValueError(f"there is no recovery behaviour {name!r}: there are {', '.join(BEHAVIORS)}")
         self.count = 0
         """Behaviours begun since the goal, or since the last progress."""
         self.current: Behavior | None = None

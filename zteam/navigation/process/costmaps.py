@@ -8,7 +8,7 @@ from zteam.geometry import Pose2
 from zteam.messages.base import Base
 from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
 from zteam.navigation.planning.grid import Frame, GridMap
-from zteam.navigation.planning.parameters import Parameters, WindowOptions, read_outline
+from zteam.navigation.planning.parameters import Parameters, WindowOptions
 from zteam.navigation.planning.scans import Scan, Teammate
 
 _FAR = 8.0
@@ -27,7 +27,7 @@ class PlacedScan(NamedTuple):
 
 def footprint_of(window: WindowOptions, base: Base) -> Footprint:
     """The outline that a costmap's parameters give, or else that of the base. Raises ValueError."""
-    return read_outline(window) or make_footprint(base.footprint, window.footprint_padding)
+    return window.outline() or make_footprint(base.footprint, window.footprint_padding)
 
 
 class Costmaps:

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+import msgspec
+
 from zteam.geometry import Pose2, Velocity
 from zteam.messages import NavigationState, PoseStamped
 from zteam.navigation.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker
@@ -181,7 +183,8 @@ class Navigator:
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
         if not self._progress.makes_progress(given.now, pose):
-            return self._fail(given, goal, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
+            needed, allowed = msgspec.structs.astuple(self._parameters.progress)
+            return self._fail(given, goal, f"moved less than {needed:g} m in {allowed:g} s")
         self._note_progress(pose, left)
         ahead = move(pose, given.pending, given.seconds)
         try:

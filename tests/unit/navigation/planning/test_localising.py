@@ -1,6 +1,7 @@
 """AMCL."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -167,17 +168,17 @@ def test_clusters_touch() -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        AmclOptions(min_particles=0),
-        AmclOptions(min_particles=300, max_particles=200),
-        AmclOptions(max_beams=0),
-        AmclOptions(sigma_hit=0.0),
-        AmclOptions(robot_model_type="car"),
+        {"min_particles": 0},
+        {"min_particles": 300, "max_particles": 200},
+        {"max_beams": 0},
+        {"sigma_hit": 0.0},
+        {"robot_model_type": "car"},
     ],
 )
-def test_options_that_cannot_work_are_refused(options: AmclOptions) -> None:
+def test_options_that_cannot_work_are_refused(options: dict[str, Any]) -> None:
     """As is a pose that is not finite, and a map without room."""
     with pytest.raises(ValueError, match=r"particles|max_beams|sigma_hit|robot_model_type"):
-        Amcl(make_hall(), options)
+        AmclOptions(**options)
     with pytest.raises(ValueError, match="finite"):
         Amcl(make_hall()).set_pose(Pose2(math.nan, 0.0, 0.0))
     with pytest.raises(ValueError, match="no free cells"):

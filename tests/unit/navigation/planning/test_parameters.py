@@ -6,7 +6,7 @@ import pytest
 
 from support.installed_packages import install
 from zteam.errors import UsageError
-from zteam.navigation.planning.parameters import Parameters, navigation_of_robot
+from zteam.navigation.planning.parameters import FirstPose, Parameters, navigation_of_robot
 
 NAV2 = """
 amcl:
@@ -53,11 +53,15 @@ def read(folder: Path, text: str, robot_id: int = 1, **table: object) -> Paramet
     return navigation_of_robot({"params": "nav2_params.yaml", **table}, robot_id, folder, "navigation").parameters
 
 
+def alphas(parameters: Parameters) -> tuple[float, float, float]:
+    return parameters.amcl.alpha1, parameters.amcl.alpha2, parameters.amcl.alpha3
+
+
 def test_a_file_of_nav2_is_taken_as_it_is(tmp_path: Path) -> None:
     """Nodes in namespaces, plugins under names of the user's, layers: each value goes where Nav2 has it."""
     found = read(tmp_path, NAV2)
     assert (found.amcl.alpha1, found.amcl.max_particles, found.amcl.min_particles) == (0.3, 4000, 500)
-    assert found.initial_pose == (True, 1.0, 2.0, 0.5)
+    assert found.initial_pose == FirstPose(True, 1.0, 2.0, 0.5)
     assert (found.pursuit.desired_linear_vel, found.goal.xy_goal_tolerance) == (0.4, 0.1)
     assert found.progress.movement_time_allowance == 20.0
     assert (found.local_window.width, found.local_layers.inflation_radius) == (4, 0.5)
@@ -68,8 +72,8 @@ def test_a_file_of_nav2_is_taken_as_it_is(tmp_path: Path) -> None:
 
 def test_what_names_a_node_itself_counts_before_a_wildcard(tmp_path: Path) -> None:
     """`/**` is for every node, in whatever order the file has it; `robot_2/amcl` for that robot alone."""
-    assert read(tmp_path, NAV2).amcl[:3] == (0.3, 0.4, 0.2)
-    assert read(tmp_path, NAV2, robot_id=2).amcl[:3] == (0.3, 0.4, 0.7)
+    assert alphas(read(tmp_path, NAV2)) == (0.3, 0.4, 0.2)
+    assert alphas(read(tmp_path, NAV2, robot_id=2)) == (0.3, 0.4, 0.7)
 
 
 def test_a_table_of_a_team_file_replaces_values_of_the_file(tmp_path: Path) -> None:
@@ -99,6 +103,7 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             "controller_server: {ros__parameters: {FollowPath: {use_rotate_to_heading: 3}}}",
             "nav2_params.yaml: controller_server.FollowPath.use_rotate_to_heading: true or false is expected, not 3",
         ),
+        ("planner_server: {ros__parameters: {GridBased: {neutral_cost: 300}}}", "planner_server: neutral_cost 300 and"),
         ("navigation: {ros__parameters: {localizer: gps}}", "nav2_params.yaml: localizer: 'gps' is none of amcl, fake"),
         ("controller_server: {ros__parameters: {controller_frequency: 0.0}}", "controller_frequency: a number above 0"),
         ("amcl: {ros__parameters: {min_particles: 9000}}", "min_particles 9000 and max_particles 2000"),

@@ -13,6 +13,7 @@ from zteam.messages import NavigationState
 from zteam.navigation.planning.controller import BlockedError
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import NoPathError, Plan
+from zteam.navigation.planning.recovery import RecoveryOptions
 from zteam.navigation.process.costmaps import PlacedScan
 from zteam.navigation.process.navigator import MISSING_LIMIT, STOP, Navigator, NavigatorInput
 
@@ -152,7 +153,7 @@ def test_a_blocked_robot_plans_anew_and_then_recovers() -> None:
 
 def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:
     """Half a metre in ten seconds is asked for; after the last recovery it says what was tried."""
-    recovery = Parameters().recovery._replace(behaviors=("wait",), number_of_retries=2)
+    recovery = RecoveryOptions(behaviors=("wait",), number_of_retries=2)
     drive = Drive(recovery=recovery)
     drive.step(count=100)
     assert drive.navigator.state is NavigationState.DRIVING
@@ -169,7 +170,7 @@ def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:
 
 def test_a_robot_that_moves_to_and_fro_gives_up_and_one_that_gets_nearer_does_not() -> None:
     """To have moved lets it try all recoveries again a few times; to be nearer to the goal, as often as it likes."""
-    recovery = Parameters().recovery._replace(behaviors=("wait",), number_of_retries=2)
+    recovery = RecoveryOptions(behaviors=("wait",), number_of_retries=2)
     for nearer, state in ((0.0, NavigationState.ABORTED), (0.6, NavigationState.RECOVERING)):
         drive = Drive(recovery=recovery)
         drive.controller.left = 8.0

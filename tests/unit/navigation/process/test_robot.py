@@ -25,7 +25,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.base import DEFAULT_BASE
-from zteam.navigation.planning.costmap import LETHAL_OBSTACLE
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner
 from zteam.navigation.planning.plugins import Plugin
@@ -269,7 +269,7 @@ def test_a_map_of_another_size_is_planned_on_anew() -> None:
 
 def test_parameters_that_do_not_fit_the_map_are_told() -> None:
     """An inflation of more cells than there may be stops the robot, and not the process."""
-    robot = Robot(global_layers=Parameters().global_layers._replace(inflation_radius=50.0))
+    robot = Robot(global_layers=CostmapOptions(inflation_radius=50.0))
     robot.robot.set_map(box())
     robot.go(2.0)
     assert robot.step() == STOP
