@@ -277,12 +277,7 @@ def climb(
     """
     count, many = len(poses), beams.shape[-1]
     sums = np.empty(count, np.int64)
-    places = (
-        memory("poses", poses, DOUBLE, count, 3, out=True),
-        count,
-        memory("beams", beams, FLOAT, 2, many),
-        many,
-    )
+    places = memory("poses", poses, DOUBLE, count, 3, out=True), count, memory("beams", beams, FLOAT, 2, many), many
     out = memory("sums", sums, INT64, count, out=True)
     lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, out)
     return sums

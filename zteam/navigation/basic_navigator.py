@@ -9,20 +9,19 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
-from zteam import names
+from zteam import messages, names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.clock import Every, monotonic, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
-from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, time_from_ns
-from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.navigation.client import NavigationClient, TaskResult, goal_message
 from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
 from zteam.simulator.team_clock import team_clock
 
 log = logging.getLogger("zteam")
 
-Place = PoseStamped | Pose2
+Place = messages.PoseStamped | Pose2
 """A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""
 
 _LOOK = 0.1
@@ -42,8 +41,8 @@ class NavigationFeedback(msgspec.Struct, frozen=True):
 
     distance_remaining: float
     """Metres of the path that lie before it; NaN where they are not known."""
-    estimated_time_remaining: Duration
-    navigation_time: Duration
+    estimated_time_remaining: messages.Duration
+    navigation_time: messages.Duration
     """Since the goal was sent, in the team's time."""
     number_of_recoveries: int
     current_waypoint: int
@@ -71,19 +70,13 @@ class BasicNavigator:
         self._clock = link.clock if isinstance(link, Node) else team_clock(link)
         self._changed = threading.Condition(threading.RLock())
         """Notified when there is news."""
-        self._goals: Sequence[PoseStamped] = ()
-        """Those of the task: each is sent when the one before is reached."""
-        self._index = 0
-        """Of the newest goal."""
-        self._watch: GoalWatch | None = None
-        """Of the newest goal."""
-        self._sent = 0
-        """When it was sent, in ns of the team's time."""
-        self._is_sending = False
-        self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._advance)
+        self._count = 0
+        """Goals of the task."""
+        self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._notify)
         self._nag, self._waits_since = Every(10.0), math.inf
         """When it began to wait for what takes goals, in host seconds."""
-        self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
+        key = names.robot_key(robot_id, names.INITIAL_POSE)
+        self._initial_pose = link.publisher(key, messages.PoseWithCovarianceStamped)
 
     def __enter__(self) -> "BasicNavigator":
         return self
@@ -104,7 +97,8 @@ class BasicNavigator:
     @property
     def reason(self) -> str:
         """Why the task ended as it did, or why the robot does not get on; empty where there is nothing to say."""
-        return "" if self._watch is None else self._client.waits_for or self._watch.text
+        watch = self._client.watch
+        return "" if watch is None else self._client.waits_for or watch.text
 
     def waitUntilNav2Active(self, timeout: float | None = None) -> None:  # noqa: N802
         """Wait until the robot's navigation is there. Raises BusError after `timeout` host seconds.
@@ -132,8 +126,9 @@ class BasicNavigator:
         place = _message(initial_pose)
         limit = _POSE_LIMIT if self._node is None else 0.0
         self._wait(lambda: self._initial_pose.has_subscribers, limit, "nothing hears the initial pose")
-        header = Header(time_from_ns(self._clock.now()), place.header.frame_id)
-        self._initial_pose.put(PoseWithCovarianceStamped(header, PoseWithCovariance(place.pose, _COVARIANCE)))
+        header = messages.Header(messages.time_from_ns(self._clock.now()), place.header.frame_id)
+        estimate = messages.PoseWithCovariance(place.pose, _COVARIANCE)
+        self._initial_pose.put(messages.PoseWithCovarianceStamped(header, estimate))
 
     def goToPose(self, pose: Place) -> bool:  # noqa: N802
         """Send a goal. It takes the place of the task before, and waits for navigation if that is not there yet.
@@ -147,48 +142,23 @@ class BasicNavigator:
         goals = [_message(pose) for pose in poses]
         if not goals:
             raise UsageError("followWaypoints: give at least one pose")
-        with self._changed:
-            self._goals, self._index, self._is_sending = goals, 0, True
-        self._send(goals[0])
+        self._count = len(goals)
+        self._client.send(goals[0], goals[1:])
         return True
 
-    def _send(self, goal: PoseStamped) -> None:
-        # Without the lock: in memory, handlers of others run within, and navigation may answer at once.
-        sent, watch = self._clock.now(), self._client.send(goal)
+    def _notify(self) -> None:
         with self._changed:
-            self._watch, self._sent, self._is_sending = watch, sent, False
-        self._advance()
-
-    def _advance(self) -> None:
-        """Something may have changed: send the next goal if it is due."""
-        goal = None
-        with self._changed:
-            if self._has_next and not self._is_sending:
-                self._index += 1
-                self._is_sending, goal = True, self._goals[self._index]
             self._changed.notify_all()
-        if goal is not None:
-            self._send(goal)
-
-    @property
-    def _has_next(self) -> bool:
-        reached = self._watch is not None and self._watch.result == TaskResult.SUCCEEDED
-        return reached and self._index + 1 < len(self._goals)
-
-    def _is_over(self) -> bool:
-        """Whether the task has ended, or there is none."""
-        with self._changed:
-            return not self._is_sending and not self._has_next and (self._watch is None or self._watch.ended)
 
     def isTaskComplete(self) -> bool:  # noqa: N802
         """Whether the task has ended, or there is none. In a script it waits for up to 0.1 s, in a node not at all."""
         self._client.look()
         if self._node is None:
             with self._changed:
-                wait_until(self._changed, self._is_over, _LOOK)
-        if not self._is_over():
+                wait_until(self._changed, lambda: self._client.is_over, _LOOK)
+        if not (is_over := self._client.is_over):
             self._complain(self._client.waits_for)
-        return self._is_over()
+        return is_over
 
     def _complain(self, lack: str) -> None:
         self._waits_since = min(self._waits_since, monotonic()) if lack else math.inf
@@ -197,33 +167,31 @@ class BasicNavigator:
 
     def getFeedback(self) -> NavigationFeedback | None:  # noqa: N802
         """How far the robot is; None while navigation has said nothing of the goal."""
-        with self._changed:
-            status = None if self._watch is None else self._watch.status
-            if status is None:
-                return None
-            since = time_from_ns(max(0, self._clock.now() - self._sent))
-            return NavigationFeedback(
-                status.distance_remaining,
-                status.estimated_time_remaining,
-                Duration(since.sec, since.nanosec),
-                status.recoveries,
-                self._index,
-                status.text,
-            )
+        watch = self._client.watch
+        if watch is None or watch.status is None:
+            return None
+        status, sent = watch.status, messages.ns_from_time(watch.goal.header.stamp)
+        since = messages.time_from_ns(max(0, self._clock.now() - sent))
+        return NavigationFeedback(
+            status.distance_remaining,
+            status.estimated_time_remaining,
+            messages.Duration(since.sec, since.nanosec),
+            status.recoveries,
+            self._count - 1 - len(self._client.further),
+            status.text,
+        )
 
     def getResult(self) -> TaskResult:  # noqa: N802
         """How the task ended; UNKNOWN while it lasts, and without one."""
-        with self._changed:
-            return self._watch.result if self._watch is not None and self._is_over() else TaskResult.UNKNOWN
+        is_over, watch = self._client.is_over, self._client.watch
+        return watch.result if watch is not None and is_over else TaskResult.UNKNOWN
 
     def cancelTask(self) -> None:  # noqa: N802
         """Give the task up: the robot stops, and the result is CANCELED. Raises BusError if that cannot be asked for.
 
         In a node the question is asked on a thread of its own, because an answer comes only after the step.
         """
-        with self._changed:
-            self._goals = self._goals[: self._index + 1]
-        if self._is_over():
+        if self._client.withdraw() or self._client.is_over:
             return
         if self._node is None:
             self._client.cancel()
@@ -238,11 +206,11 @@ def _robot_id(robot: int | str) -> int:
     return names.parse_robot_id(str(robot))
 
 
-def _message(place: Place) -> PoseStamped:
+def _message(place: Place) -> messages.PoseStamped:
     """The goal as a message. Raises UsageError for what is no pose."""
     if isinstance(place, Pose2):
         place = goal_message(place)
-    if not isinstance(place, PoseStamped):
+    if not isinstance(place, messages.PoseStamped):
         raise UsageError(f"a pose is a PoseStamped or a Pose2, not a {type(place).__name__}")
     if not is_finite(place.pose):
         raise UsageError("a pose has a value that is no finite number")

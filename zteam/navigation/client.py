@@ -5,7 +5,7 @@ Goals are taken by the robot's navigation, or by the behaviour go_to that the ro
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import IntEnum
 
 import msgspec
@@ -179,6 +179,8 @@ class NavigationClient:
         """The newest goal."""
         self.is_pending = False
         """Whether the newest goal is still to be sent."""
+        self.further: list[PoseStamped] = []
+        """Goals that follow the newest one, each when the one before is reached."""
         self.taker = ""
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
         self._behavior = ""
@@ -214,6 +216,12 @@ class NavigationClient:
         return f"the navigation of {self.name}: start 'zteam-nav --id {self.robot_id}'{runs}"
 
     @property
+    def is_over(self) -> bool:
+        """Whether the newest goal has ended, and none follows it; also without a goal."""
+        with self._lock:
+            return self.watch is None or self.watch.ended
+
+    @property
     def has_subscribers(self) -> bool:
         """Whether a goal that is sent now reaches another process."""
         return self._publisher.has_subscribers
@@ -233,13 +241,13 @@ class NavigationClient:
         key = names.robot_key(self.robot_id, names.GOAL_POSE)
         return self.lack or self._other.lack or f"something that subscribes to {key}"
 
-    def send(self, goal: PoseStamped) -> GoalWatch:
-        """Send a goal, stamped when it leaves; its watch tells what becomes of it."""
+    def send(self, goal: PoseStamped, further: Iterable[PoseStamped] = ()) -> GoalWatch:
+        """Send a goal, stamped when it leaves, and then the `further` ones; its watch tells what becomes of it."""
         with self._lock:
             if self.watch is not None:
                 self.watch.end(TaskResult.FAILED, "a new goal took its place")
             watch = self.watch = GoalWatch(goal)
-            self.is_pending = True
+            self.further, self.is_pending = [*further], True
         self._flush()
         return watch
 
@@ -268,8 +276,9 @@ class NavigationClient:
                 self.watch.end(TaskResult.FAILED, f"the process {gone} is gone")
 
     def withdraw(self) -> bool:
-        """Give the goal up if it is not sent yet; returns whether that is so."""
+        """Give up what is not sent yet; returns whether that is the newest goal too."""
         with self._lock:
+            self.further.clear()
             watch = self.watch
             if watch is None or not self.is_pending:
                 return False
@@ -318,6 +327,8 @@ class NavigationClient:
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
             if self.watch is not None and not self.is_pending:
                 self.watch.take(status)
+                if self.further and self.watch.result == TaskResult.SUCCEEDED:
+                    self.watch, self.is_pending = GoalWatch(self.further.pop(0)), True
             if self._yields:
                 self._other.take(status, None if self.is_pending else self.watch, self._now())
         self._flush()

@@ -31,6 +31,7 @@ from zteam.messages import (
     Vector3,
     Vector3Stamped,
     ns_from_time,
+    time_from_ns,
 )
 from zteam.names import strip_slash
 from zteam.transforms.errors import InvalidArgumentException, TransformException
@@ -43,6 +44,7 @@ from zteam.transforms.rigid import (
     compose,
     floats_of,
     scan_points,
+    stamped_transform,
     twist_between,
 )
 from zteam.transforms.tree import FrameInfo, Rejection, Tree
@@ -167,13 +169,7 @@ class Buffer:
             self._tree.check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
             source = self._tree.solve(fixed_frame, source_frame, source_time)
             target = self._tree.solve(target_frame, fixed_frame, target_time)
-        x, y, z, i, j, k, w = compose(target[1:], source[1:])
-        stamp = target[0]
-        return TransformStamped(
-            Header(Time(stamp // _NS, stamp % _NS), target_frame),
-            source_frame,
-            Transform(Vector3(x, y, z), Quaternion(i, j, k, w)),
-        )
+        return stamped_transform(time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:]))
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""

@@ -287,13 +287,11 @@ class Tree:
     def latest(self, target: str, source: str) -> int:
         """The newest time that all moving edges between two frames have; raises where they are not connected."""
         path = self._paths.get((target, source)) or self._prepare(target, source)
-        if path is None:
-            return self._newest(target) if target == source else FramePath(*self._find_edges(target, source)).newest
-        return path.newest
-
-    def _newest(self, frame: str) -> int:
-        """Stamp of a frame's own newest sample; 0 if it has none or does not move."""
-        edge = self.edges.get(frame)
+        if path is not None:
+            return path.newest
+        if target != source:
+            return FramePath(*self._find_edges(target, source)).newest
+        edge = self.edges.get(target)
         return edge.newest if edge is not None else 0
 
     def check_frames(self, **arguments: str) -> None:

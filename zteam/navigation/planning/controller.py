@@ -33,14 +33,10 @@ def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duratio
         return math.inf
     interval = duration / steps
     motion = np.array([velocity.x / resolution, velocity.y / resolution, velocity.turn]) * interval
-    hit = find_hit(costmap.costs, *_in_cells(costmap, pose), motion, steps)
+    u, v = costmap.frame.to_cells(pose.x, pose.y)
+    corners, yaw = costmap.footprint.corners / resolution, pose.yaw - costmap.frame.origin.yaw
+    hit = find_hit(costmap.costs, corners, u, v, yaw, motion, steps)
     return math.inf if hit < 0 else (hit - 1) * interval
-
-
-def _in_cells(costmap: Costmap, pose: Pose2) -> tuple[Floats, float, float, float]:
-    frame = costmap.frame
-    u, v = frame.to_cells(pose.x, pose.y)
-    return costmap.footprint.corners / frame.resolution, u, v, pose.yaw - frame.origin.yaw
 
 
 class BlockedError(ZteamError):

@@ -128,7 +128,12 @@ class Field:
         """The corners of a way of straight lines (n, 2) that costs no more than a way from cell to cell."""
         if len(way) < 3:
             return way
-        return make_any_angle(self.weights, way + 1, self.steps.least) - 1
+        corners, cost = _join(self.weights, way + 1, STRIDE, REACH, self.steps.least)
+        points = corners
+        for width in _WIDTHS:
+            points = _shift(self.weights, _space_out(points), width)
+        moved, moved_cost = _join(self.weights, points, 1, REACH // _SPACING, self.steps.least)
+        return (moved if moved_cost < cost else corners) - 1
 
 
 def _heaviest(neutral: int, factor: float) -> int:
@@ -246,16 +251,6 @@ def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
     path[:-1, 2] = np.arctan2(delta[line, 1], delta[line, 0])
     path[-1] = points[-1, 0], points[-1, 1], yaw
     return path
-
-
-def make_any_angle(weights: Bytes, way: Cells, least: int) -> Cells:
-    """The corners of a way of straight lines that costs no more than `way` (cells, each beside the one before)."""
-    corners, cost = _join(weights, way, STRIDE, REACH, least)
-    points = corners
-    for width in _WIDTHS:
-        points = _shift(weights, _space_out(points), width)
-    moved, moved_cost = _join(weights, points, 1, REACH // _SPACING, least)
-    return moved if moved_cost < cost else corners
 
 
 def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
