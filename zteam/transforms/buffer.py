@@ -21,7 +21,9 @@ from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Header,
     LaserScan,
+    Point,
     PointStamped,
+    Pose,
     PoseStamped,
     Quaternion,
     Time,
@@ -35,18 +37,7 @@ from zteam.messages import (
 )
 from zteam.names import strip_slash
 from zteam.transforms.errors import InvalidArgumentException, TransformException
-from zteam.transforms.rigid import (
-    apply_to_point,
-    apply_to_points,
-    apply_to_pose,
-    apply_to_poses,
-    apply_to_vector,
-    compose,
-    floats_of,
-    scan_points,
-    stamped_transform,
-    twist_between,
-)
+from zteam.transforms.rigid import compose, floats_of, rotation_matrix, scan_points, stamped_transform, twist_between
 from zteam.transforms.tree import FrameInfo, Rejection, Tree
 
 log = logging.getLogger("zteam.tf")
@@ -193,27 +184,38 @@ class Buffer:
     def transform_pose(self, pose: PoseStamped, target_frame: str) -> PoseStamped:
         """A stamped pose in another frame, at its own stamp (0 = latest). Raises tf2's exceptions."""
         found = self._found_for(pose.header, target_frame)
-        return PoseStamped(Header(found.header.stamp, target_frame), apply_to_pose(found.transform, pose.pose))
+        p, o = pose.pose.position, pose.pose.orientation
+        x, y, z, i, j, k, w = compose(floats_of(found.transform), (p.x, p.y, p.z, o.x, o.y, o.z, o.w))
+        return PoseStamped(Header(found.header.stamp, target_frame), Pose(Point(x, y, z), Quaternion(i, j, k, w)))
 
     def transform_point(self, point: PointStamped, target_frame: str) -> PointStamped:
         """A stamped point in another frame."""
-        found = self._found_for(point.header, target_frame)
-        return PointStamped(Header(found.header.stamp, target_frame), apply_to_point(found.transform, point.point))
+        moved = self.transform_pose(PoseStamped(point.header, Pose(point.point)), target_frame)
+        return PointStamped(moved.header, moved.pose.position)
 
     def transform_vector(self, vector: Vector3Stamped, target_frame: str) -> Vector3Stamped:
         """A stamped direction in another frame: it is rotated, not translated."""
-        found = self._found_for(vector.header, target_frame)
-        return Vector3Stamped(Header(found.header.stamp, target_frame), apply_to_vector(found.transform, vector.vector))
+        found, v = self._found_for(vector.header, target_frame), vector.vector
+        turn = (0.0, 0.0, 0.0, *floats_of(found.transform)[3:])
+        x, y, z, *_ = compose(turn, (v.x, v.y, v.z, 0.0, 0.0, 0.0, 1.0))
+        return Vector3Stamped(Header(found.header.stamp, target_frame), Vector3(x, y, z))
 
     def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
         """The end points of a scan's beams in another frame, (beams, 3) metres; NaN for a beam without a hit."""
-        return apply_to_points(self._found_for(scan.header, target_frame).transform, scan_points(scan))
+        floats = floats_of(self._found_for(scan.header, target_frame).transform)
+        return np.asarray(scan_points(scan) @ rotation_matrix(floats).T + floats[:3])
 
     def transform_poses(
         self, poses: NDArray[np.float64], target_frame: str, source_frame: str, time: int
     ) -> NDArray[np.float64]:
-        """(N, 3) planar poses (x, y, yaw) of `source_frame` in `target_frame`."""
-        return apply_to_poses(self.lookup_transform(target_frame, source_frame, time).transform, poses)
+        """(N, 3) planar poses (x, y, yaw) of `source_frame` in `target_frame`; yaws are in [-pi, pi].
+
+        If the transform tilts, the heading of each pose is projected onto the plane.
+        """
+        floats = floats_of(self.lookup_transform(target_frame, source_frame, time).transform)
+        plane, given = rotation_matrix(floats)[:2, :2].T, np.asarray(poses, np.float64)
+        ahead = np.stack((np.cos(given[:, 2]), np.sin(given[:, 2])), axis=1) @ plane
+        return np.column_stack((given[:, :2] @ plane + floats[:2], np.arctan2(ahead[:, 1], ahead[:, 0])))
 
     def _found_for(self, header: Header, target_frame: str) -> TransformStamped:
         return self.lookup_transform(target_frame, header.frame_id, ns_from_time(header.stamp))

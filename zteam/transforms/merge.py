@@ -186,16 +186,9 @@ class Merger:
 
 def base_stamp(robot_id: int, message: TFMessage) -> int:
     """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
-    newest = -1
-    for transform in message.transforms:
-        if _is_base_of(robot_id, transform.child_frame_id):
-            newest = max(newest, ns_from_time(transform.header.stamp))
-    return newest
-
-
-@lru_cache(maxsize=4096)
-def _is_base_of(robot_id: int, child: str) -> bool:
-    return names.resolve_frame(names.robot_name(robot_id), child) == names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    own = (each for each in message.transforms if _own(robot_id, each.header.frame_id, each.child_frame_id)[1] == base)
+    return max((ns_from_time(each.header.stamp) for each in own), default=-1)
 
 
 @lru_cache(maxsize=4096)

@@ -1,15 +1,11 @@
-"""Rigid transforms as tuples of seven floats, which is faster than numpy arrays or objects.
-
-And what they do to points, poses and scans, and the velocity between two of them.
-"""
+"""Rigid transforms as tuples of seven floats, which is faster than numpy arrays or objects."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.messages import Header, LaserScan, Point, Pose, Quaternion, Time, Transform, TransformStamped, Twist, Vector3
+from zteam.messages import Header, LaserScan, Quaternion, Time, Transform, TransformStamped, Twist, Vector3
 from zteam.messages.laser import read_ranges
 
 Array = NDArray[np.float64]
@@ -87,48 +83,10 @@ def interpolate(a: Floats, b: Floats, fraction: float) -> Floats:
     )
 
 
-def apply_to_pose(target_from_source: Transform, pose: Pose) -> Pose:
-    """A pose in `source` as one in `target`."""
-    p, o = pose.position, pose.orientation
-    x, y, z, i, j, k, w = compose(floats_of(target_from_source), (p.x, p.y, p.z, o.x, o.y, o.z, o.w))
-    return Pose(Point(x, y, z), Quaternion(i, j, k, w))
-
-
-def apply_to_point(target_from_source: Transform, point: Point) -> Point:
-    """A point in `source` as one in `target`."""
-    return apply_to_pose(target_from_source, Pose(point)).position
-
-
-def apply_to_vector(target_from_source: Transform, vector: Vector3) -> Vector3:
-    """A direction in `source` as one in `target`: it is rotated, not translated."""
-    r = target_from_source.rotation
-    x, y, z, *_ = compose((0.0, 0.0, 0.0, r.x, r.y, r.z, r.w), (vector.x, vector.y, vector.z, 0.0, 0.0, 0.0, 1.0))
-    return Vector3(x, y, z)
-
-
-def apply_to_points(target_from_source: Transform, points: Array) -> Array:
-    """(N, 3) points in `source` as points in `target`, all at once."""
-    x, y, z, *rotation = floats_of(target_from_source)
-    return np.asarray(points @ _matrix(rotation).T + (x, y, z))
-
-
-def _matrix(rotation: Sequence[float]) -> Array:
-    i, j, k, w = rotation
+def rotation_matrix(floats: Floats) -> Array:
+    """The rotation of a transform, (3, 3)."""
     axes = np.eye(3).tolist()
-    return np.array([compose((0.0, 0.0, 0.0, i, j, k, w), (x, y, z, 0.0, 0.0, 0.0, 1.0))[:3] for x, y, z in axes]).T
-
-
-def apply_to_poses(target_from_source: Transform, poses: Array) -> Array:
-    """(N, 3) planar poses (x, y, yaw) in `source` as planar poses in `target`, all at once.
-
-    Yaws are in [-pi, pi]. If the transform tilts, the heading of each pose is projected onto the plane.
-    """
-    x, y, _, *rotation = floats_of(target_from_source)
-    matrix = _matrix(rotation)
-    flat = np.asarray(poses, np.float64)
-    ahead = np.stack((np.cos(flat[:, 2]), np.sin(flat[:, 2])), axis=1) @ matrix[:2, :2].T
-    moved = flat[:, :2] @ matrix[:2, :2].T + (x, y)
-    return np.column_stack((moved, np.arctan2(ahead[:, 1], ahead[:, 0])))
+    return np.array([compose((0.0, 0.0, 0.0, *floats[3:]), (x, y, z, 0.0, 0.0, 0.0, 1.0))[:3] for x, y, z in axes]).T
 
 
 def scan_points(scan: LaserScan) -> Array:

@@ -234,7 +234,7 @@ class Tree:
     ) -> Rejection | None:
         """Store a sample, or a static transform; None, or why it was refused. Names may have a leading slash."""
         child, parent = strip_slash(child), strip_slash(parent)
-        refused = _check_names(parent, child, authority) or _check_numbers(floats, child, authority)
+        refused = _check(parent, child, floats, authority)
         if refused is not None:
             return refused
         floats = _normalise(floats)
@@ -405,18 +405,14 @@ def _seconds(nanoseconds: int) -> str:
     return f"{whole}.{rest:09d}"
 
 
-def _check_names(parent: str, child: str, authority: str) -> Rejection | None:
+def _check(parent: str, child: str, floats: Floats, authority: str) -> Rejection | None:
+    """Check the names, that all numbers are finite, and that the quaternion is nearly a unit one."""
     if not child:
         return Rejection("TF_NO_CHILD_FRAME_ID", f"a transform from {authority} has no child_frame_id")
     if not parent:
         return Rejection("TF_NO_FRAME_ID", f"{child} from {authority} has no frame_id")
     if parent == child:
         return Rejection("TF_SELF_TRANSFORM", f"{child} from {authority} is its own parent")
-    return None
-
-
-def _check_numbers(floats: Floats, child: str, authority: str) -> Rejection | None:
-    """Check that all numbers are finite and the quaternion is nearly a unit one; None, or why they are refused."""
     if not all(map(math.isfinite, floats)):
         return Rejection("TF_NAN_INPUT", f"{child} from {authority} holds a number that is not finite")
     if abs(sum(q * q for q in floats[3:]) - 1.0) >= UNIT_TOLERANCE:

@@ -23,8 +23,8 @@ from zteam.navigation.planning.costmap import (
 )
 from zteam.navigation.planning.grid import Frame, GridMap, make_map
 from zteam.navigation.planning.map_files import read_map, write_map
+from zteam.navigation.planning.parameters import make_controller, make_planner, read_options
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError, Plan, Planner
-from zteam.navigation.planning.plugins import make_controller, make_planner, read_options
 from zteam.navigation.planning.recovery import Recovery, RecoveryOptions
 from zteam.navigation.planning.scans import Scan, Teammate
 

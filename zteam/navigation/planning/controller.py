@@ -44,7 +44,7 @@ class BlockedError(ZteamError):
 
 
 class Controller(Protocol):
-    """What a controller must do; `zteam.navigation.planning.plugins` knows them by name."""
+    """What a controller must do; `zteam.navigation.planning.parameters` knows them by name."""
 
     def set_path(self, path: Floats) -> None:
         """Follow this path (n, 3) from now on: x, y in metres and yaw in radians, in the frame of the map."""

@@ -1,16 +1,25 @@
-"""The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults."""
+"""The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults.
+
+Planners and controllers have names: zteam's own, those of packages, and Nav2's names for them. A package offers one in
+the entry-point group `zteam.planners` or `zteam.controllers`: what it names is called with the plug-in's parameters, a
+mapping, and returns a Planner or a Controller. So a controller that samples, such as MPPI, or a planner that knows the
+ways of teammates needs no change here.
+"""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from types import MappingProxyType
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args
 
 import msgspec
 
 from zteam import names
+from zteam.config.entry_points import load_offered, offered
+from zteam.config.problems import Problem, problems_of
 from zteam.errors import UsageError
 from zteam.messages.base import Base
-from zteam.navigation.planning import plugins
 from zteam.navigation.planning.amcl import AmclOptions
 from zteam.navigation.planning.controller import (
     Controller,
@@ -22,7 +31,6 @@ from zteam.navigation.planning.controller import (
 )
 from zteam.navigation.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, Planner
-from zteam.navigation.planning.plugins import ASTAR, PURSUIT, Plugin, plugin_name, set_options
 from zteam.navigation.planning.recovery import RecoveryOptions
 
 Localizer = Literal["amcl", "fake", "none"]
@@ -32,6 +40,18 @@ Tables = dict[str, dict[str, Any]]
 OWN = "navigation"
 """The node with parameters of zteam's own."""
 _PARAMETERS = "ros__parameters"
+
+
+class Plugin(NamedTuple):
+    """A planner or a controller of a robot."""
+
+    name: str
+    """zteam's own, or that of an installed package's."""
+    parameters: Mapping[str, Any] = MappingProxyType({})
+    """What is set of it, by the plug-in's own names."""
+
+
+ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 
 
 class FirstPose(msgspec.Struct, frozen=True):
@@ -126,6 +146,27 @@ class Parameters(NamedTuple):
     global_layers: CostmapOptions = CostmapOptions()
     local_window: WindowOptions = WindowOptions()
     local_layers: CostmapOptions = CostmapOptions()
+
+    def make_controller(self, base: Base) -> Controller:
+        """The controller that is named; zteam's own keeps within the limits of a base. Raises UsageError."""
+        name, given = self.controller_plugin
+        if name != PURSUIT:
+            return make_controller(name, given)
+        options = self.pursuit
+        return RegulatedPurePursuit(
+            msgspec.structs.replace(
+                options,
+                desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
+                rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
+                max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
+                xy_goal_tolerance=self.goal.xy_goal_tolerance,
+            )
+        )
+
+    def make_planner(self) -> Planner:
+        """The planner that is named. Raises UsageError."""
+        name, given = self.planner_plugin
+        return AStarPlanner(self.planner) if name == ASTAR else make_planner(name, given)
 
 
 class _Section(NamedTuple):
@@ -230,27 +271,73 @@ def _read_parameters(tables: Tables, source: str) -> ReadParameters:
     return ReadParameters(Parameters(**found, localizer=localizer), tuple(unknown))
 
 
-def make_controller(parameters: Parameters, base: Base) -> Controller:
-    """The controller that the parameters name; zteam's own keeps within the limits of a base. Raises UsageError."""
-    name, given = parameters.controller_plugin
-    if name != PURSUIT:
-        return plugins.make_controller(name, given)
-    options = parameters.pursuit
-    return RegulatedPurePursuit(
-        msgspec.structs.replace(
-            options,
-            desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
-            rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
-            max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
-            xy_goal_tolerance=parameters.goal.xy_goal_tolerance,
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
+    """Options with other values, and what is wrong with these; with problems the options are as they were."""
+    table, kind = {**msgspec.to_builtins(options), **values}, type(options)
+    problems = problems_of(table, kind) or [
+        Problem((name,), f"a finite number is expected, not {value}")
+        for name, value in values.items()
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
+    return options if problems else msgspec.convert(table, kind), problems
+
+
+def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[str]]:
+    """Options of a class such as AmclOptions from `parameters`, and the names that it does not know.
+
+    Raises UsageError for values that cannot be.
+    """
+    known = {name: value for name, value in parameters.items() if name in kind.__struct_encode_fields__}
+    options, problems = set_options(kind(), known)
+    if problems:
+        raise UsageError("\n".join(map(str, problems)))
+    return options, sorted(parameters.keys() - known.keys())
+
+
+_OWN = {"planner": ASTAR, "controller": PURSUIT}
+NAV2_NAMES = {
+    "nav2_navfn_planner::NavfnPlanner": ASTAR,
+    "nav2_smac_planner::SmacPlanner2D": ASTAR,
+    "nav2_theta_star_planner::ThetaStarPlanner": ASTAR,
+    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": PURSUIT,
+}
+"""Plug-ins of Nav2, and what does their work here; Nav2 writes them with `/` too."""
+
+
+def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
+    """A planner by its name. Raises UsageError."""
+    if (found := plugin_name("planner", name)) == ASTAR:
+        return AStarPlanner(read_options(AStarOptions, parameters)[0])
+    planner: Planner = load_offered("zteam.planners", found)(parameters)
+    return planner
+
+
+def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
+    """A controller by its name. Raises UsageError."""
+    if (found := plugin_name("controller", name)) == PURSUIT:
+        return RegulatedPurePursuit(read_options(PursuitOptions, parameters)[0])
+    controller: Controller = load_offered("zteam.controllers", found)(parameters)
+    return controller
+
+
+def plugin_name(kind: str, name: str, where: str = "") -> str:
+    """zteam's own name of a planner or a controller, or that of an installed package's, which is not imported.
+
+    `kind` is "planner" or "controller". Raises UsageError for a name that is neither; the text begins with `where`.
+    """
+    own, group = _OWN[kind], f"zteam.{kind}s"
+    if NAV2_NAMES.get(name.replace("/", "::"), name) == own:
+        return own
+    there = offered(group)
+    if name not in there:
+        known = ", ".join(sorted({own, *there}))
+        raise UsageError(
+            f"{where}there is no {kind} {name!r}: there are {known}, and packages may offer more ({group})"
         )
-    )
-
-
-def make_planner(parameters: Parameters) -> Planner:
-    """The planner that the parameters name. Raises UsageError."""
-    name, given = parameters.planner_plugin
-    return AStarPlanner(parameters.planner) if name == ASTAR else plugins.make_planner(name, given)
+    return name
 
 
 def _own_names(section: _Section, table: Mapping[str, Any], kind: type[msgspec.Struct]) -> dict[str, str]:
@@ -271,11 +358,10 @@ def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, I
     """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
     prefix, kind = _prefix(section, table), _PLUGINS[section.field]
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
-    usual: Plugin = Parameters._field_defaults[f"{kind}_plugin"]
     place = f"{prefix}plugin"
-    name = plugin_name(kind, str(own.get(place, usual.name)), f"{section.node}.{place}: ")
+    name = plugin_name(kind, str(own.get(place, _OWN[kind])), f"{section.node}.{place}: ")
     given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
-    return Plugin(name, given), [place] if name == usual.name else own
+    return Plugin(name, given), [place] if name == _OWN[kind] else own
 
 
 def _prefix(section: _Section, table: Mapping[str, Any]) -> str:

@@ -50,7 +50,7 @@ class Plan(NamedTuple):
 
 
 class Planner(Protocol):
-    """What a planner must do; `zteam.navigation.planning.plugins` knows them by name."""
+    """What a planner must do; `zteam.navigation.planning.parameters` knows them by name."""
 
     def plan(self, costmap: Costmap, start: Pose2, goal: Pose2) -> Plan:
         """A path from `start` to `goal` (poses in the frame of the map). Raises NoPathError."""

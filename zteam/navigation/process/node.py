@@ -22,7 +22,7 @@ from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.grid import GridMap
-from zteam.navigation.planning.parameters import Parameters, make_planner
+from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
@@ -66,7 +66,7 @@ class NavigationNode:
         key = str(parameters.planner_plugin)
         if key not in self._planners:
             # Shared: the memory of a search is as large as the map.
-            self._planners[key] = make_planner(parameters)
+            self._planners[key] = parameters.make_planner()
         inputs = Inputs(robot_id, self._transforms, self._bases)
         outputs = Outputs(node, robot_id, parameters)
         robot = RobotNavigation(inputs, parameters, outputs, self._planners[key], seed * 10_000 + robot_id)

@@ -8,7 +8,7 @@ from zteam.geometry import Pose2, Velocity
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
 from zteam.navigation.maps import is_finite, planar
 from zteam.navigation.planning.grid import GridMap
-from zteam.navigation.planning.parameters import Parameters, make_controller
+from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.planning.planner import Planner
 from zteam.navigation.process.costmaps import Costmaps, PlacedScan
 from zteam.navigation.process.inputs import OLD, Inputs
@@ -30,7 +30,7 @@ class RobotNavigation:
         self.outputs = outputs
         self._seed = seed
         self._grid: GridMap | None = None
-        self.navigator = Navigator(parameters, planner, make_controller(parameters, inputs.base))
+        self.navigator = Navigator(parameters, planner, parameters.make_controller(inputs.base))
         self._costmaps: Costmaps | None = None
         self._localiser: Localiser | None = None
         self._command = STOP
@@ -55,7 +55,7 @@ class RobotNavigation:
     def set_base(self) -> None:
         """The robot's base is another one than before: its outline or its limits."""
         self._costmaps, self._unfit = None, ""
-        self.navigator.use_controller(make_controller(self._parameters, self.inputs.base))
+        self.navigator.use_controller(self._parameters.make_controller(self.inputs.base))
 
     def forget(self) -> None:
         """Time jumped back: nothing of before counts, the goal neither."""

@@ -18,8 +18,8 @@ from zteam.navigation.planning.controller import (
 )
 from zteam.navigation.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, place
 from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.parameters import make_controller, make_planner
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError
-from zteam.navigation.planning.plugins import make_controller, make_planner
 from zteam.navigation.planning.recovery import Recovery, RecoveryOptions
 from zteam.navigation.planning.scans import Scan, Teammate
 

@@ -27,8 +27,7 @@ from zteam.messages import (
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
-from zteam.navigation.planning.parameters import Localizer, Parameters, make_planner
-from zteam.navigation.planning.plugins import Plugin
+from zteam.navigation.planning.parameters import Localizer, Parameters, Plugin
 from zteam.navigation.process.inputs import Inputs
 from zteam.navigation.process.navigator import STOP
 from zteam.navigation.process.robot import NO_MAP, RobotNavigation
@@ -87,7 +86,7 @@ class Robot:
         self.transforms, self.outputs = Transforms(), Outputs()
         self.inputs = Inputs(0, self.transforms, {0: DEFAULT_BASE})  # type: ignore[arg-type]
         parameters = Parameters(localizer=localizer, **options)
-        planner = make_planner(parameters)
+        planner = parameters.make_planner()
         self.robot = RobotNavigation(self.inputs, parameters, self.outputs, planner, 1)  # type: ignore[arg-type]
         self.now, self.sees, self.is_placed, self.moves = 0, True, True, True
         self._put("base_footprint", "base_laser_link", static=True)
