@@ -24,8 +24,7 @@ from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.navigation.client import goal_text
-from zteam.navigation.goal_file import read_goals
-from zteam.navigation.goals import Dispatcher, Errand, Rounds
+from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.process_node import run_node
 from zteam.robot.goal_lists import pause_lists

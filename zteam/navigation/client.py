@@ -119,39 +119,6 @@ class GoalWatch:
             self.result, self.text = result, text
 
 
-class OtherGoal:
-    """The goal of another sender while it lasts. Times are the team's, in ns."""
-
-    def __init__(self) -> None:
-        self.goal: PoseStamped | None = None
-        """None while there is none."""
-        self._came = 0
-        """When it was heard."""
-
-    @property
-    def lack(self) -> str:
-        """What is waited for while it lasts; else empty."""
-        return "" if self.goal is None else f"the end of another goal: {goal_text(self.goal)}"
-
-    def hear(self, goal: PoseStamped, own: GoalWatch | None, now: int) -> bool:
-        """It was sent, and ends one's own goal; whether it should be sent again, to be the newest for certain."""
-        self.goal, self._came = goal, now
-        if own is None:
-            return False
-        # Both were sent at about the same time, and navigation may have heard one's own last.
-        again = not own.ended and own.status is None
-        own.replace(goal)
-        return again
-
-    def take(self, status: NavigationStatus, own: GoalWatch | None, now: int) -> None:
-        """The robot said something, about this goal, one's own or a third one."""
-        if status.state in ON_THE_WAY and not (own is not None and is_same_goal(status.goal, own.goal)):
-            self.goal, self._came = status.goal, now
-        elif self.goal is not None and (is_same_goal(status.goal, self.goal) or not 0 <= now - self._came < SETTLED):
-            # Before it has settled, navigation may still speak of the goal before.
-            self.goal = None
-
-
 class NavigationClient:
     """Sends goals to one robot, one after the other; a new one takes the place of the one before. Watches and cancels.
 
@@ -193,7 +160,11 @@ class NavigationClient:
         """When the process that takes the goals went away, in host seconds."""
         self._lock = threading.RLock()
         self._stamp = 0  # of the newest goal: no two have the same
-        self._other, self._yields = OtherGoal(), yields
+        self._yields = yields
+        self._other: PoseStamped | None = None
+        """The goal of another sender while it lasts, with `yields`."""
+        self._other_came = 0
+        """When it was heard, in ns of the team's time."""
         key = names.robot_key(robot_id, names.GOAL_POSE)
         self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
         if yields:
@@ -238,8 +209,18 @@ class NavigationClient:
         """What the goal waits for to be sent, and the way out; empty if it is sent."""
         if not self.is_pending:
             return ""
-        key = names.robot_key(self.robot_id, names.GOAL_POSE)
-        return self.lack or self._other.lack or f"something that subscribes to {key}"
+        return self._hindrance or f"something that subscribes to {names.robot_key(self.robot_id, names.GOAL_POSE)}"
+
+    @property
+    def _hindrance(self) -> str:
+        """Why no goal is sent now; empty if one may be."""
+        other = self._other
+        return self.lack or ("" if other is None else f"the end of another goal: {goal_text(other)}")
+
+    @property
+    def _sent(self) -> GoalWatch | None:
+        """The newest goal, unless it is still to be sent."""
+        return None if self.is_pending else self.watch
 
     def send(self, goal: PoseStamped, further: Iterable[PoseStamped] = ()) -> GoalWatch:
         """Send a goal, stamped when it leaves, and then the `further` ones; its watch tells what becomes of it."""
@@ -254,8 +235,7 @@ class NavigationClient:
     def _flush(self) -> None:
         """Send the newest goal, if that is due."""
         with self._lock:
-            waits = self.lack or self._other.lack
-            if waits or not (self.is_pending and self.watch and self.has_subscribers):
+            if self._hindrance or not (self.is_pending and self.watch and self.has_subscribers):
                 return
             self._stamp = max(self._now(), self._stamp + 1)
             goal = self.watch.goal
@@ -272,8 +252,8 @@ class NavigationClient:
             if self._gone_since is None or monotonic() - self._gone_since < GONE:
                 return
             gone, self.taker, self._gone_since = self._taking_process, "", None
-            if self.watch is not None and not self.is_pending:
-                self.watch.end(TaskResult.FAILED, f"the process {gone} is gone")
+            if (own := self._sent) is not None:
+                own.end(TaskResult.FAILED, f"the process {gone} is gone")
 
     def withdraw(self) -> bool:
         """Give up what is not sent yet; returns whether that is the newest goal too."""
@@ -314,7 +294,11 @@ class NavigationClient:
 
     def _on_other_goal(self, _key: str, goal: PoseStamped) -> None:
         with self._lock:
-            again = self._other.hear(goal, None if self.is_pending else self.watch, self._now())
+            self._other, self._other_came, own = goal, self._now(), self._sent
+            # Both were sent at about the same time, and navigation may have heard one's own last.
+            again = own is not None and not own.ended and own.status is None
+            if own is not None:
+                own.replace(goal)
         if again:
             self._publisher.put(goal)
 
@@ -325,14 +309,23 @@ class NavigationClient:
             if is_behavior and (self.taker == NAVIGATION or self._holds(self._navigation)):
                 return
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
-            if self.watch is not None and not self.is_pending:
-                self.watch.take(status)
-                if self.further and self.watch.result == TaskResult.SUCCEEDED:
+            if (own := self._sent) is not None:
+                own.take(status)
+                if self.further and own.result == TaskResult.SUCCEEDED:
                     self.watch, self.is_pending = GoalWatch(self.further.pop(0)), True
             if self._yields:
-                self._other.take(status, None if self.is_pending else self.watch, self._now())
+                self._take_other(status)
         self._flush()
         self._on_change()
+
+    def _take_other(self, status: NavigationStatus) -> None:
+        """The robot said something, about the goal of another sender, one's own or a third one."""
+        own, other, now = self._sent, self._other, self._now()
+        if status.state in ON_THE_WAY and not (own is not None and is_same_goal(status.goal, own.goal)):
+            self._other, self._other_came = status.goal, now
+        elif other is not None and (is_same_goal(status.goal, other) or not 0 <= now - self._other_came < SETTLED):
+            # Before it has settled, navigation may still speak of the goal before.
+            self._other = None
 
     def _on_robot(self, _key: str, status: RobotStatus) -> None:
         self._behavior, self.is_stopped = status.behavior, status.is_stopped

@@ -12,8 +12,7 @@ from zteam.config.resources import teams_folder
 from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
-from zteam.navigation.goal_file import FileGoal, read_goals
-from zteam.navigation.goals import Dispatcher, Rounds
+from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.testing import run_node
 

@@ -16,8 +16,7 @@ from zteam.errors import BusError, ConfigError
 from zteam.geometry import Pose2
 from zteam.messages import Done, NavigationState, Odometry, PoseStamped, ns_from_time
 from zteam.navigation.client import TaskResult, goal_message
-from zteam.navigation.goal_file import FileGoal, read_goals
-from zteam.navigation.goals import Dispatcher, Rounds
+from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.shutdown import Stop
 from zteam.robot.goal_lists import find_lists, pause_lists
