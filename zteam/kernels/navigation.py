@@ -59,10 +59,7 @@ def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from:
 
 
 def square_distances(costs: Bytes, window: Window, reach: int) -> NDArray[np.uint16]:
-    """Squared distance of each cell of a window of `costs` (rows, columns) to the nearest lethal one, in cells.
-
-    Distances are exact, from centre to centre, and cut to (`reach` + 1)². Raises ValueError.
-    """
+    """Squared distances (cells) in a window of `costs` to the nearest lethal cell: exact, and up to (`reach` + 1)²."""
     return _inflate(costs, window, reach, ffi.NULL, 0, ffi.NULL)
 
 
@@ -232,8 +229,7 @@ BeamEnds = NDArray[np.float32]
 def move_poses(poses: Floats, motion: Sequence[float], draws: Floats) -> None:
     """Turn, drive and turn: move poses (n, 3; metres, radians) in place.
 
-    `motion` is the first turn, the way, the last turn, and the deviation of each, by which `draws` (n, 3) count. Raises
-    ValueError.
+    `motion` is the first turn, the way, the last turn, and the deviation of each, by which `draws` (n, 3) count.
     """
     count = len(poses)
     if len(motion) != 6:
@@ -299,8 +295,7 @@ def resample(
     """Particles (up to m, 3) that are drawn from `poses` (n or more, 3) until there are `enough` (k) for their bins.
 
     `sums` (n) are the running sums of the weights, up to 1, and `draws` (m) uniform numbers: each means the first
-    particle whose sum is above it. Where `strange` (m) is true the ith comes from row n + i of `poses` instead. Raises
-    ValueError.
+    particle whose sum is above it. Where `strange` (m) is true the ith comes from row n + i of `poses` instead.
     """
     count, most = len(sums), len(draws)
     if not count or not len(enough) or len(poses) < count + (most if strange.any() else 0) or min(size) <= 0.0:

@@ -267,10 +267,7 @@ class NavigationClient:
             return True
 
     def cancel(self) -> bool:
-        """Give the goal up; returns whether there was one. It waits, so no handler and no `step` may call it.
-
-        Raises BusError if nothing can cancel it.
-        """
+        """Give the goal up; whether there was one. It waits, so no handler or `step` may call it. Raises BusError."""
         if self.withdraw():
             return True
         key = navigation_query(self.robot_id, CANCEL)

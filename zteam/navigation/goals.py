@@ -1,7 +1,4 @@
-"""Goals from a file, a YAML list of `{robot, x, y, yaw}`: robots reach them in turn, and all robots at the same time.
-
-The process of `zteam goals`.
-"""
+"""The process of `zteam goals`: robots reach the goals of a file in turn, and all robots at the same time."""
 
 import logging
 import math
@@ -44,10 +41,7 @@ class FileGoal(NamedTuple):
 
 
 def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
-    """The goals of a file, in their order. Raises ConfigError with a line for each mistake.
-
-    With `spread` a goal needs no robot.
-    """
+    """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
     import yaml
 
     data = read_file(path, "file of goals", _MAX_BYTES, ConfigError)
@@ -220,10 +214,7 @@ class Dispatcher:
             self._told.update(() if target is None else target[:1])
 
     def _lacks(self, tick: Tick) -> list[str]:
-        """In the first tick of a team that is navigated: the keys of goals that nothing is known to take yet.
-
-        Chance must not decide in which tick the first goals are sent.
-        """
+        """Keys of goals that nothing takes yet, in the first tick: chance must not decide when the first are sent."""
         self._is_first = tick.tick == 1
         if not self._is_first or all(names.navigated_robot_of(name) is None for name in tick.participants):
             return []

@@ -123,10 +123,7 @@ class Merger:
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
     def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
-        """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent.
-
-        They are merged by child frame.
-        """
+        """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent."""
         authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}
         self.statics.drop_reparented(authority, new, sent)
@@ -220,10 +217,7 @@ def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, byte
 
 
 def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:
-    """Why a stamp that is too far from the team's clock `now` (ns) is refused.
-
-    With one stamp far ahead, all later samples would be too old; a sample far behind would never be the latest one.
-    """
+    """A stamp is too far from the clock `now` (ns): with one far ahead, all later samples would be too old."""
     apart = ns_from_time(transform.header.stamp) - now
     side = "ahead of" if apart > 0 else "behind"
     child = transform.child_frame_id

@@ -1,7 +1,4 @@
-"""The tree of frames: the samples of each edge, the paths between frames, and tf2's reasons to refuse.
-
-Callers hold the buffer's lock.
-"""
+"""The tree of frames: samples of edges, paths, and tf2's reasons to refuse. Callers hold the buffer's lock."""
 
 import math
 from bisect import bisect_left
@@ -56,10 +53,7 @@ class FrameInfo(msgspec.Struct, frozen=True):
 
 
 class TimeCache:
-    """The edge from one child frame to its parent: its samples in order of time, or its static transform.
-
-    tf2's TimeCache and StaticCache.
-    """
+    """The edge from one child frame to its parent: its samples in order of time, or its static transform."""
 
     __slots__ = ("authority", "newest", "parent", "samples", "static")
 
@@ -339,10 +333,7 @@ class Tree:
         return path
 
     def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:
-        """The edges from the source and from the target up to their common ancestor.
-
-        By the newest parents, or by those at `time`. Raises tf2's exceptions if the frames are not connected.
-        """
+        """The edges up to the common ancestor, by the newest parents or those at `time`. Raises tf2's exceptions."""
         failures: list[ExtrapolationException] = []
 
         def parent_of(frame: str) -> str:

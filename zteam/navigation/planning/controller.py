@@ -22,10 +22,7 @@ _STEP = 0.1
 
 
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
-    """Seconds until a robot that drives with `velocity` from `pose` on touches a lethal cell; inf if not in `duration`.
-
-    Cells that it touches at `pose` do not count.
-    """
+    """Seconds until a robot with `velocity` touches a lethal cell that it does not touch at `pose`; inf if later."""
     resolution = costmap.frame.resolution
     speed = math.hypot(velocity.x, velocity.y) + abs(velocity.turn) * costmap.footprint.circumscribed_radius
     steps = math.ceil(speed * duration / (_STEP * resolution))

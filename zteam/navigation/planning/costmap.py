@@ -48,10 +48,7 @@ class Footprint(NamedTuple):
 
 
 def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float = 0.0) -> Footprint:
-    """A footprint of three corners or more (metres), each `padding` farther out along both axes, as Nav2 pads it.
-
-    Raises ValueError.
-    """
+    """A footprint of corners (metres), each `padding` farther out along both axes, as in Nav2. Raises ValueError."""
     points = np.array(corners, np.float64)
     if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")

@@ -106,11 +106,7 @@ def _picture(grid: GridMap, mode: Mode, free: float, occupied: float) -> Any:
 
 
 def to_three_values(grid: GridMap, free: float, occupied: float) -> GridMap:
-    """The map with cells that are free, occupied or unknown alone, as map_saver decides it.
-
-    A cell is free up to the share `free` of occupancy and occupied from the share `occupied` on; what lies between is
-    unknown.
-    """
+    """The map with cells that are free up to one share, occupied from another on, or unknown, as map_saver has it."""
     cells = np.where(grid.cells >= 100.0 * occupied, OCCUPIED, UNKNOWN)
     cells = np.where((grid.cells >= 0) & (grid.cells <= 100.0 * free), FREE, cells)
     return make_map(cells.astype(np.int8), grid.frame.resolution, grid.frame.origin)

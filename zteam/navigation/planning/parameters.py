@@ -1,9 +1,7 @@
 """The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults.
 
-Planners and controllers have names: zteam's own, those of packages, and Nav2's names for them. A package offers one in
-the entry-point group `zteam.planners` or `zteam.controllers`: what it names is called with the plug-in's parameters, a
-mapping, and returns a Planner or a Controller. So a controller that samples, such as MPPI, or a planner that knows the
-ways of teammates needs no change here.
+A package offers a planner or a controller in the entry-point group `zteam.planners` or `zteam.controllers`: what it
+names is called with the plug-in's parameters, a mapping, and returns a Planner or a Controller.
 """
 
 import json
@@ -286,10 +284,7 @@ def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]
 
 
 def read_options(kind: type[T], parameters: Mapping[str, Any]) -> tuple[T, list[str]]:
-    """Options of a class such as AmclOptions from `parameters`, and the names that it does not know.
-
-    Raises UsageError for values that cannot be.
-    """
+    """Options of a class such as AmclOptions, and the names that it does not know. Raises UsageError."""
     known = {name: value for name, value in parameters.items() if name in kind.__struct_encode_fields__}
     options, problems = set_options(kind(), known)
     if problems:

@@ -235,10 +235,7 @@ def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: fl
 
 
 def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
-    """Poses (n, 3) along the lines between points (n, 2), at most `spacing` metres apart; the last one has `yaw`.
-
-    All others face the next one.
-    """
+    """Poses (n, 3) along lines between points (n, 2), up to `spacing` m apart, to face the next; the last has `yaw`."""
     points = np.asarray(points, np.float64)
     points = points[np.concatenate(([True], (np.abs(np.diff(points, axis=0)) > 1e-9).any(axis=1)))]
     delta = np.diff(points, axis=0)

@@ -1,7 +1,4 @@
-"""What a robot does that does not get on: one behaviour after the other, and at last it gives up with the reason.
-
-No clock and no bus: time, pose and costmap go in, velocities come out.
-"""
+"""What a robot does that does not get on: one behaviour after the other, and at last it gives up with the reason."""
 
 import math
 from collections.abc import Sequence

@@ -70,12 +70,6 @@ class Costmaps:
         frame = self.local.frame
         _take(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
 
-    def clear_around(self, pose: Pose2, distance: float) -> None:
-        """Forget what lasers have seen up to `distance` (m) from the robot, in both."""
-        for costmap in (self.whole, self.local):
-            costmap.clear_around(pose, distance)
-            costmap.update()
-
     def _centre(self, placed: PlacedScan) -> None:
         frame = self.local.frame
         here = placed.map_from_odom.inverse().compose(placed.pose)

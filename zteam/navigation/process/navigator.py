@@ -229,7 +229,8 @@ class Navigator:
         pose, clears = given.placed.pose, self._recovery.current == "clear_costmap"
         velocity = self._recovery.step(given.now, pose, costmaps.local, is_stopped=given.is_stopped)
         if clears:
-            costmaps.clear_around(pose, self._parameters.recovery.clear_distance)
+            costmaps.whole.clear_around(pose, self._parameters.recovery.clear_distance)
+            costmaps.whole.update()
         if velocity is not None:
             return velocity
         self._progress.reset()

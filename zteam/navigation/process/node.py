@@ -58,8 +58,7 @@ class NavigationNode:
         node.subscribe(names.all_robots_key(names.BASE_INFO), messages.BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
         node.on_time_reset(self._forget)
-        self._claims = [Claim(node.bus, names.navigation_name(i)) for i in parameters]
-        self._claims = [claim for claim in self._claims if claim.name != node.name]
+        self._claims = [Claim(node.bus, name) for name in map(names.navigation_name, parameters) if name != node.name]
 
     def _make_robot(self, robot_id: int, parameters: Parameters, seed: int) -> RobotNavigation:
         node = self._node

@@ -80,9 +80,8 @@ class RobotNavigation:
         self._take_initial_pose()
         self._take_goal()
         pose = self._localise(now, seconds, robots)
-        velocity = self._move(now, seconds, pose)
-        self._command = velocity
-        self.outputs.drive(now, velocity, active=self.navigator.active)
+        self._command = self._move(now, seconds, pose)
+        self.outputs.drive(now, self._command, active=self.navigator.active)
         if self._costmaps is not None:
             self.outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
         self.outputs.tell(now, self.navigator)

@@ -1,8 +1,6 @@
 """The TF aggregator process: takes every robot's transforms, and publishes one tree in one bundled message a tick.
 
-A bundle leaves as soon as every robot of its tick has spoken, in the callback of the last one. In real time a robot
-that falls silent delays it by PATIENCE once and then counts as silent until it speaks again. In lock-step it waits for
-every robot of the tick, however long that takes.
+`Bundle` says for which robots it waits. It leaves in the callback of the last one.
 """
 
 import logging

@@ -32,9 +32,6 @@ class Maps(NamedTuple):
     def look_far(self, _now: float, _sight: PlacedScan) -> None:
         """Nothing to see."""
 
-    def clear_around(self, _pose: Pose2, _distance: float) -> None:
-        """Nothing to forget."""
-
 
 class Planner:
     """Plans a straight line; without a way on the costmaps that the test names."""
