@@ -25,8 +25,8 @@ from zteam.kernels.binding import (
     memory,
 )
 
-_MOST_REACH = 180
-"""Cells: the sum of two squares of it fits into 16 bits."""
+MAX_CELLS = 180
+"""Largest inflation radius in cells: the sum of two squares of it fits into 16 bits."""
 _WIDEST = 10_000
 """Cells from a robot's base to its corners."""
 _FARTHEST = 1 << 58
@@ -47,7 +47,7 @@ Window = tuple[int, int, int, int]
 def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from: int, out: Any) -> NDArray[np.uint16]:
     grid, rows, columns = _grid("costs", costs, UINT8)
     r0, r1, c0, c1 = window
-    if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= _MOST_REACH):
+    if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= MAX_CELLS):
         raise ValueError(f"window, reach: {window} is not within {rows} rows and {columns} columns, or {reach} too far")
     width = c1 - c0 + 2 * reach
     steps, line = np.empty((r1 - r0 + 2 * reach + 1) * width, np.uint8), np.empty(width, np.uint16)

@@ -14,7 +14,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.clock import Every, monotonic, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
-from zteam.navigation.client import NavigationClient, TaskResult, goal_message
+from zteam.navigation.client import NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
 from zteam.simulator.team_clock import team_clock
@@ -62,7 +62,7 @@ class BasicNavigator:
 
     def __init__(self, robot: int | str, link: Bus | Node | None = None) -> None:
         """`robot` is its id or name. Raises UsageError for a name that is no robot's, BusError without a router."""
-        robot_id = _robot_id(robot)
+        robot_id = find_robot_id(str(robot))
         self._own_bus = connect(BusOptions.from_environment()) if link is None else None
         link = link or self._own_bus
         assert link is not None
@@ -197,13 +197,6 @@ class BasicNavigator:
             self._client.cancel()
         else:
             self._client.cancel_later()
-
-
-def _robot_id(robot: int | str) -> int:
-    if isinstance(robot, str):
-        found = names.robot_id_of(robot)
-        return names.parse_robot_id(robot) if found is None else found
-    return names.parse_robot_id(str(robot))
 
 
 def _message(place: Place) -> messages.PoseStamped:

@@ -6,6 +6,7 @@ Goals are taken by the robot's navigation, or by the behaviour go_to that the ro
 import logging
 import threading
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from enum import IntEnum
 
 import msgspec
@@ -64,6 +65,12 @@ _ENDS: dict[int, TaskResult] = {
 }
 
 
+def find_robot_id(text: str) -> int:
+    """The id of a robot that a user names by its id or its name. Raises UsageError."""
+    found = names.robot_id_of(text)
+    return names.parse_robot_id(text) if found is None else found
+
+
 def goal_message(pose: Pose2) -> PoseStamped:
     """A planar pose (m, rad) in `map` as a message."""
     return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
@@ -77,18 +84,18 @@ def goal_text(goal: PoseStamped) -> str:
     return f"x {x:g}, y {y:g}, yaw {yaw:g}{where}"
 
 
+@dataclass
 class GoalWatch:
     """One goal from its sending to its end."""
 
-    def __init__(self, goal: PoseStamped) -> None:
-        self.goal = goal
-        self.status: NavigationStatus | None = None
-        """The newest that is about this goal."""
-        self.result = TaskResult.UNKNOWN
-        self.text = ""
-        """Why it ended as it did, or why the robot does not get on; empty where there is nothing to say."""
-        self.is_replaced = False
-        """Whether it ended because another goal took its place."""
+    goal: PoseStamped
+    status: NavigationStatus | None = None
+    """The newest that is about this goal."""
+    result: TaskResult = TaskResult.UNKNOWN
+    text: str = ""
+    """Why it ended as it did, or why the robot does not get on; empty where there is nothing to say."""
+    is_replaced: bool = False
+    """Whether it ended because another goal took its place."""
 
     @property
     def ended(self) -> bool:

@@ -1,8 +1,8 @@
 """The process of `zteam goals`: robots reach the goals of a file in turn, and all robots at the same time."""
 
 import logging
-import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, repeat
 from pathlib import Path
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
+from zteam.config.numbers import is_number
 from zteam.config.resources import read_file
 from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
-from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
+from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
 from zteam.robot.goal_lists import serve_list
 
@@ -101,18 +102,13 @@ def _value(name: str, node: "yaml.Node") -> Any:
     """A key's value. Raises UsageError."""
     text = node.value if isinstance(node.value, str) else ""
     if name == "robot":
-        robot_id = names.robot_id_of(text)
-        return names.parse_robot_id(text) if robot_id is None else robot_id
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not abs(number) <= FAR:
+        return find_robot_id(text)
+    if not is_number(text, FAR):
         unit = "radians" if name == "yaw" else "metres in the map"
         raise UsageError(f"{text or 'this'!s:.40} is no number of {unit}")
-    if name == "yaw" and (problem := turn_problem(number)):
+    if name == "yaw" and (problem := turn_problem(float(text))):
         raise UsageError(problem)
-    return number
+    return float(text)
 
 
 class Rounds:
@@ -153,25 +149,24 @@ class Ended(NamedTuple):
     """From its sending to its end, in the team's time."""
 
 
+@dataclass
 class Errand:
     """What one robot is about."""
 
-    def __init__(self, client: NavigationClient) -> None:
-        self.client = client
-        self.goal: FileGoal | None = None
-        self.watch: GoalWatch | None = None
-        self.sent = 0
-        """When, in ns."""
-        self.reached = 0
-        """Goals."""
-        self.failed = 0
-        """Goals that were aborted or canceled."""
-        self.failures = 0
-        """Of them, those since the last goal that was reached."""
-        self.is_paused = False
-        """Whether the robot is to get no further goal for now."""
-        self.is_over = False
-        """Whether there is no further goal for it."""
+    client: NavigationClient
+    goal: FileGoal | None = None
+    watch: GoalWatch | None = None
+    sent: int = 0
+    """When, in ns."""
+    reached: int = 0
+    failed: int = 0
+    """Goals that were aborted or canceled."""
+    failures: int = 0
+    """Of them, those since the last goal that was reached."""
+    is_paused: bool = False
+    """Whether the robot is to get no further goal for now."""
+    is_over: bool = False
+    """Whether there is no further goal for it."""
 
 
 class Dispatcher:

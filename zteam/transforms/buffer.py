@@ -11,7 +11,7 @@ One lock guards everything. Each public call takes it, also a look-up.
 
 import logging
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,22 +164,14 @@ class Buffer:
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
-        try:
-            with self.lock:
-                self._tree.solve(target_frame, source_frame, time)
-        except TransformException as error:
-            return False, str(error)
-        return True, ""
+        return _answers(lambda: self.lookup_transform(target_frame, source_frame, time))
 
     def can_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> tuple[bool, str]:
         """Whether `lookup_transform_full` would answer; if not, also its error text."""
-        try:
-            self.lookup_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame)
-        except TransformException as error:
-            return False, str(error)
-        return True, ""
+        sides = target_frame, target_time, source_frame, source_time
+        return _answers(lambda: self.lookup_transform_full(*sides, fixed_frame))
 
     def transform_pose(self, pose: PoseStamped, target_frame: str) -> PoseStamped:
         """A stamped pose in another frame, at its own stamp (0 = latest). Raises tf2's exceptions."""
@@ -271,3 +263,12 @@ class Buffer:
         """The figures of every child frame, sorted by name."""
         with self.lock:
             return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
+
+
+def _answers(look_up: Callable[[], object]) -> tuple[bool, str]:
+    """Whether a look-up answers; if not, also its error text."""
+    try:
+        look_up()
+    except TransformException as error:
+        return False, str(error)
+    return True, ""

@@ -26,6 +26,8 @@ from zteam.navigation.planning.likelihood import (
 )
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
+INITIAL_DEVIATIONS = 0.5, 0.5, math.pi / 12.0
+"""amcl's initial_cov as standard deviations: metres, metres, radians."""
 BIN_SIZE = 0.5, 0.5, math.radians(10.0)
 """Of the histogram that says how spread out the particles are (amcl's pf_kdtree): metres, metres, radians."""
 _BINS_OF_TURN = 36
@@ -140,11 +142,8 @@ class Amcl:
         )
         self.set_pose(Pose2(0.0, 0.0, 0.0))
 
-    def set_pose(self, pose: Pose2, deviations: tuple[float, float, float] = (0.5, 0.5, math.pi / 12.0)) -> None:
-        """The robot is about at `pose` (base in `map`): standard deviations in metres, metres, radians.
-
-        The default ones are those of amcl's initial_cov. Raises ValueError for what is not finite.
-        """
+    def set_pose(self, pose: Pose2, deviations: tuple[float, float, float] = INITIAL_DEVIATIONS) -> None:
+        """The robot is about at `pose` (base in `map`). Raises ValueError for what is not finite."""
         if not all(map(math.isfinite, (*pose, *deviations))):
             raise ValueError(f"a pose must be finite: {tuple(pose)} ± {tuple(deviations)}")
         draws = gaussians(self._state(_SPREAD, self._spreads), 3 * self.options.max_particles).reshape(-1, 3)

@@ -13,7 +13,7 @@ import numpy as np
 
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
-from zteam.kernels.navigation import Window, inflate, trace_beams
+from zteam.kernels.navigation import MAX_CELLS, Window, inflate, trace_beams
 from zteam.navigation.planning.grid import Frame, GridMap, cells_of_disc, cells_of_polygon
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
@@ -27,8 +27,6 @@ INSCRIBED_INFLATED_OBSTACLE = 253
 LETHAL_OBSTACLE = 254
 NO_INFORMATION = 255
 
-MAX_CELLS = 180
-"""Largest inflation radius in cells, as `zteam.kernels.navigation.square_distances` has it."""
 _BEHIND = 0.25
 """Cells from the end of a beam to the point whose cell is marked."""
 _CORNERS_OF_CIRCLE = 16

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.kernels.binding import Floats
-from zteam.kernels.navigation import BeamEnds, climb, square_distances, sum_poses
-from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE, MAX_CELLS
+from zteam.kernels.navigation import MAX_CELLS, BeamEnds, climb, square_distances, sum_poses
+from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.navigation.planning.grid import OCCUPIED, Frame, GridMap
 
 UNITS = 65_535

@@ -68,8 +68,8 @@ class Inputs:
         self.robot_id = robot_id
         self._transforms = transforms
         self._bases = bases
-        self.needs_truth = False
-        """Whether its localiser takes the simulator's word."""
+        self.every_tick = [names.BASE_SCAN, names.ODOM]
+        """Topics that each tick of lock-step brings."""
         self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self.odom_frame = names.robot_frame(robot_id, names.ODOM)
         self._lasers = LaserMounts(robot_id, transforms.buffer)

@@ -11,14 +11,12 @@ from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
 from zteam.navigation.maps import planar
-from zteam.navigation.planning.amcl import Amcl
+from zteam.navigation.planning.amcl import INITIAL_DEVIATIONS, Amcl
 from zteam.navigation.planning.grid import Floats, GridMap
 from zteam.navigation.planning.parameters import FakeOptions, Parameters
 from zteam.navigation.planning.scans import Scan, Teammate, seen_from
 from zteam.navigation.process.inputs import OLD, Inputs
 
-_USUAL = 0.5, 0.5, math.pi / 12.0
-"""amcl's initial_cov as standard deviations: metres, metres, radians."""
 _TOLD = 0.2, 0.2, 0.1
 """Of a pose that the transforms tell: a robot is put to its start by hand."""
 
@@ -106,7 +104,7 @@ class AmclLocaliser(Localiser):
         self._initial = parameters.initial_pose
         self._placed = False
         if pose is not None:
-            self.set_pose(pose, _USUAL)
+            self.set_pose(pose, INITIAL_DEVIATIONS)
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         self.updated = False
@@ -139,7 +137,7 @@ class AmclLocaliser(Localiser):
     def _find_initial_pose(self, inputs: Inputs) -> bool:
         initial = self._initial
         if initial.set_initial_pose:
-            self.set_pose(Pose2(initial.x, initial.y, initial.yaw), _USUAL)
+            self.set_pose(Pose2(initial.x, initial.y, initial.yaw), INITIAL_DEVIATIONS)
         elif (pose := inputs.known_pose()) is not None:
             self.set_pose(pose, _TOLD)
         return self._placed
@@ -165,7 +163,7 @@ def deviations_of(message: PoseWithCovarianceStamped) -> tuple[float, float, flo
     """Standard deviations of x, y and yaw; amcl's own where the message has none."""
     variances = [float(message.pose.covariance[i]) for i in (0, 7, 35)]
     if not all(map(math.isfinite, variances)) or min(variances) < 0.0 or not any(variances):
-        return _USUAL
+        return INITIAL_DEVIATIONS
     x, y, yaw = map(math.sqrt, variances)
     return x, y, yaw
 

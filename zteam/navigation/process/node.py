@@ -72,7 +72,7 @@ class NavigationNode:
         self._listen(inputs, names.BASE_SCAN, messages.LaserScan, "scan")
         self._listen(inputs, names.ODOM, messages.Odometry, "odom")
         if parameters.localizer == "fake":
-            inputs.needs_truth = True
+            inputs.every_tick.append(names.GROUND_TRUTH)
             self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
         _listen_for_unreadable_goals(node, inputs)
@@ -137,10 +137,8 @@ class NavigationNode:
         missing = [names.robot_key(i, names.BASE_INFO) for i in sorted(there - self._bases.keys())]
         for robot_id in sorted(there & self._robots.keys()):
             inputs = self._robots[robot_id].inputs
-            topics = [names.BASE_SCAN, names.ODOM]
-            if inputs.needs_truth:
-                topics.append(names.GROUND_TRUTH)
-            missing += [names.robot_key(robot_id, topic) for topic in topics if inputs.stamps.get(topic, -1) < stamp]
+            late = [topic for topic in inputs.every_tick if inputs.stamps.get(topic, -1) < stamp]
+            missing += [names.robot_key(robot_id, topic) for topic in late]
         return missing
 
     def _forget(self) -> None:
