@@ -18,10 +18,7 @@ _SEE_TREE = " (see 'zteam tf tree')"
 
 
 def find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
-    """The aggregator's newest transform between two frames.
-
-    Without one, why: no aggregator, a frame that no process publishes, two trees, or a publisher that has ended.
-    """
+    """The aggregator's newest transform between two frames; or why there is none."""
     frames = find_frames(bus)
     if frames is None:
         return NO_AGGREGATOR

@@ -9,15 +9,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam.names import strip_slash
-from zteam.transforms.errors import (
-    BackwardExtrapolationException,
-    ConnectivityException,
-    ExtrapolationException,
-    ForwardExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-    NoDataForExtrapolationException,
-)
+from zteam.transforms import errors
 from zteam.transforms.rigid import IDENTITY, Floats, compose, interpolate, invert
 
 UNIT_TOLERANCE = 0.01
@@ -100,10 +92,6 @@ class TimeCache:
         # Samples with different parents cannot be interpolated: the older one holds until the newer one.
         return older if stamp == time or parent != other else interpolate(older, newer, (time - stamp) / (end - stamp))
 
-    @property
-    def is_mixed(self) -> bool:
-        return any(parent != self.parent for _, parent, _ in self.samples)
-
     def info(self) -> FrameInfo:
         """Its figures; it has a sample."""
         oldest, newest, count = self.samples[0][0], self.samples[-1][0], len(self.samples)
@@ -112,10 +100,7 @@ class TimeCache:
 
 
 class FramePath:
-    """A path from a source up to the common ancestor and down to a target, with its static transforms composed.
-
-    It holds as long as every edge on it keeps its parent.
-    """
+    """The path from a source to a target, its static transforms composed; it holds while edges keep their parents."""
 
     __slots__ = ("_first", "_is_planar", "_moving", "_start", "_steps")
 
@@ -293,14 +278,14 @@ class Tree:
         for argument, name in arguments.items():
             what = f"passed to lookupTransform argument {argument}"
             if not name:
-                raise InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
+                raise errors.InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
             if name.startswith("/"):
-                raise InvalidArgumentException(
+                raise errors.InvalidArgumentException(
                     f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
                 )
         for argument, name in arguments.items():
             if name not in self._frames:
-                raise LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
+                raise errors.LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
 
     def solve(self, target: str, source: str, time: int) -> Answer:
         """target_from_source at `time` (0 = the newest that all moving edges have); raises tf2's exceptions."""
@@ -323,18 +308,19 @@ class Tree:
         self.check_frames(target_frame=target, source_frame=source)
         try:
             up, down = self._find_edges(target, source)
-        except ConnectivityException:
+        except errors.ConnectivityException:
             if not time:
                 raise
             return None
-        if any(edge.is_mixed for edge in (*up, *down)):
+        if any(parent != edge.parent for edge in (*up, *down) for _, parent, _ in edge.samples):
+            # At other times the path was another one.
             return None
         path = self._paths[target, source] = FramePath(up, down)
         return path
 
     def _find_edges(self, target: str, source: str, time: int | None = None) -> tuple[list[TimeCache], list[TimeCache]]:
         """The edges up to the common ancestor, by the newest parents or those at `time`. Raises tf2's exceptions."""
-        failures: list[ExtrapolationException] = []
+        failures: list[errors.ExtrapolationException] = []
 
         def parent_of(frame: str) -> str:
             edge = self.edges.get(frame)
@@ -351,7 +337,7 @@ class Tree:
                 found.append(parent)
                 # The newest parents never form a loop, but parents at different times can.
                 if len(found) > len(self.edges) + 1:
-                    raise LookupException("The tf tree is invalid because it contains a loop.")
+                    raise errors.LookupException("The tf tree is invalid because it contains a loop.")
             return found
 
         up = climb(source, ())
@@ -359,32 +345,32 @@ class Tree:
         if down[-1] not in up:
             if failures:
                 raise failures[-1]
-            raise ConnectivityException(
+            raise errors.ConnectivityException(
                 f"Could not find a connection between '{target}' and '{source}' because they are not part of "
                 "the same tree.Tf has two or more unconnected trees."
             )
         return [self.edges[f] for f in up[: up.index(down[-1])]], [self.edges[f] for f in down[:-1]]
 
 
-def _extrapolation(samples: Sequence[Sample], time: int, leg: str) -> ExtrapolationException | None:
+def _extrapolation(samples: Sequence[Sample], time: int, leg: str) -> errors.ExtrapolationException | None:
     """tf2's exception for a time for which a moving edge has no data."""
     looking = f", when looking up transform {leg}"
     if not samples:
-        return NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{looking}")
+        return errors.NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{looking}")
     first, last = samples[0][0], samples[-1][0]
     if first <= time <= last:
         return None
     if first == last:
-        return NoDataForExtrapolationException(
+        return errors.NoDataForExtrapolationException(
             f"Lookup would require extrapolation at time {_seconds(time)}, but only time {_seconds(first)} "
             f"is in the buffer{looking}"
         )
     if time > last:
-        return ForwardExtrapolationException(
+        return errors.ForwardExtrapolationException(
             f"Lookup would require extrapolation {_seconds(time - last)}s into the future.  "
             f"Requested time {_seconds(time)} but the latest data is at time {_seconds(last)}{looking}"
         )
-    return BackwardExtrapolationException(
+    return errors.BackwardExtrapolationException(
         f"Lookup would require extrapolation {_seconds(first - time)}s into the past.  "
         f"Requested time {_seconds(time)} but the earliest data is at time {_seconds(first)}{looking}"
     )

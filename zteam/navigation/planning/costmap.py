@@ -107,10 +107,7 @@ class CostmapOptions(msgspec.Struct, frozen=True):
 
 
 def inflated_cost(distance: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
-    """The cost of a cell whose centre is `distance` metres from that of the nearest lethal cell.
-
-    InflationLayer::computeCost of Nav2: 252 · exp(−k (d − inscribed radius)), cut to a whole number.
-    """
+    """The cost of a cell at a distance (m) from the nearest lethal one, as InflationLayer::computeCost of Nav2."""
     if distance == 0.0:
         return LETHAL_OBSTACLE
     if distance <= inscribed_radius:

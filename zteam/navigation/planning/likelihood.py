@@ -83,10 +83,7 @@ def weigh_poses(field: LikelihoodField, poses: Floats, beams: BeamEnds, weights:
 
 
 def match(field: LikelihoodField, poses: Floats, beams: BeamEnds, step: float, turn: float) -> tuple[Floats, Floats]:
-    """The poses (n, 3) near `poses` (base in `map`) at which the beams fit best.
-
-    And the mean of their likelihoods, (n). `step` (m) and `turn` (radians) are the first steps of the search.
-    """
+    """The poses (n, 3) near `poses` where the beams fit best, and how well (n); first steps in m and radians."""
     found = poses.copy()
     if not beams.shape[1]:
         return found, np.zeros(len(poses))

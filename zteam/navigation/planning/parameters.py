@@ -319,10 +319,7 @@ def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
 
 
 def plugin_name(kind: str, name: str, where: str = "") -> str:
-    """zteam's own name of a planner or a controller, or that of an installed package's, which is not imported.
-
-    `kind` is "planner" or "controller". Raises UsageError for a name that is neither; the text begins with `where`.
-    """
+    """zteam's own name of a "planner" or "controller", or a package's, which is not imported. Raises UsageError."""
     own, group = _OWN[kind], f"zteam.{kind}s"
     if NAV2_NAMES.get(name.replace("/", "::"), name) == own:
         return own

@@ -71,8 +71,7 @@ class Field:
     ) -> None:
         """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
 
-        Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are whole numbers from 1
-        to 255 (AStarOptions).
+        Unknown cells weigh as much as the dearest ones that can, or cannot be entered.
         """
         unknown = _heaviest(neutral, factor) if allow_unknown else 0
         kernels.weigh_cells(costs, neutral, int(factor * 256.0), barred, unknown, self.weights)

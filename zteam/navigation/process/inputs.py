@@ -29,8 +29,7 @@ for its localiser)."""
 class TeamTransforms(TransformListener):
     """The team's transforms, and where robots were before this process came.
 
-    A localiser publishes `map -> robot_N/odom` as moving data. If it has ended, nothing sends it again, and the start
-    pose that it replaced is not published any more; only the aggregator knows it.
+    Of a localiser that has ended, only the aggregator knows the last `map -> robot_N/odom`.
     """
 
     def __init__(self, node: Node) -> None:
@@ -157,7 +156,3 @@ class Inputs:
         if status.state in (messages.RobotState.BOOT, messages.RobotState.READY):
             return "waits for GO"
         return "teleop drives" if status.driver == messages.RobotDriver.TELEOP else ""
-
-    def is_stopped(self) -> bool:
-        """Whether something else than its own commands stops the robot, such as its safety layer."""
-        return self.status is not None and bool(self.status.reason)

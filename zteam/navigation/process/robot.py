@@ -155,7 +155,7 @@ class RobotNavigation:
         if held := self.inputs.is_held(now):
             return navigator.wait(time, held, for_ever=True)
         assert placed is not None and self._costmaps is not None
-        is_stopped = self.inputs.is_stopped()
+        is_stopped = self.inputs.status is not None and bool(self.inputs.status.reason)
         pending = STOP if is_stopped else self._command
         return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
 
