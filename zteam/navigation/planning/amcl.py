@@ -129,7 +129,7 @@ class Amcl:
 
     def __init__(self, grid: GridMap, options: AmclOptions | None = None, *, seed: int = 1) -> None:
         """Starts at the map's origin: call `set_pose`, or `localize_globally`."""
-        self.options = options or AmclOptions()
+        options = self.options = options or AmclOptions()
         self._grid = grid
         self._field: tuple[float, LikelihoodField] | None = None
         self._free = np.flatnonzero(grid.cells.ravel() == FREE)
@@ -137,9 +137,7 @@ class Amcl:
         self._odom: Pose2 | None = None
         self._pose_of_odom = Pose2(0.0, 0.0, 0.0)
         self._search: GlobalSearch | None = None
-        self._enough = kld_limits(
-            self.options.min_particles, self.options.max_particles, self.options.pf_err, self.options.pf_z
-        )
+        self._enough = kld_limits(options.min_particles, options.max_particles, options.pf_err, options.pf_z)
         self.set_pose(Pose2(0.0, 0.0, 0.0))
 
     def set_pose(self, pose: Pose2, deviations: tuple[float, float, float] = INITIAL_DEVIATIONS) -> None:

@@ -165,9 +165,8 @@ class RegulatedPurePursuit:
         options = self.options
         if not options.use_velocity_scaled_lookahead_dist:
             return options.lookahead_dist
-        return min(
-            max(abs(velocity.x) * options.lookahead_time, options.min_lookahead_dist), options.max_lookahead_dist
-        )
+        ahead = abs(velocity.x) * options.lookahead_time
+        return min(max(ahead, options.min_lookahead_dist), options.max_lookahead_dist)
 
     def _carrot(self, pose: Pose2, reach: float) -> tuple[float, float]:
         """The point to drive to, in the robot's frame: where the path leaves the circle of this radius (m)."""
@@ -230,10 +229,8 @@ class RegulatedPurePursuit:
                 by_cost = full * options.cost_scaling_gain * max(0.0, distance) / options.cost_scaling_dist
         speed = max(min(in_bend, by_cost), min(full, options.regulated_linear_scaling_min_speed))
         if remaining < options.approach_velocity_scaling_dist:
-            speed = min(
-                speed,
-                max(options.min_approach_linear_velocity, full * remaining / options.approach_velocity_scaling_dist),
-            )
+            slowed = full * remaining / options.approach_velocity_scaling_dist
+            speed = min(speed, max(options.min_approach_linear_velocity, slowed))
         return speed
 
     def _squeeze(self, costmap: Costmap, pose: Pose2, carrot: tuple[float, float], seconds: float) -> Velocity:

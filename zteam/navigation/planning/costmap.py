@@ -52,12 +52,8 @@ def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float =
         raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")
     points = points + np.where(points > 0.0, padding, np.where(points < 0.0, -padding, 0.0))
     inside, nearest = _distance_of_origin(points)
-    return Footprint(
-        points,
-        nearest if inside else 0.0,
-        float(np.hypot(points[:, 0], points[:, 1]).max()),
-        float(np.abs(points[:, 1]).max()),
-    )
+    farthest, width = float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.abs(points[:, 1]).max())
+    return Footprint(points, nearest if inside else 0.0, farthest, width)
 
 
 def make_circle(radius: float, padding: float = 0.0) -> Footprint:

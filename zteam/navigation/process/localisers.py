@@ -109,9 +109,8 @@ class AmclLocaliser(Localiser):
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
         self.updated = False
         if not self._placed and not self._find_initial_pose(inputs):
-            self.problem = (
-                f"its place is not known: publish it on {names.robot_key(inputs.robot_id, names.INITIAL_POSE)}"
-            )
+            key = names.robot_key(inputs.robot_id, names.INITIAL_POSE)
+            self.problem = f"its place is not known: publish it on {key}"
             return
         stamp = inputs.stamps.get(names.BASE_SCAN, 0)
         odom = inputs.odom_pose(stamp)

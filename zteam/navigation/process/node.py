@@ -78,14 +78,10 @@ class NavigationNode:
         _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
-        self._serve(robot_id, "info", NoRequest, lambda _: own_info(node.name, node.bus.instance, node.claim.start))
-        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.cancel()))
-        self._serve(
-            robot_id,
-            GLOBAL_LOCALIZATION,
-            GlobalLocalizationRequest,
-            lambda _: GlobalLocalizationReply(robot.localize_globally()),
-        )
+        self._serve(robot_id, "info", NoRequest, lambda: own_info(node.name, node.bus.instance, node.claim.start))
+        self._serve(robot_id, CANCEL, CancelRequest, lambda: CancelReply(robot.cancel()))
+        spread = robot.localize_globally
+        self._serve(robot_id, GLOBAL_LOCALIZATION, GlobalLocalizationRequest, lambda: GlobalLocalizationReply(spread()))
         return robot
 
     def _listen(self, inputs: Inputs, topic: str, kind: type[messages.Message], field: str) -> None:
@@ -97,10 +93,10 @@ class NavigationNode:
 
         self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
 
-    def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[Any], Any]) -> None:
-        def handle(asked: Any) -> Any:
+    def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[], Any]) -> None:
+        def handle(_request: Any) -> Any:
             with self._node.between_steps():
-                return answer(asked)
+                return answer()
 
         self._node.bus.serve(navigation_query(robot_id, service), request, handle)
 

@@ -177,17 +177,12 @@ def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | N
 def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
     """The goal in `map`, or why it is none. Without a frame it is in `map`."""
     frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
-    pose, place = planar(message.pose), Pose2(0.0, 0.0, 0.0)
-    if frame != names.MAP_FRAME:
-        found = inputs.find(names.MAP_FRAME, frame)
-        if found is None:
-            return f"the goal is in the frame {frame!r}, which no transform leads to"
-        place = found.pose
-    return (
-        "the goal is not finite, too far away, or its orientation is no rotation"
-        if pose is None
-        else place.compose(pose)
-    )
+    pose, place = planar(message.pose), inputs.find(names.MAP_FRAME, frame)
+    if place is None:
+        return f"the goal is in the frame {frame!r}, which no transform leads to"
+    if pose is None:
+        return "the goal is not finite, too far away, or its orientation is no rotation"
+    return place.pose.compose(pose)
 
 
 def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
