@@ -63,8 +63,7 @@ class Merger:
         """
         authority, known = names.robot_name(robot_id), now or wall
         for transform in self._keep_own(robot_id, message.transforms):
-            stamp = transform.header.stamp
-            apart = stamp.sec * 1_000_000_000 + stamp.nanosec - known
+            apart = ns_from_time(transform.header.stamp) - known
             if known and (apart > MAX_APART or (now and apart < -MAX_APART)):
                 if trusts:
                     self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, known))

@@ -1,14 +1,12 @@
 """The static transforms of a whole team: each child frame has one authority at a time.
 
-Several sources may say where a frame is. All that they say is kept, by child frame and source, and one of them counts.
-A source that lives counts before one that may have ended. Of those that live the first that said the frame counts, of
-the others the last. A frame outlives its source, as in tf2: where a laser is mounted does not change because its driver
-starts anew, and a link that is lost for a moment must not break a tree. The next source that says the frame takes it
-over.
+All that several sources say of a frame is kept, and one of them counts: of those that live the first that said it,
+before those that may have ended, of which the last one counts. A frame outlives its source, as in tf2: a driver that
+starts anew, or a link that is lost for a moment, must not break a tree.
 
 The start pose `map -> robot_N/odom` has several sources by design. A source of a higher rank replaces the other one
-without a conflict. A localiser publishes this edge as moving data: it shadows a start pose of a lower rank, which is
-kept aside and comes back when the localiser's data is forgotten.
+without a conflict. A localiser publishes this edge as moving data: it shadows a start pose of a lower rank, which comes
+back when the localiser's data is forgotten.
 """
 
 from collections.abc import Callable, Mapping

@@ -77,23 +77,21 @@ class Outputs:
         self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), messages.PolygonStamped)
         self._global = _ShownCostmap(node, key(names.GLOBAL_COSTMAP), parameters.global_window.publish_frequency)
         self._local = _ShownCostmap(node, key(names.LOCAL_COSTMAP), parameters.local_window.publish_frequency)
-        self._drives = False
+        self._drives = self._clouded = False
+        self._mean_speed = 0.0
+        self._name, self._logged = names.robot_name(robot_id), ""
+        self.forget()
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self._told: tuple[object, ...] = ()
+        self._told_at = -(10**18)
         self._planned: object = None
         self._placed = False
         """Whether the pose was sent; the next one comes with the next scan that the localiser takes in."""
         self._holds_at = 0
         """The stamp of the newest transform that was sent."""
-        self._clouded = False
-        self._told: tuple[object, ...] = ()
-        self._told_at = -(10**18)
-        self._mean_speed = 0.0
-        self._name, self._logged = names.robot_name(robot_id), ""
-
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._told, self._told_at, self._planned, self._placed = (), -(10**18), None, False
         self._global.due = self._local.due = -math.inf
-        self._holds_at = 0
 
     def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
         """Send the command of a robot on its way; when it is there, one zero velocity more, then none."""
