@@ -199,7 +199,8 @@ class Amcl:
             self._look_everywhere(self._search, before, odom, ends)
             return True
         self._move(before, odom)
-        field, beams = self._likelihoods(scan.range_max), beams_of(self._grid.frame, ends)
+        field = self._likelihoods(scan.range_max)
+        beams = beams_of(field, ends)
         self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]

@@ -13,7 +13,7 @@ from zteam.geometry import Pose2
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import MAX_CELLS, BeamEnds, climb, square_distances, sum_poses
 from zteam.navigation.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
-from zteam.navigation.planning.grid import OCCUPIED, Frame, GridMap
+from zteam.navigation.planning.grid import OCCUPIED, GridMap
 
 UNITS = 65_535
 """A field's largest value. Whole numbers add to the same sum in any order."""
@@ -45,16 +45,12 @@ _PATIENCE = 300
 class LikelihoodField(NamedTuple):
     """What a beam that ends in a cell adds to the weight of a pose."""
 
-    frame: Frame
+    place: tuple[float, float, float, float]
+    """x, y (metres) and yaw of the map's lower left corner in `map`, and metres a cell."""
     values: NDArray[np.uint16]
     """(rows + 2, columns + 2): (z_hit · exp(−d² / 2σ²) + z_rand / range_max)³ in units of `unit`, d to the nearest
     occupied cell; around the map a border with the value of the largest distance."""
     unit: float
-
-    @property
-    def place(self) -> tuple[float, float, float, float]:
-        """x, y (metres) and yaw of the map's lower left corner in `map`, and metres a cell."""
-        return *self.frame.origin, self.frame.resolution
 
 
 def make_likelihood_field(
@@ -69,12 +65,13 @@ def make_likelihood_field(
     distances = np.minimum(np.sqrt(np.arange((reach + 1) ** 2 + 1)) * frame.resolution, max_dist)
     values = (z_hit * np.exp(-(distances**2) / (2.0 * sigma_hit**2)) + z_rand / range_max) ** 3
     unit = float(values.max()) / UNITS or 1.0
-    return LikelihoodField(frame, np.rint(values / unit).astype(np.uint16)[squares], unit)
+    place = *frame.origin, frame.resolution
+    return LikelihoodField(place, np.rint(values / unit).astype(np.uint16)[squares], unit)
 
 
-def beams_of(frame: Frame, ends: Floats) -> BeamEnds:
-    """The ends of beams (n, 2; metres in the base frame) in cells: (2, n)."""
-    return np.ascontiguousarray(ends.T / frame.resolution, np.float32)
+def beams_of(field: LikelihoodField, ends: Floats) -> BeamEnds:
+    """The ends of beams (n, 2; metres in the base frame) in cells of a field: (2, n)."""
+    return np.ascontiguousarray(ends.T / field.place[3], np.float32)
 
 
 def weigh_poses(field: LikelihoodField, poses: Floats, beams: BeamEnds, weights: Floats) -> None:
@@ -126,7 +123,7 @@ class GlobalSearch:
         if not len(ends):
             return False
         weights = np.ones(len(poses))
-        beams = beams_of(wide.frame, ends)
+        beams = beams_of(wide, ends)
         weigh_poses(wide, poses, beams, weights)
         best = np.argsort(-weights, kind="stable")[: max(1, int(_CLIMBING * len(poses)))]
         found, _ = match(wide, poses[best], beams, *_STEPS[0])
