@@ -4,7 +4,6 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Sequence
-from types import TracebackType
 
 import msgspec
 import numpy as np
@@ -81,7 +80,7 @@ class BasicNavigator:
     def __enter__(self) -> "BasicNavigator":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

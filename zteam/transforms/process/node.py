@@ -144,10 +144,8 @@ class Aggregator:
         with self._node.changed:
             if due.tick is not None:
                 self._flush(due.now)
-            elif self._rate is None:
-                self._flush_late()
             else:
-                self._flush()
+                self._flush_late()
 
     def _repeat(self) -> None:
         if self._last.transforms:
