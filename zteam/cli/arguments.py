@@ -50,6 +50,18 @@ def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
     return parse_option
 
 
+def add_option(
+    parser: argparse._ActionsContainer, *flags: str, typed: tuple[Any, Any, str] | None = None, **keywords: Any
+) -> None:
+    """As `add_argument`; the help ends with the default. `typed` makes it a number, as in `zteam.config.option`."""
+    default, text = keywords.get("default"), keywords["help"]
+    if typed is not None:
+        keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
+    if default and "default" not in text and not isinstance(default, bool):
+        keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
+    parser.add_argument(*flags, **keywords)
+
+
 def add_options(
     parser: argparse._ActionsContainer, options: msgspec.Struct | type[msgspec.Struct], *names: str, **texts: str
 ) -> None:
@@ -65,16 +77,12 @@ def add_options(
         default = field.default if options is kind else getattr(options, name)
         keywords = {"dest": name, "default": default, "help": texts.get(name, metas[0].description), **metas[0].extra}
         flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
-        if bounds := keywords.pop("typed", None):
-            keywords["type"] = (whole if isinstance(bounds[0], int) else number)(*bounds)
         if isinstance(default, bool):
             keywords["action"] = f"store_{not default}".lower()
-        elif default and "default" not in keywords["help"]:
-            keywords["help"] += f" (default: %(default){'g' if isinstance(default, float) else 's'})"
         for part in (field.type.__origin__, *get_args(field.type.__origin__)):
             if get_origin(part) is Literal:
                 keywords["choices"] = get_args(part)
-        parser.add_argument(f"--{flag}", **keywords)
+        add_option(parser, f"--{flag}", **keywords)
 
 
 def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
@@ -85,12 +93,8 @@ def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
 
 
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--go-timeout",
-        type=number(1e-3, 86400.0, "host seconds"),
-        metavar="SECONDS",
-        help="without GO after so many host seconds, name the robots that are missing and end with 1",
-    )
+    text = "without GO after so many host seconds, name the robots that are missing and end with 1"
+    add_option(parser, "--go-timeout", typed=(1e-3, 86400.0, "host seconds"), metavar="SECONDS", help=text)
 
 
 def add_path_option(parser: argparse.ArgumentParser) -> None:

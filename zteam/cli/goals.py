@@ -12,7 +12,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.arguments import whole
+from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
@@ -36,7 +36,6 @@ _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; ya
   - {robot: 2, x: 4.5, y: 30.0}
   - {robot: 1, x: 3.0, y: 4.0}
 """
-MAX_ROUNDS = 10**9
 _PERIOD = 0.5
 """Host seconds between two looks of what is shown."""
 _TELL_AFTER = 3.0
@@ -52,13 +51,8 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--loop", action="store_true", help="begin again with the first goal when the last has ended, until Ctrl+C"
     )
-    parser.add_argument(
-        "--rounds",
-        type=whole(1, MAX_ROUNDS, "rounds"),
-        default=1,
-        metavar="N",
-        help="drive to all goals so many times (default: %(default)s)",
-    )
+    text = "drive to all goals so many times"
+    add_option(parser, "--rounds", typed=(1, 10**9, "rounds"), default=1, metavar="N", help=text)
     parser.add_argument(
         "--spread",
         metavar="IDS",
@@ -68,7 +62,7 @@ def build_parser() -> Parser:
         parser.add_argument(
             option, nargs="?", const="", metavar="IDS", help=f"{text}, wherever it is sent from (default: all robots)"
         )
-    parser.add_argument("--name", default=names.GOALS, help="call this process so on the bus (default: %(default)s)")
+    add_option(parser, "--name", default=names.GOALS, help="call this process so on the bus")
     parser.add_argument("--json", action="store_true", help="print each goal that has ended as a JSON line")
     add_clock_option(parser)
     add_bus_options(parser)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
-from zteam.cli.arguments import number, one_of
+from zteam.cli.arguments import add_option, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, unknown_subcommand, unknown_words
@@ -37,11 +37,21 @@ class Parser(argparse.ArgumentParser):
     """What is being parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
+    _verbs: "argparse._SubParsersAction[Parser] | None" = None
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         # argparse recognizes -1, but not -1e-3 and -inf.
         self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf$|nan$)")
+
+    def add_verb(self, name: str, act: Callable[..., object], text: str, usage: str | None = None) -> "Parser":
+        """Add a subcommand, whose `args.act` is `act`."""
+        if self._verbs is None:
+            self._verbs = self.add_subparsers(dest="verb", required=True)
+        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage)
+        verb.set_defaults(act=act)
+        self._verbs.metavar = "|".join(self._verbs.choices)
+        return verb
 
     def error(self, message: str) -> NoReturn:
         """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
@@ -113,13 +123,9 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
 
 def add_lease_option(parser: argparse._ActionsContainer) -> None:
     """Add `--lease`; the environment gives its default."""
-    parser.add_argument(
-        "--lease",
-        type=number(*LEASE_BOUNDS, "seconds"),
-        metavar="SECONDS",
-        default=os.environ.get("ZTEAM_LEASE", f"{LEASE:g}"),
-        help="declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)",
-    )
+    text = "declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)"
+    default = os.environ.get("ZTEAM_LEASE", f"{LEASE:g}")
+    add_option(parser, "--lease", typed=(*LEASE_BOUNDS, "seconds"), metavar="SECONDS", default=default, help=text)
 
 
 def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> None:
@@ -197,6 +203,12 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
             raise
 
     return guarded(name, reported, needs_output=needs_output)
+
+
+def run_verb(args: argparse.Namespace) -> int:
+    """Carry out a subcommand (`Parser.add_verb`); its exit code."""
+    code: int = args.act(args)
+    return code
 
 
 def run_tool(

@@ -28,12 +28,10 @@ _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam param", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|get|set|dump")
 
     def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(name, help=text, description=text)
+        sub = parser.add_verb(name, act, text)
         sub.add_argument("--json", action="store_true", help="print JSON")
-        sub.set_defaults(act=act)
         add_bus_options(sub)
         return sub
 

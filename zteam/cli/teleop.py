@@ -14,7 +14,7 @@ from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, connect
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
 from zteam.cli.live_line import LiveLine, has_live_line
@@ -46,13 +46,9 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--id", dest="ids", nargs="+", required=True, metavar="ID", help="drive these robots, e.g. 0 or 0-2"
     )
-    bounded = number(MIN_SPEED, MAX_SPEED, "a speed")
-    parser.add_argument(
-        "--speed", type=bounded, default=0.5, metavar="M/S", help="begin with this speed (default: %(default)g)"
-    )
-    parser.add_argument(
-        "--turn", type=bounded, default=1.0, metavar="RAD/S", help="begin with this turn rate (default: %(default)g)"
-    )
+    bounds = (MIN_SPEED, MAX_SPEED, "a speed")
+    add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
+    add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
     parser.add_argument(
         "--script", metavar="KEYS", help="press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     )
