@@ -28,7 +28,7 @@ def whole(low: int, high: int, what: str) -> Callable[[str], int]:
 
 
 def one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    """The `type` of an option with `choices`: unlike these, it also checks a default from the environment."""
+    """The `type` of an option that is one of these words."""
 
     def parse(text: str) -> str:
         if text not in choices:
@@ -53,13 +53,23 @@ def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
 def add_option(
     parser: argparse._ActionsContainer, *flags: str, typed: tuple[Any, Any, str] | None = None, **keywords: Any
 ) -> None:
-    """As `add_argument`; the help ends with the default. `typed` makes it a number, as in `zteam.config.option`."""
+    """As `add_argument`; the help ends with the default. `typed` makes it a number, as in `zteam.config.option`.
+
+    With `choices` a default from the environment is checked too.
+    """
     default, text = keywords.get("default"), keywords["help"]
+    if "choices" in keywords:
+        keywords["type"] = one_of(keywords["choices"])
     if typed is not None:
         keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
     if default and "default" not in text and not isinstance(default, bool):
         keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
     parser.add_argument(*flags, **keywords)
+
+
+def add_repeated(parser: argparse._ActionsContainer, flag: str, metavar: str, text: str, **keywords: Any) -> None:
+    """Add an option that may be given several times; its value is a list."""
+    parser.add_argument(flag, action="append", default=[], metavar=metavar, help=f"{text} (repeatable)", **keywords)
 
 
 def add_options(
@@ -99,13 +109,7 @@ def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
 
 def add_path_option(parser: argparse.ArgumentParser) -> None:
     """Add `--path`: folders for `zteam.robot.behaviors.registry.look_in`."""
-    parser.add_argument(
-        "--path",
-        action="append",
-        default=[],
-        metavar="FOLDER",
-        help="also search this folder for package.module (repeatable; $ZTEAM_PATH has more)",
-    )
+    add_repeated(parser, "--path", "FOLDER", "also search this folder, as those of $ZTEAM_PATH, for package.module")
 
 
 def folders_of(args: argparse.Namespace) -> tuple[str, ...]:

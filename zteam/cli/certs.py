@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.cli.arguments import add_option
+from zteam.cli.arguments import add_option, add_repeated
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table, terminal_width
@@ -64,13 +64,7 @@ def build_parser() -> Parser:
     issue = verb("issue", _issue, "make a certificate where a name has none that is valid")
     renew = verb("renew", _renew, "make the next certificate of a name; the earlier one stays valid")
     for sub in (init, issue, renew):
-        sub.add_argument(
-            "--host",
-            action="append",
-            default=[],
-            metavar="NAME_OR_IP",
-            help="where the router is reached, besides this machine; may be repeated",
-        )
+        add_repeated(sub, "--host", "NAME_OR_IP", "where the router is reached, besides this machine")
         add_option(sub, "--days", typed=(1, MAX_DAYS, "days"), default=DAYS, help="valid for so long")
     revoke = verb("revoke", _revoke, "take back all certificates of a name; NAME.SERIAL takes back this one")
     for sub in (issue, renew, revoke):

@@ -13,7 +13,7 @@ import msgspec
 
 from zteam.bus import Bus
 from zteam.bus.graph import find_nodes
-from zteam.cli.arguments import add_option, one_of
+from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
@@ -32,19 +32,10 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam log", description=__doc__)
-    parser.add_argument(
-        "names",
-        nargs="*",
-        metavar="NAME",
-        help="print only these processes, such as robot_1, sim, 'robot_*' (default: all)",
-    )
-    parser.add_argument(
-        "--level",
-        type=one_of(LEVELS),
-        choices=LEVELS,
-        default="debug",
-        help="print lines from this level up (default: all that the processes log)",
-    )
+    text = "print only these processes, such as robot_1, sim, 'robot_*' (default: all)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=text)
+    text = "print lines from this level up (default: all that the processes log)"
+    add_option(parser, "--level", choices=LEVELS, default="debug", help=text)
     text = "begin with the newest N lines (default: all that the processes keep)"
     add_option(parser, "-n", "--tail", typed=(0, 1_000_000, "lines"), metavar="N", help=text)
     until = parser.add_mutually_exclusive_group()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
-from zteam.cli.arguments import add_option, one_of
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, unknown_subcommand, unknown_words
@@ -100,23 +100,14 @@ def _is_assignment(word: str) -> bool:
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
     """Add the connection and logging options; the environment gives their defaults."""
     group = parser.add_argument_group("connection")
-    group.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        default=os.environ.get("ZTEAM_CONNECT") or None,
-        help="use this router, e.g. tcp/10.0.0.1:7447 (default: the local one, started on demand; $ZTEAM_CONNECT)",
-    )
-    group.add_argument(
-        "--namespace",
-        default=os.environ.get("ZTEAM_NAMESPACE") or None,
-        help="separate this team from others on the same router ($ZTEAM_NAMESPACE)",
-    )
-    group.add_argument(
-        "--config",
-        metavar="FILE.json5",
-        default=os.environ.get("ZTEAM_CONFIG") or None,
-        help="read Zenoh settings from this file first ($ZTEAM_CONFIG)",
-    )
+    for name, metavar, text in (
+        ("connect", "ENDPOINT", "use this router, e.g. tcp/10.0.0.1:7447 (default: the local one, started on demand; "),
+        ("namespace", "NAMESPACE", "separate this team from others on the same router ("),
+        ("config", "FILE.json5", "read Zenoh settings from this file first ("),
+    ):
+        variable = f"ZTEAM_{name.upper()}"
+        default = os.environ.get(variable) or None
+        group.add_argument(f"--{name}", metavar=metavar, default=default, help=f"{text}${variable})")
     add_lease_option(group)
     add_log_options(group)
 
@@ -130,31 +121,18 @@ def add_lease_option(parser: argparse._ActionsContainer) -> None:
 
 def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> None:
     """Add `--log-level`, by default `level`, and `--log-format`; the environment overrides the defaults."""
-    parser.add_argument(
-        "--log-level",
-        type=one_of(LEVELS),
-        choices=LEVELS,
-        default=os.environ.get("ZTEAM_LOG_LEVEL", level),
-        help="log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)",
-    )
-    parser.add_argument(
-        "--log-format",
-        type=one_of(FORMATS),
-        choices=FORMATS,
-        default=os.environ.get("ZTEAM_LOG_FORMAT", "text"),
-        help="log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)",
-    )
+    text = "log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)"
+    default = os.environ.get("ZTEAM_LOG_LEVEL", level)
+    add_option(parser, "--log-level", choices=LEVELS, default=default, help=text)
+    text = "log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)"
+    default = os.environ.get("ZTEAM_LOG_FORMAT", "text")
+    add_option(parser, "--log-format", choices=FORMATS, default=default, help=text)
 
 
 def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> None:
     """Add `--clock`."""
-    parser.add_argument(
-        "--clock",
-        choices=("auto", "sim", "wall"),
-        default=default,
-        help="use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto) "
-        "(default: %(default)s)",
-    )
+    text = "use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto)"
+    add_option(parser, "--clock", choices=("auto", "sim", "wall"), default=default, help=text)
 
 
 def checked(args: argparse.Namespace, parse: Callable[[], T]) -> T:

@@ -194,13 +194,8 @@ def build_parser() -> Parser:
 
 def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
-    parser.add_argument(
-        "values",
-        nargs="*",
-        default=[],
-        metavar="'{…}'",
-        help="fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`",
-    )
+    text = "fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`"
+    parser.add_argument("values", nargs="*", default=[], metavar="'{…}'", help=text)
     rate = (1e-3, MAX_RATE, "messages a second")
     add_option(parser, "-r", "--rate", typed=rate, default=1.0, metavar="HZ", help="publish at this rate")
     until = parser.add_mutually_exclusive_group()
