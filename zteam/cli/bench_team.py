@@ -30,10 +30,9 @@ from zteam.node.lockstep import RoundTiming
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine
-from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.world import Ranger, World, add_robot, load_world
-from zteam.simulator.world.placing import plan_corners
+from zteam.simulator.world import Ranger, Robot, World, add_robot, load_world
+from zteam.simulator.world.placing import REACH, find_bounds, find_hindrance
 from zteam.team.launch.process import zteam_command
 from zteam.team.run.report import RunReport
 
@@ -53,8 +52,6 @@ _SPARE = 8.0
 """Metres from the head of a chain to its last robot, which drives ahead of it, at least."""
 _DRAWS, _CHOICES = 400, 3
 """How often two places are drawn; circuits that are found, of which the longest is taken."""
-_FREE = 0.35
-"""Radius in metres around a start pose that has to be free."""
 _TURN_TICKS = 20
 """Ticks after which a wandering robot chooses a new turn rate."""
 Floats = NDArray[np.float64]
@@ -290,10 +287,8 @@ def measure_simulation(
 ) -> SimulationFigures:
     """Run `robots` robots with a laser of `beams` beams for `seconds` simulated seconds."""
     laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
-    team = {
-        i: msgspec.structs.replace(add_robot(world, "erratic", pose, f"bench_{i}"), rangers=(laser,))
-        for i, pose in enumerate(free_poses(world, robots, seed))
-    }
+    placed = place_robots(world, robots, seed)
+    team = {i: msgspec.structs.replace(robot, rangers=(laser,)) for i, robot in placed.items()}
     engine = Engine(world, seed=seed, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
@@ -316,27 +311,19 @@ def measure_simulation(
     )
 
 
-def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
-    """Poses within the world's bounds with free space around them; they depend only on the seed."""
-    corners = [corner for plan in world.floorplans for corner in plan_corners(plan)]
-    corners += [(o.pose.x, o.pose.y) for o in world.obstacles] + [r.pose[:2] for r in world.robots]
-    (left, bottom), (right, top) = np.min(corners, axis=0), np.max(corners, axis=0)
-    found: list[Pose2] = []
+def place_robots(world: World, count: int, seed: int) -> dict[int, Robot]:
+    """Erratics at poses within the world's bounds where they have room; they depend only on the seed.
+
+    Raises UsageError if the world has no room for `count` robots, or does not define the model.
+    """
+    (left, bottom), (right, top) = find_bounds(world) or ([-REACH, -REACH], [REACH, REACH])
+    found: dict[int, Robot] = {}
     for draw in range(1000 * count):
-        x = left + (right - left) * uniform(seed, draw, 0, 1)
-        y = bottom + (top - bottom) * uniform(seed, draw, 0, 2)
-        if _is_free(world, x, y) and all(math.hypot(p.x - x, p.y - y) > 2 * _FREE for p in found):
-            found.append(Pose2(float(x), float(y), math.tau * uniform(seed, draw, 0, 3)))
+        shares = [uniform(seed, draw, 0, axis) for axis in (1, 2, 3)]
+        pose = Pose2(left + (right - left) * shares[0], bottom + (top - bottom) * shares[1], math.tau * shares[2])
+        robot = add_robot(world, "erratic", pose, f"bench_{len(found)}")
+        if not find_hindrance(world, robot, found):
+            found[len(found)] = robot
             if len(found) == count:
                 return found
     raise UsageError(f"world {world.name} has no room for {count} robots: found only {len(found)} free poses")
-
-
-def _is_free(world: World, x: float, y: float) -> bool:
-    around = [(0.0, 0.0)] + [(math.cos(a), math.sin(a)) for a in np.arange(0.0, math.tau, 0.5)]
-    return not any(
-        is_occupied(plan, x + r * _FREE * c, y + r * _FREE * s)
-        for plan in world.floorplans
-        for c, s in around
-        for r in (0.5, 1.0)
-    )
