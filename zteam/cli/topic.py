@@ -43,19 +43,23 @@ from zteam.messages.topics import type_of_key
 
 
 class _Audience:
-    """The subscribers of a key: tells their names, and again when the first one has come or the last one has gone."""
+    """The subscribers of a key: prints their names, and again when the first one has come or the last one has gone."""
 
     def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
         self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = publisher.has_subscribers
-        self._shown: list[str] | None = None
-        """By name; None if they report no name."""
+        self._matching = False
+        self._shown: object = ...
+        """What was printed: their names, None if they report none, and at first nothing."""
 
     def show(self, what: str, graph: Graph) -> None:
-        """Print that `what` is published, and the subscribers; warn if there is none."""
-        self._print(what, graph, self._find(graph))
-
-    def _print(self, what: str, graph: Graph, found: list[str] | None) -> None:
+        """Print that `what` is published, and the subscribers unless they are the same; warn if there is none."""
+        self._matching = self._publisher.has_subscribers
+        # A session that closes may tell of a subscriber that it has no more; one that has just come tells its name now.
+        found: list[str] | None = graph.subscribers(self._key) if self._matching else []
+        if self._matching and not found:
+            found = find_graph(self._bus).subscribers(self._key) or None
+        if found == self._shown:
+            return
         self._shown = found
         if found is None:
             listed = "subscribers that tell no name (frozen, or no processes of zteam)"
@@ -69,21 +73,8 @@ class _Audience:
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        if self._publisher.has_subscribers == self._matching:
-            return
-        self._matching = not self._matching
-        graph = find_graph(self._bus)
-        # A session that closes may tell of a subscriber that it has no more.
-        found = self._find(graph) if self._matching else []
-        if found != self._shown:
-            self._print(f"on {self._key}", graph, found)
-
-    def _find(self, graph: Graph) -> list[str] | None:
-        found = graph.subscribers(self._key)
-        if found or not self._publisher.has_subscribers:
-            return found
-        # One that has come since then tells its name now.
-        return find_graph(self._bus).subscribers(self._key) or None
+        if self._publisher.has_subscribers != self._matching:
+            self.show(f"on {self._key}", find_graph(self._bus))
 
 
 def publish(args: argparse.Namespace) -> int:
