@@ -54,11 +54,12 @@ def _bench(args: argparse.Namespace) -> int:
 
 
 def _measure_core(args: argparse.Namespace) -> tuple[Any, str]:
-    from zteam.cli.bench_team import measure_simulation
+    from zteam.cli.bench_team import make_laser, measure_simulation
     from zteam.simulator.world import load_world
 
     world, options = load_world(find_world(args.world)), Options(physics=args.physics)
-    figures = measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)
+    laser = make_laser(args.beams, args.fov_deg, args.range)
+    figures = measure_simulation(world, args.robots, laser, args.seconds, options)
     return figures, format_simulation(figures)
 
 

@@ -52,6 +52,7 @@ _SPARE = 8.0
 """Metres from the head of a chain to its last robot, which drives ahead of it, at least."""
 _DRAWS, _CHOICES = 400, 3
 """How often two places are drawn; circuits that are found, of which the longest is taken."""
+_SEED = 1
 _TURN_TICKS = 20
 """Ticks after which a wandering robot chooses a new turn rate."""
 Floats = NDArray[np.float64]
@@ -157,7 +158,7 @@ def measure_team(
         dropped=sum(report.dropped.values()), least_driven_m=min(robot.distance_m for robot in report.robots),
     )  # fmt: skip
     if one:
-        core = measure_simulation(loaded, robots, beams, 270.25, 30.0, seconds, Options())
+        core = measure_simulation(loaded, robots, make_laser(beams, 270.25, 30.0), seconds, Options())
         figures.in_process = _in_process(one[0], report, core.rtf)
     return figures
 
@@ -275,39 +276,30 @@ def _is_apart(way: Floats) -> bool:
     return not (parts & (np.hypot(*(points[:, None] - points).T) < APART)).any()
 
 
-def measure_simulation(
-    world: World,
-    robots: int,
-    beams: int,
-    fov_deg: float,
-    range_max: float,
-    seconds: float,
-    options: Options,
-    seed: int = 1,
-) -> SimulationFigures:
-    """Run `robots` robots with a laser of `beams` beams for `seconds` simulated seconds."""
-    laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
-    placed = place_robots(world, robots, seed)
+def make_laser(beams: int, fov_deg: float, range_max: float) -> Ranger:
+    """The laser of each robot: `range_max` in metres."""
+    return Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
+
+
+def measure_simulation(world: World, robots: int, laser: Ranger, seconds: float, options: Options) -> SimulationFigures:
+    """Run `robots` robots with this laser for `seconds` simulated seconds."""
+    placed = place_robots(world, robots, _SEED)
     team = {i: msgspec.structs.replace(robot, rangers=(laser,)) for i, robot in placed.items()}
-    engine = Engine(world, seed=seed, robots=team, options=options)
+    engine = Engine(world, seed=_SEED, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
     begin = process_time()
     commands: dict[int, Twist] = {}
     for tick in range(ticks):
         if tick % _TURN_TICKS == 0:
-            turns = {i: 2.0 * uniform(seed, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
+            turns = {i: 2.0 * uniform(_SEED, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
             commands = {i: Twist(Vector3(0.4), Vector3(0.0, 0.0, turn)) for i, turn in turns.items()}
         engine.step(commands)
     spent = max(process_time() - begin, 1e-9)
+    simulated, rays = ticks * world.interval / 1e9, ticks * robots * laser.samples
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
     return SimulationFigures(
-        robots=robots,
-        beams=beams,
-        seconds=ticks * world.interval / 1e9,
-        rtf=ticks * world.interval / 1e9 / spent,
-        rays_per_s=ticks * robots * beams / spent,
-        step_ms=1e3 * spent / ticks,
-        rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+        robots, laser.samples, simulated, simulated / spent, rays / spent, 1e3 * spent / ticks, memory
     )
 
 

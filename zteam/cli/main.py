@@ -57,7 +57,7 @@ def _start(module: str) -> NoReturn:
         leave(2)
     leave_at_once()
     try:
-        code = _run(module, sys.argv[1:])
+        code = guarded(name, lambda: _run(module, sys.argv[1:]))
     except KeyboardInterrupt:
         code = INTERRUPTED
     except (ImportError, MemoryError) as error:
@@ -101,10 +101,7 @@ start_router = partial(start_process, "zteam-router")
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line that follows `zteam`."""
-    return guarded("zteam", lambda: _main(list(sys.argv[1:] if argv is None else argv)))
-
-
-def _main(arguments: list[str]) -> int:
+    arguments = sys.argv[1:] if argv is None else argv
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         print_block(_usage())
         return 0 if arguments else 2

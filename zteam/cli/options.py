@@ -20,8 +20,6 @@ from zteam.node.logs import LEVELS, start_logging
 from zteam.node.ps_name import show_name
 
 if TYPE_CHECKING:
-    from _typeshed import SupportsWrite
-
     from zteam.node.process_options import ProcessOptions
 
 T = TypeVar("T")
@@ -31,7 +29,7 @@ FORMATS = ("text", "json")
 
 
 class Parser(argparse.ArgumentParser):
-    """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
+    """A command line that reports a mistake on one line."""
 
     _words: Sequence[str] = ()
     """What is being parsed."""
@@ -80,17 +78,6 @@ class Parser(argparse.ArgumentParser):
             self._words = ()
             self.error(unknown_subcommand(value, action.choices))
         super()._check_value(action, value)
-
-    def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:
-        """Print the help text. End with 1 if it goes to standard output and that cannot be written."""
-        if file is not None:
-            super().print_help(file)
-        elif code := guarded(self.prog, self._write_help):
-            self.exit(code)
-
-    def _write_help(self) -> int:
-        sys.stdout.write(self.format_help())
-        return 0
 
 
 def _is_assignment(word: str) -> bool:
