@@ -175,7 +175,7 @@ def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
 def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
     x, y, yaw = args.pose
     status = _change(lambda: client.move(args.id, x, y, yaw, force=args.force))
-    return status, f"robot {args.id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
+    return status, f"robot {args.id} is at x {x:zg}, y {y:zg}, yaw {yaw:zg}"
 
 
 def _status(client: SimulatorClient, _args: argparse.Namespace) -> Answer:

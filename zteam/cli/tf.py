@@ -234,9 +234,8 @@ def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
                 line = f"{robot:10} unknown: {position.why}"
             else:
                 position = _Position(robot, *pose, stamp / 1e9)
-                # Adding 0.0 turns a rounded -0.000 into 0.000.
-                x, y, yaw = (round(value, 3) + 0.0 for value in pose)
-                line = f"{robot:10} x {x:8.3f}  y {y:8.3f}  yaw {yaw:7.3f}  at {stamp / 1e9:.1f} s"
+                x, y, yaw = pose
+                line = f"{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp / 1e9:.1f} s"
             found.append((position, line))
     return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)
 

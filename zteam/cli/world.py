@@ -93,8 +93,7 @@ def _check(args: argparse.Namespace, world: World) -> int:
 
 
 def _place(x: float, y: float, yaw_deg: float) -> str:
-    # Adding 0.0 turns a rounded -0.000 into 0.000.
-    return f"{round(x, 3) + 0.0:.3f} {round(y, 3) + 0.0:.3f}, {round(yaw_deg, 1) + 0.0:.1f}°"
+    return f"{x:z.3f} {y:z.3f}, {yaw_deg:z.1f}°"
 
 
 def _summary(world: World) -> dict[str, Any]:

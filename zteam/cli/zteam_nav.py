@@ -43,11 +43,8 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], NavigationOptions
 
 def _table(args: argparse.Namespace) -> dict[str, Any]:
     """What the options set, as the table `navigation` of a team file. Raises UsageError."""
-    table: dict[str, Any] = {}
-    if args.params is not None:
-        table["params"] = args.params
-    if args.localizer is not None:
-        table["localizer"] = args.localizer
+    given = {"params": args.params, "localizer": args.localizer}
+    table: dict[str, Any] = {name: text for name, text in given.items() if text is not None}
     for text in args.param:
         key, equals, value = text.partition("=")
         node, dot, name = key.partition(".")
