@@ -24,7 +24,6 @@ from zteam.team.security.certificates import (
     FOLDER,
     MAX_DAYS,
     Authority,
-    Issued,
     left_text,
     open_authority,
     read_index,
@@ -154,17 +153,11 @@ def _list(args: argparse.Namespace) -> None:
     end = load_certificate(args.folder / CA).not_valid_after_utc
     rows = [Row("authority", 0, end.isoformat(), left_text(end), state_until(end))]
     for name, found in sorted(index.certificates.items()):
-        rows += [_row(name, each) for each in found]
-    if args.json:
-        print_json(rows)
-        return
+        for each in found:
+            left = left_text(each.expires)
+            rows.append(Row(name, each.serial, each.expires.isoformat(), left, each.state, each.hosts))
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
-    print_block(format_table(("name", "serial", "expires in", "state"), cells))
-
-
-def _row(name: str, issued: Issued) -> Row:
-    end, left = issued.expires.isoformat(), left_text(issued.expires)
-    return Row(name, issued.serial, end, left, issued.state, issued.hosts)
+    print_json(rows) if args.json else print_block(format_table(("name", "serial", "expires in", "state"), cells))
 
 
 def _explain(args: argparse.Namespace) -> None:

@@ -34,10 +34,8 @@ def _examine(args: argparse.Namespace) -> int:
     map_file = None if args.map is None else (args.map, _read_map(Path(args.map)))
     raise_from_now()
     findings = examine(options, map_file)
-    if args.json:
-        print_json(findings)
-    else:
-        print_block(format_findings(findings, has_color(sys.stdout), terminal_width()))
+    text = format_findings(findings, has_color(sys.stdout), terminal_width())
+    print_json(findings) if args.json else print_block(text)
     return 0 if all(finding.good for finding in findings) else 1
 
 

@@ -97,10 +97,8 @@ def _pause(args: argparse.Namespace) -> int:
     absent = sorted(set(robots or ()) - set(done))
     if absent or not done:
         raise BusError(f"no list of goals for {', '.join(map(names.robot_name, absent)) or 'any robot'}")
-    if args.json:
-        print_json({"robots": done, "is_paused": paused})
-    else:
-        print_line(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
+    text = f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}"
+    print_json({"robots": done, "is_paused": paused}) if args.json else print_line(text)
     return 0
 
 
@@ -140,11 +138,9 @@ def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
         def show() -> None:
             for ended in dispatcher.take_ended():
                 client = dispatcher.errands[ended.robot].client
-                if as_json:
-                    facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
-                    print_json(facts)
-                else:
-                    print_line(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})")
+                facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
+                text = f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})"
+                print_json(facts) if as_json else print_line(text)
             for robot_id, errand in dispatcher.errands.items():
                 waits = errand.client.waits_for
                 if waits and waits != told.get(robot_id) and monotonic() - begin > _TELL_AFTER:

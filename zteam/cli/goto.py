@@ -76,10 +76,8 @@ def _send(args: argparse.Namespace) -> int:
 def _cancel(args: argparse.Namespace, bus: Bus) -> int:
     client = NavigationClient(bus, args.robot, open_clock(bus, args.clock).now)
     had_goal = client.cancel()
-    if args.json:
-        print_line(f'{{"robot":{args.robot},"canceled":{str(had_goal).lower()}}}')
-    else:
-        print_line(f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}")
+    text = f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}"
+    print_json({"robot": args.robot, "canceled": had_goal}) if args.json else print_line(text)
     return 0
 
 

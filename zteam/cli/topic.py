@@ -228,10 +228,7 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
     except DecodeError as error:
         print_line(f"{sample.key}: undecodable: {error}", file=sys.stderr)
         return False
-    if args.json:
-        print_json(to_json(message))
-    else:
-        print_block(format_message(message, args.full) + "\n---")
+    print_json(to_json(message)) if args.json else print_block(format_message(message, args.full) + "\n---")
     return True
 
 
