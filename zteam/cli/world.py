@@ -82,8 +82,7 @@ def _check(args: argparse.Namespace, world: World) -> int:
         if limits := _limits_text(base):
             print_line(f"{'':32}{limits}")
     warnings = summary["warnings"]
-    for warning in warnings:
-        print_line(warning)
+    print_line(*warnings)
     counts = [
         counted(len(things), noun)
         for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))

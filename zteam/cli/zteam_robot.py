@@ -8,15 +8,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import (
-    add_option,
-    add_options,
-    add_path_option,
-    add_repeated,
-    folders_of,
-    option_type,
-    read_options,
-)
+from zteam.cli.arguments import add_options, add_path_option, add_repeated, folders_of, option_type, read_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.problems import problems_of
 from zteam.config.toml_values import parse_value
@@ -37,7 +29,7 @@ def build_parser() -> Parser:
     what.add_argument("--behavior", metavar="NAME", help=text)
     what.add_argument("--follow", type=robot_id, metavar="ID", help="follow this robot")
     text = "with --follow: along the trail of the head of the chain (default), or straight to the leader"
-    add_option(parser, "--law", choices=("trail", "direct"), help=text)
+    parser.add_argument("--law", choices=("trail", "direct"), help=text)
     add_param_option(parser)
     text, parse = "set footprint or a limit instead of what base_info tells", partial(parse_param, option="--base")
     add_repeated(parser, "--base", "KEY=VALUE", f"{text}, e.g. {_EXAMPLES['--base']}", type=option_type(parse))
