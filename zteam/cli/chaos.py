@@ -91,7 +91,7 @@ def _work(args: argparse.Namespace) -> int:
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
     if problem and not report.violations:
         raise ZteamError(problem)
-    print_report(report, as_json=args.json)
+    print_json(report) if args.json else print_report(report)
     return 1 if report.violations else 0
 
 
@@ -105,14 +105,10 @@ def _processes(bus: "Bus") -> list[str]:
     return [*sorted(name for name in found if name not in beside and not names.is_view(name)), ROUTER]
 
 
-def print_report(report: "ChaosReport", *, as_json: bool = False) -> None:
-    """Print the recoveries as a table, or as one line of JSON."""
-
+def print_report(report: "ChaosReport") -> None:
+    """Print the recoveries as a table."""
     from zteam.team.chaos.run import HEADER, rows, summary
 
-    if as_json:
-        print_json(report)
-        return
     if report.faults:
         print_block(format_table(HEADER, rows(report)))
     print_block(summary(report))

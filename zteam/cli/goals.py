@@ -8,7 +8,7 @@ import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
@@ -127,13 +127,13 @@ def _send(args: argparse.Namespace) -> int:
 def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
     """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
     closed, begin, told = threading.Event(), monotonic(), dict[int, str]()
-    with ExitStack() as ends:
-        live = None
-        if not as_json and has_live_line(sys.stdout):
-            from rich.live import Live
-            from rich.text import Text
+    live = None
+    if not as_json and has_live_line(sys.stdout):
+        from rich.live import Live
+        from rich.text import Text
 
-            live = ends.enter_context(Live(auto_refresh=False, transient=True))
+        live = Live(auto_refresh=False, transient=True)
+    with live or nullcontext():
 
         def show() -> None:
             for ended in dispatcher.take_ended():

@@ -117,7 +117,6 @@ def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> 
 
 
 def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> None:
-    """Add `--clock`."""
     text = "use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto)"
     add_option(parser, "--clock", choices=("auto", "sim", "wall"), default=default, help=text)
 

@@ -9,7 +9,6 @@ from zteam.node.process_options import MapOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-map", description=__doc__)
     text = "map_server's file beside its picture: image, resolution, origin, mode, …"
     parser.add_argument("map", metavar="MAP.yaml", help=text)

@@ -14,7 +14,6 @@ from zteam.node.process_options import MonitorOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-monitor", description=__doc__)
     sizes = (1, names.MAX_ROBOT_ID + 1, "a whole number")
     add_option(parser, "--team-size", typed=sizes, metavar="N", help="wait for this many robots")

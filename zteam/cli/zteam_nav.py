@@ -16,7 +16,6 @@ from zteam.node.process_options import NavigatedRobot, NavigationOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-nav", description=__doc__)
     parser.add_argument(
         "team", nargs="?", metavar="TEAM.toml", help="read the parameters of the robots from this team file"

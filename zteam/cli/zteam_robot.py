@@ -20,7 +20,6 @@ _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
     robot_id = option_type(names.parse_robot_id)
     parser.add_argument("--id", type=robot_id, required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")

@@ -10,7 +10,6 @@ from zteam.node.router import run_router
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-router", description=__doc__)
     text = f"listen here (default: {DEFAULT_ENDPOINT}; with $ZTEAM_TLS_CA {DEFAULT_TLS_ENDPOINT})"
     add_repeated(parser, "--listen", "ENDPOINT", text)

@@ -19,7 +19,6 @@ from zteam.simulator.client import MAX_PLACE
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-sim", description=__doc__)
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
     add_options(parser, SimOptions, "seed", "map_resolution", "has_map")

@@ -10,7 +10,6 @@ from zteam.node.process_options import DEFAULT_FOXGLOVE_PORT, ViewOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam view", description=__doc__)
     parser.add_argument("--foxglove", action="store_true", help="show the team to Foxglove and Lichtblick too")
     add_options(parser, ViewOptions.from_environment())
