@@ -22,7 +22,7 @@ from zteam.navigation.planning.map_files import to_three_values, write_map
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam map", description=__doc__)
-    save = parser.add_verb("save", _save, "write FILE.yaml and its picture")
+    save = parser.add_verb("save", _save, "write the map that is on the bus to a file, as map_saver does")
     save.add_argument("file", metavar="FILE", help="the YAML file, with or without .yaml; the picture is put beside it")
     share = (0.0, 1.0, "a share")
     add_option(save, "--free", typed=share, default=0.25, metavar="SHARE", help="free up to this occupancy")
