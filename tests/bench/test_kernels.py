@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zteam.cli.bench_team import free_poses
+from zteam.cli.bench_team import place_robots
 from zteam.config.resources import find_world
 from zteam.kernels.simulator import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.simulator.core.casting import bitmap_of, build_fields, group_shapes, make_polygons
-from zteam.world import World, add_robot, load_world
+from zteam.world import World, load_world
 
 SCANS, ROUNDS = 100, 30
 
@@ -26,7 +26,7 @@ def office() -> World:
 
 def make_fans(world: World, beams: int, fov_deg: float) -> Fans:
     """Fans of rays from free places."""
-    at = np.array(free_poses(world, SCANS, seed=1)).T.copy()
+    at = np.array([robot.pose for robot in place_robots(world, SCANS, seed=1).values()]).T.copy()
     rays = Rays(at, np.full(SCANS, world.floorplans[0].z_min + 0.1), np.full(SCANS, -1, np.int64))
     angles = np.radians(np.linspace(-fov_deg / 2, fov_deg / 2, beams))[None, :]
     increment = math.radians(fov_deg) / (beams - 1)
@@ -50,8 +50,7 @@ def test_bitmap(benchmark: Any, office: World, beams: int, fov_deg: float) -> No
 
 def test_robots(benchmark: Any, office: World) -> None:
     """Rays end at other robots."""
-    places = free_poses(office, SCANS, seed=2)
-    robots = [add_robot(office, "erratic", pose, f"r{i}") for i, pose in enumerate(places)]
+    robots = list(place_robots(office, SCANS, seed=2).values())
     polygons = make_polygons(group_shapes(robots, []))
     polygons.move(np.array([robot.pose for robot in robots], float))
     fans = make_fans(office, 1081, 270.0)

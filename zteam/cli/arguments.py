@@ -28,7 +28,7 @@ def whole(low: int, high: int, what: str) -> Callable[[str], int]:
 
 
 def one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    """The `type` of an option with `choices`: unlike these, it also checks a default from the environment."""
+    """The `type` of an option that is one of these words."""
 
     def parse(text: str) -> str:
         if text not in choices:
@@ -50,6 +50,28 @@ def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
     return parse_option
 
 
+def add_option(
+    parser: argparse._ActionsContainer, *flags: str, typed: tuple[Any, Any, str] | None = None, **keywords: Any
+) -> None:
+    """As `add_argument`; the help ends with the default. `typed` makes it a number, as in `zteam.config.option`.
+
+    With `choices` a default from the environment is checked too.
+    """
+    default, text = keywords.get("default"), keywords["help"]
+    if "choices" in keywords:
+        keywords["type"] = one_of(keywords["choices"])
+    if typed is not None:
+        keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
+    if default and "default" not in text and not isinstance(default, bool):
+        keywords["help"] = f"{text} (default: %(default){'g' if isinstance(default, float) else 's'})"
+    parser.add_argument(*flags, **keywords)
+
+
+def add_repeated(parser: argparse._ActionsContainer, flag: str, metavar: str, text: str, **keywords: Any) -> None:
+    """Add an option that may be given several times; its value is a list."""
+    parser.add_argument(flag, action="append", default=[], metavar=metavar, help=f"{text} (repeatable)", **keywords)
+
+
 def add_options(
     parser: argparse._ActionsContainer, options: msgspec.Struct | type[msgspec.Struct], *names: str, **texts: str
 ) -> None:
@@ -65,16 +87,12 @@ def add_options(
         default = field.default if options is kind else getattr(options, name)
         keywords = {"dest": name, "default": default, "help": texts.get(name, metas[0].description), **metas[0].extra}
         flag = keywords.pop("flag", f"{'no-' if default is True else ''}{name.replace('_', '-')}")
-        if bounds := keywords.pop("typed", None):
-            keywords["type"] = (whole if isinstance(bounds[0], int) else number)(*bounds)
         if isinstance(default, bool):
             keywords["action"] = f"store_{not default}".lower()
-        elif default and "default" not in keywords["help"]:
-            keywords["help"] += f" (default: %(default){'g' if isinstance(default, float) else 's'})"
         for part in (field.type.__origin__, *get_args(field.type.__origin__)):
             if get_origin(part) is Literal:
                 keywords["choices"] = get_args(part)
-        parser.add_argument(f"--{flag}", **keywords)
+        add_option(parser, f"--{flag}", **keywords)
 
 
 def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
@@ -85,23 +103,13 @@ def read_options(kind: type[S], args: argparse.Namespace, **others: Any) -> S:
 
 
 def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--go-timeout",
-        type=number(1e-3, 86400.0, "host seconds"),
-        metavar="SECONDS",
-        help="without GO after so many host seconds, name the robots that are missing and end with 1",
-    )
+    text = "without GO after so many host seconds, name the robots that are missing and end with 1"
+    add_option(parser, "--go-timeout", typed=(1e-3, 86400.0, "host seconds"), metavar="SECONDS", help=text)
 
 
 def add_path_option(parser: argparse.ArgumentParser) -> None:
     """Add `--path`: folders for `zteam.robot.behaviors.registry.look_in`."""
-    parser.add_argument(
-        "--path",
-        action="append",
-        default=[],
-        metavar="FOLDER",
-        help="also search this folder for package.module (repeatable; $ZTEAM_PATH has more)",
-    )
+    add_repeated(parser, "--path", "FOLDER", "also search this folder, as those of $ZTEAM_PATH, for package.module")
 
 
 def folders_of(args: argparse.Namespace) -> tuple[str, ...]:

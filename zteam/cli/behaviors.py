@@ -27,12 +27,8 @@ _SINGLE = {
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam behaviors", description=__doc__)
-    parser.add_argument(
-        "name",
-        nargs="?",
-        metavar="NAME",
-        help="a behaviour, also package.module:Class: what it does, and its parameters (default: list all)",
-    )
+    text = "a behaviour, also package.module:Class: what it does, and its parameters (default: list all)"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=text)
     add_path_option(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_log_options(parser)

@@ -1,13 +1,12 @@
 """`zteam bench sim | team`: measure zteam here."""
 
 import argparse
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.arguments import number, whole
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json
@@ -23,53 +22,44 @@ if TYPE_CHECKING:
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|team")
-    sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
-    team = verbs.add_parser("team", help="measure a line of robots on a tour, in lock-step or in real time")
+    sim = parser.add_verb("sim", _measure_core, "measure the simulator's core alone, as fast as it runs")
+    team = parser.add_verb("team", _measure_team, "measure a line of robots on a tour, in lock-step or in real time")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
-    team.add_argument(
-        "world", nargs="?", default="office", metavar="WORLD", help="world to measure in (default: %(default)s)"
-    )
-    for sub, robots, seconds in ((sim, 20, 20.0), (team, 4, 60.0)):
-        _add_number(sub, "--robots", whole(1, 10_000, "robots"), robots, "number of robots")
-        _add_number(sub, "--beams", whole(2, 100_000, "beams"), 1081, "beams of a laser")
-        _add_number(sub, "--seconds", number(1e-3, MAX_SECONDS, "simulated seconds"), seconds, "simulated seconds")
+    add_option(team, "world", nargs="?", default="office", metavar="WORLD", help="world to measure in")
+    seconds = (1e-3, MAX_SECONDS, "simulated seconds")
+    for sub, robots, duration in ((sim, 20, 20.0), (team, 4, 60.0)):
+        add_option(sub, "--robots", typed=(1, 10_000, "robots"), default=robots, metavar="N", help="number of robots")
+        add_option(sub, "--beams", typed=(2, 100_000, "beams"), default=1081, metavar="N", help="beams of a laser")
+        add_option(sub, "--seconds", typed=seconds, default=duration, metavar="N", help="simulated seconds")
         sub.add_argument("--json", action="store_true", help="print JSON")
         add_log_options(sub, "warning")
-    _add_number(sim, "--fov-deg", number(1e-3, 360.0, "degrees"), 270.0, "field of view of the lasers, degrees")
-    _add_number(sim, "--range", number(1e-3, 1e6, "metres"), 30.0, "maximum range of the lasers, metres")
+    degrees, metres = (1e-3, 360.0, "degrees"), (1e-3, 1e6, "metres")
+    add_option(sim, "--fov-deg", typed=degrees, default=270.0, metavar="N", help="field of view of the lasers, degrees")
+    add_option(sim, "--range", typed=metres, default=30.0, metavar="N", help="maximum range of the lasers, metres")
     sim.add_argument("--physics", choices=PHYSICS, help="contacts (default: what the world says, else dynamic)")
     team.add_argument(
         "--realtime", action="store_true", help="run in real time; measure latency, lateness, CPU and memory"
     )
-    team.add_argument(
-        "--in-process",
-        action="store_true",
-        help="also run the same team in one process, and the simulator's core alone",
-    )
+    text = "also run the same team in one process, and the simulator's core alone"
+    team.add_argument("--in-process", action="store_true", help=text)
     return parser
-
-
-def _add_number(
-    parser: argparse.ArgumentParser, option: str, kind: Callable[[str], float], default: float, text: str
-) -> None:
-    parser.add_argument(option, type=kind, default=default, metavar="N", help=f"{text} (default: %(default)g)")
 
 
 def _bench(args: argparse.Namespace) -> int:
     # The processes started here have to be ended.
     raise_from_now()
-    figures, text = (_measure_team if args.verb == "team" else _measure_core)(args)
+    figures, text = args.act(args)
     print_json(figures) if args.json else print_block(text)
     return 0
 
 
 def _measure_core(args: argparse.Namespace) -> tuple[Any, str]:
-    from zteam.cli.bench_team import measure_simulation
+    from zteam.cli.bench_team import make_laser, measure_simulation
     from zteam.simulator.world import load_world
 
     world, options = load_world(find_world(args.world)), Options(physics=args.physics)
-    figures = measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)
+    laser = make_laser(args.beams, args.fov_deg, args.range)
+    figures = measure_simulation(world, args.robots, laser, args.seconds, options)
     return figures, format_simulation(figures)
 
 

@@ -30,10 +30,9 @@ from zteam.node.lockstep import RoundTiming
 from zteam.robot.behaviors.polyline import Polyline
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine
-from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.world import Ranger, World, add_robot, load_world
-from zteam.simulator.world.placing import plan_corners
+from zteam.simulator.world import Ranger, Robot, World, add_robot, load_world
+from zteam.simulator.world.placing import REACH, find_bounds, find_hindrance
 from zteam.team.launch.process import zteam_command
 from zteam.team.run.report import RunReport
 
@@ -53,8 +52,7 @@ _SPARE = 8.0
 """Metres from the head of a chain to its last robot, which drives ahead of it, at least."""
 _DRAWS, _CHOICES = 400, 3
 """How often two places are drawn; circuits that are found, of which the longest is taken."""
-_FREE = 0.35
-"""Radius in metres around a start pose that has to be free."""
+_SEED = 1
 _TURN_TICKS = 20
 """Ticks after which a wandering robot chooses a new turn rate."""
 Floats = NDArray[np.float64]
@@ -160,7 +158,7 @@ def measure_team(
         dropped=sum(report.dropped.values()), least_driven_m=min(robot.distance_m for robot in report.robots),
     )  # fmt: skip
     if one:
-        core = measure_simulation(loaded, robots, beams, 270.25, 30.0, seconds, Options())
+        core = measure_simulation(loaded, robots, make_laser(beams, 270.25, 30.0), seconds, Options())
         figures.in_process = _in_process(one[0], report, core.rtf)
     return figures
 
@@ -278,65 +276,46 @@ def _is_apart(way: Floats) -> bool:
     return not (parts & (np.hypot(*(points[:, None] - points).T) < APART)).any()
 
 
-def measure_simulation(
-    world: World,
-    robots: int,
-    beams: int,
-    fov_deg: float,
-    range_max: float,
-    seconds: float,
-    options: Options,
-    seed: int = 1,
-) -> SimulationFigures:
-    """Run `robots` robots with a laser of `beams` beams for `seconds` simulated seconds."""
-    laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
-    team = {
-        i: msgspec.structs.replace(add_robot(world, "erratic", pose, f"bench_{i}"), rangers=(laser,))
-        for i, pose in enumerate(free_poses(world, robots, seed))
-    }
-    engine = Engine(world, seed=seed, robots=team, options=options)
+def make_laser(beams: int, fov_deg: float, range_max: float) -> Ranger:
+    """The laser of each robot: `range_max` in metres."""
+    return Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
+
+
+def measure_simulation(world: World, robots: int, laser: Ranger, seconds: float, options: Options) -> SimulationFigures:
+    """Run `robots` robots with this laser for `seconds` simulated seconds."""
+    placed = place_robots(world, robots, _SEED)
+    team = {i: msgspec.structs.replace(robot, rangers=(laser,)) for i, robot in placed.items()}
+    engine = Engine(world, seed=_SEED, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
     begin = process_time()
     commands: dict[int, Twist] = {}
     for tick in range(ticks):
         if tick % _TURN_TICKS == 0:
-            turns = {i: 2.0 * uniform(seed, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
+            turns = {i: 2.0 * uniform(_SEED, i, tick // _TURN_TICKS, 0) - 1.0 for i in team}
             commands = {i: Twist(Vector3(0.4), Vector3(0.0, 0.0, turn)) for i, turn in turns.items()}
         engine.step(commands)
     spent = max(process_time() - begin, 1e-9)
+    simulated, rays = ticks * world.interval / 1e9, ticks * robots * laser.samples
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
     return SimulationFigures(
-        robots=robots,
-        beams=beams,
-        seconds=ticks * world.interval / 1e9,
-        rtf=ticks * world.interval / 1e9 / spent,
-        rays_per_s=ticks * robots * beams / spent,
-        step_ms=1e3 * spent / ticks,
-        rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+        robots, laser.samples, simulated, simulated / spent, rays / spent, 1e3 * spent / ticks, memory
     )
 
 
-def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
-    """Poses within the world's bounds with free space around them; they depend only on the seed."""
-    corners = [corner for plan in world.floorplans for corner in plan_corners(plan)]
-    corners += [(o.pose.x, o.pose.y) for o in world.obstacles] + [r.pose[:2] for r in world.robots]
-    (left, bottom), (right, top) = np.min(corners, axis=0), np.max(corners, axis=0)
-    found: list[Pose2] = []
+def place_robots(world: World, count: int, seed: int) -> dict[int, Robot]:
+    """Erratics at poses within the world's bounds where they have room; they depend only on the seed.
+
+    Raises UsageError if the world has no room for `count` robots, or does not define the model.
+    """
+    (left, bottom), (right, top) = find_bounds(world) or ([-REACH, -REACH], [REACH, REACH])
+    found: dict[int, Robot] = {}
     for draw in range(1000 * count):
-        x = left + (right - left) * uniform(seed, draw, 0, 1)
-        y = bottom + (top - bottom) * uniform(seed, draw, 0, 2)
-        if _is_free(world, x, y) and all(math.hypot(p.x - x, p.y - y) > 2 * _FREE for p in found):
-            found.append(Pose2(float(x), float(y), math.tau * uniform(seed, draw, 0, 3)))
+        shares = [uniform(seed, draw, 0, axis) for axis in (1, 2, 3)]
+        pose = Pose2(left + (right - left) * shares[0], bottom + (top - bottom) * shares[1], math.tau * shares[2])
+        robot = add_robot(world, "erratic", pose, f"bench_{len(found)}")
+        if not find_hindrance(world, robot, found):
+            found[len(found)] = robot
             if len(found) == count:
                 return found
     raise UsageError(f"world {world.name} has no room for {count} robots: found only {len(found)} free poses")
-
-
-def _is_free(world: World, x: float, y: float) -> bool:
-    around = [(0.0, 0.0)] + [(math.cos(a), math.sin(a)) for a in np.arange(0.0, math.tau, 0.5)]
-    return not any(
-        is_occupied(plan, x + r * _FREE * c, y + r * _FREE * s)
-        for plan in world.floorplans
-        for c, s in around
-        for r in (0.5, 1.0)
-    )

@@ -2,13 +2,13 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 import msgspec
 
-from zteam.cli.arguments import whole
+from zteam.cli.arguments import add_option, add_repeated
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table, terminal_width
@@ -24,7 +24,6 @@ from zteam.team.security.certificates import (
     FOLDER,
     MAX_DAYS,
     Authority,
-    Issued,
     left_text,
     open_authority,
     read_index,
@@ -47,37 +46,30 @@ class Row(msgspec.Struct):
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam certs", description=__doc__, epilog="docs/security.md tells the whole story.")
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="init|issue|list|renew|revoke|explain")
 
-    def verb(name: str, text: str) -> Parser:
-        sub = verbs.add_parser(name, help=text, description=text)
+    def verb(name: str, act: Callable[[argparse.Namespace], None], text: str) -> Parser:
+        sub = parser.add_verb(name, act, text)
         sub.add_argument("--folder", type=Path, default=Path(FOLDER), help="of the certificates (default: %(default)s)")
         add_log_options(sub)
         return sub
 
-    init = verb("init", "make the authority and a certificate for each process of a team; again: take another team")
+    init = verb(
+        "init", _init, "make the authority and a certificate for each process of a team; again: take another team"
+    )
     init.add_argument("team", nargs="?", default="line", metavar="TEAM", help="a team file (default: %(default)s)")
     init.takes_assignments = True
     init.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help="arguments of the team file")
     init.add_argument("--namespace", default=os.environ.get("ZTEAM_NAMESPACE"), help="of the team ($ZTEAM_NAMESPACE)")
-    issue = verb("issue", "make a certificate where a name has none that is valid")
-    renew = verb("renew", "make the next certificate of a name; the earlier one stays valid")
+    issue = verb("issue", _issue, "make a certificate where a name has none that is valid")
+    renew = verb("renew", _renew, "make the next certificate of a name; the earlier one stays valid")
     for sub in (init, issue, renew):
-        sub.add_argument(
-            "--host",
-            action="append",
-            default=[],
-            metavar="NAME_OR_IP",
-            help="where the router is reached, besides this machine; may be repeated",
-        )
-        sub.add_argument(
-            "--days", type=whole(1, MAX_DAYS, "days"), default=DAYS, help="valid for so long (default: %(default)s)"
-        )
-    revoke = verb("revoke", "take back all certificates of a name; NAME.SERIAL takes back this one")
+        add_repeated(sub, "--host", "NAME_OR_IP", "where the router is reached, besides this machine")
+        add_option(sub, "--days", typed=(1, MAX_DAYS, "days"), default=DAYS, help="valid for so long")
+    revoke = verb("revoke", _revoke, "take back all certificates of a name; NAME.SERIAL takes back this one")
     for sub in (issue, renew, revoke):
         sub.add_argument("names", nargs="+", metavar="NAME", help="a process, such as robot_1, or a tool's: operator")
-    verb("list", "list all certificates").add_argument("--json", action="store_true", help="print JSON")
-    verb("explain", "tell what a certificate may do").add_argument("name", metavar="NAME")
+    verb("list", _list, "list all certificates").add_argument("--json", action="store_true", help="print JSON")
+    verb("explain", _explain, "tell what a certificate may do").add_argument("name", metavar="NAME")
     return parser
 
 
@@ -161,17 +153,11 @@ def _list(args: argparse.Namespace) -> None:
     end = load_certificate(args.folder / CA).not_valid_after_utc
     rows = [Row("authority", 0, end.isoformat(), left_text(end), state_until(end))]
     for name, found in sorted(index.certificates.items()):
-        rows += [_row(name, each) for each in found]
-    if args.json:
-        print_json(rows)
-        return
+        for each in found:
+            left = left_text(each.expires)
+            rows.append(Row(name, each.serial, each.expires.isoformat(), left, each.state, each.hosts))
     cells = [(row.name, str(row.serial or "-"), row.expires_in, row.state.replace("_", " ")) for row in rows]
-    print_block(format_table(("name", "serial", "expires in", "state"), cells))
-
-
-def _row(name: str, issued: Issued) -> Row:
-    end, left = issued.expires.isoformat(), left_text(issued.expires)
-    return Row(name, issued.serial, end, left, issued.state, issued.hosts)
+    print_json(rows) if args.json else print_block(format_table(("name", "serial", "expires in", "state"), cells))
 
 
 def _explain(args: argparse.Namespace) -> None:
@@ -184,13 +170,8 @@ def _explain(args: argparse.Namespace) -> None:
     print_block(format_table(("may", "key"), explain(rights[args.name]), width=terminal_width()))
 
 
-_VERBS = {
-    "init": _init, "issue": _issue, "list": _list, "renew": _renew, "revoke": _revoke, "explain": _explain,
-}  # fmt: skip
-
-
 def _work(args: argparse.Namespace) -> int:
-    _VERBS[args.verb](args)
+    args.act(args)
     return 0
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from zteam.bus import Bus
     from zteam.team.chaos.run import ChaosReport
 
-_SECONDS = 1e-3, MAX_SECONDS
-
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam chaos", description=__doc__, epilog="docs/tools.md says what each fault does.")
@@ -30,17 +28,11 @@ def build_parser() -> Parser:
     parser.add_argument("name", nargs="?", metavar="NAME", help="the process: robot_1, sim, tf, router, …")
     parser.add_argument("--plan", metavar="FILE", help="carry out the faults of this file")
     parser.add_argument("--random", metavar="SEED", help="carry out faults that this seed draws; needs --for")
-    parser.add_argument(
-        "--for",
-        dest="seconds",
-        type=number(*_SECONDS, "seconds"),
-        metavar="S",
-        help="how long the fault lasts (default: 3), or over how many simulated seconds --random draws",
-    )
-    parser.add_argument(
-        "--delay", type=number(0.0, MAX_SECONDS, "seconds"), metavar="S", help="slow: seconds each way (default: 0.5)"
-    )
-    parser.add_argument("--rate", type=number(1.0, 1e12, "bytes a second"), metavar="B", help="slow: bytes a second")
+    text = "how long the fault lasts (default: 3), or over how many simulated seconds --random draws"
+    add_option(parser, "--for", dest="seconds", typed=(1e-3, MAX_SECONDS, "seconds"), metavar="S", help=text)
+    text = "slow: seconds each way (default: 0.5)"
+    add_option(parser, "--delay", typed=(0.0, MAX_SECONDS, "seconds"), metavar="S", help=text)
+    add_option(parser, "--rate", typed=(1.0, 1e12, "bytes a second"), metavar="B", help="slow: bytes a second")
     parser.add_argument("--print", action="store_true", help="with --random: print the plan, and carry out nothing")
     parser.add_argument("--json", action="store_true", help="print the report as one line of JSON")
     add_bus_options(parser)
@@ -99,7 +91,7 @@ def _work(args: argparse.Namespace) -> int:
     problem = report.faults[0].problem if args.fault is not None and report.faults else ""
     if problem and not report.violations:
         raise ZteamError(problem)
-    print_report(report, as_json=args.json)
+    print_json(report) if args.json else print_report(report)
     return 1 if report.violations else 0
 
 
@@ -113,14 +105,10 @@ def _processes(bus: "Bus") -> list[str]:
     return [*sorted(name for name in found if name not in beside and not names.is_view(name)), ROUTER]
 
 
-def print_report(report: "ChaosReport", *, as_json: bool = False) -> None:
-    """Print the recoveries as a table, or as one line of JSON."""
-
+def print_report(report: "ChaosReport") -> None:
+    """Print the recoveries as a table."""
     from zteam.team.chaos.run import HEADER, rows, summary
 
-    if as_json:
-        print_json(report)
-        return
     if report.faults:
         print_block(format_table(HEADER, rows(report)))
     print_block(summary(report))

@@ -8,11 +8,11 @@ import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.arguments import whole
+from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
@@ -35,7 +35,6 @@ _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; ya
   - {robot: 2, x: 4.5, y: 30.0}
   - {robot: 1, x: 3.0, y: 4.0}
 """
-MAX_ROUNDS = 10**9
 _PERIOD = 0.5
 """Host seconds between two looks of what is shown."""
 _TELL_AFTER = 3.0
@@ -51,13 +50,8 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--loop", action="store_true", help="begin again with the first goal when the last has ended, until Ctrl+C"
     )
-    parser.add_argument(
-        "--rounds",
-        type=whole(1, MAX_ROUNDS, "rounds"),
-        default=1,
-        metavar="N",
-        help="drive to all goals so many times (default: %(default)s)",
-    )
+    text = "drive to all goals so many times"
+    add_option(parser, "--rounds", typed=(1, 10**9, "rounds"), default=1, metavar="N", help=text)
     parser.add_argument(
         "--spread",
         metavar="IDS",
@@ -67,7 +61,7 @@ def build_parser() -> Parser:
         parser.add_argument(
             option, nargs="?", const="", metavar="IDS", help=f"{text}, wherever it is sent from (default: all robots)"
         )
-    parser.add_argument("--name", default=names.GOALS, help="call this process so on the bus (default: %(default)s)")
+    add_option(parser, "--name", default=names.GOALS, help="call this process so on the bus")
     parser.add_argument("--json", action="store_true", help="print each goal that has ended as a JSON line")
     add_clock_option(parser)
     add_bus_options(parser)
@@ -102,10 +96,8 @@ def _pause(args: argparse.Namespace) -> int:
     absent = sorted(set(robots or ()) - set(done))
     if absent or not done:
         raise BusError(f"no list of goals for {', '.join(map(names.robot_name, absent)) or 'any robot'}")
-    if args.json:
-        print_json({"robots": done, "is_paused": paused})
-    else:
-        print_line(f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}")
+    text = f"{', '.join(map(names.robot_name, done))}: {'no further goals for now' if paused else 'goes on'}"
+    print_json({"robots": done, "is_paused": paused}) if args.json else print_line(text)
     return 0
 
 
@@ -134,22 +126,20 @@ def _send(args: argparse.Namespace) -> int:
 def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
     """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
     closed, begin, told = threading.Event(), monotonic(), dict[int, str]()
-    with ExitStack() as ends:
-        live = None
-        if not as_json and has_live_line(sys.stdout):
-            from rich.live import Live
-            from rich.text import Text
+    live = None
+    if not as_json and has_live_line(sys.stdout):
+        from rich.live import Live
+        from rich.text import Text
 
-            live = ends.enter_context(Live(auto_refresh=False, transient=True))
+        live = Live(auto_refresh=False, transient=True)
+    with live or nullcontext():
 
         def show() -> None:
             for ended in dispatcher.take_ended():
                 client = dispatcher.errands[ended.robot].client
-                if as_json:
-                    facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
-                    print_json(facts)
-                else:
-                    print_line(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})")
+                facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
+                text = f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})"
+                print_json(facts) if as_json else print_line(text)
             for robot_id, errand in dispatcher.errands.items():
                 waits = errand.client.waits_for
                 if waits and waits != told.get(robot_id) and monotonic() - begin > _TELL_AFTER:

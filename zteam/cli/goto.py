@@ -10,7 +10,7 @@ from typing import Any
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import PERIOD, ProgressLine
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
@@ -44,12 +44,8 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--cancel", action="store_true", help="give the robot's goal up instead: it stops")
     parser.add_argument("--no-wait", action="store_true", help="end with 0 once the goal is sent")
-    parser.add_argument(
-        "--timeout",
-        type=number(1e-3, MAX_SECONDS, "host seconds"),
-        metavar="SECONDS",
-        help="cancel the goal if it is not reached within so many host seconds",
-    )
+    text = "cancel the goal if it is not reached within so many host seconds"
+    add_option(parser, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
     parser.add_argument("--json", action="store_true", help="print the result as JSON; progress goes to standard error")
     add_clock_option(parser)
     add_bus_options(parser)
@@ -80,10 +76,8 @@ def _send(args: argparse.Namespace) -> int:
 def _cancel(args: argparse.Namespace, bus: Bus) -> int:
     client = NavigationClient(bus, args.robot, open_clock(bus, args.clock).now)
     had_goal = client.cancel()
-    if args.json:
-        print_line(f'{{"robot":{args.robot},"canceled":{str(had_goal).lower()}}}')
-    else:
-        print_line(f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}")
+    text = f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}"
+    print_json({"robot": args.robot, "canceled": had_goal}) if args.json else print_line(text)
     return 0
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.graph import SURVEY, find_graph, near_keys
 from zteam.bus.transport import problem_of
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.output import print_line
 from zteam.clock import monotonic, wait_until
@@ -48,13 +48,9 @@ def check_key(text: str) -> str:
 
 def add_timeout(parser: argparse.ArgumentParser, what: str) -> None:
     """Add `--timeout`, after which the command fails without `what`."""
-    parser.add_argument(
-        "--timeout",
-        type=number(0.0, MAX_SECONDS, "host seconds"),
-        metavar="S",
-        help=f"fail after S host seconds without {what} (default: {ONCE_LIMIT:g} with --once where the output is no "
-        "terminal, else no limit)",
-    )
+    default = f"default: {ONCE_LIMIT:g} with --once where the output is no terminal, else no limit"
+    text = f"fail after S host seconds without {what} ({default})"
+    add_option(parser, "--timeout", typed=(0.0, MAX_SECONDS, "host seconds"), metavar="S", help=text)
 
 
 def limit_of(args: argparse.Namespace) -> tuple[float | None, bool]:

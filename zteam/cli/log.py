@@ -13,7 +13,7 @@ import msgspec
 
 from zteam.bus import Bus
 from zteam.bus.graph import find_nodes
-from zteam.cli.arguments import one_of, whole
+from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
@@ -24,7 +24,6 @@ from zteam.names import is_wildcard
 from zteam.node.log_client import LogLine, LogReader, level_name
 from zteam.node.logs import LEVELS
 
-_MAX_LINES = 1_000_000
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
 """(level, colour of its lines and of those above it): red, yellow, none, faint."""
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)}
@@ -33,26 +32,12 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam log", description=__doc__)
-    parser.add_argument(
-        "names",
-        nargs="*",
-        metavar="NAME",
-        help="print only these processes, such as robot_1, sim, 'robot_*' (default: all)",
-    )
-    parser.add_argument(
-        "--level",
-        type=one_of(LEVELS),
-        choices=LEVELS,
-        default="debug",
-        help="print lines from this level up (default: all that the processes log)",
-    )
-    parser.add_argument(
-        "-n",
-        "--tail",
-        type=whole(0, _MAX_LINES, "lines"),
-        metavar="N",
-        help="begin with the newest N lines (default: all that the processes keep)",
-    )
+    text = "print only these processes, such as robot_1, sim, 'robot_*' (default: all)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=text)
+    text = "print lines from this level up (default: all that the processes log)"
+    add_option(parser, "--level", choices=LEVELS, default="debug", help=text)
+    text = "begin with the newest N lines (default: all that the processes keep)"
+    add_option(parser, "-n", "--tail", typed=(0, 1_000_000, "lines"), metavar="N", help=text)
     until = parser.add_mutually_exclusive_group()
     until.add_argument("-f", "--follow", action="store_true", help="go on with new lines until Ctrl+C (the default)")
     until.add_argument("--once", action="store_true", help="print the lines that the processes keep, and end")

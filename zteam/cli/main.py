@@ -43,7 +43,7 @@ def _usage() -> str:
     )
 
 
-def _start(module: str) -> NoReturn:
+def start_module(module: str) -> NoReturn:
     """Run the command of `zteam.cli.<module>`, including its imports, and end the process with its exit code."""
     name = "zteam" if module == "main" else module.replace("_", "-")
     try:
@@ -57,7 +57,7 @@ def _start(module: str) -> NoReturn:
         leave(2)
     leave_at_once()
     try:
-        code = _run(module, sys.argv[1:])
+        code = guarded(name, lambda: _run(module, sys.argv[1:]))
     except KeyboardInterrupt:
         code = INTERRUPTED
     except (ImportError, MemoryError) as error:
@@ -83,28 +83,20 @@ PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf
 """The commands of the processes of a team."""
 
 
-def start_process(command: str) -> NoReturn:
-    """Run one of PROCESSES."""
-    _start(command.replace("-", "_"))
-
-
-start = partial(_start, "main")
-start_simulator = partial(start_process, "zteam-sim")
-start_robot = partial(start_process, "zteam-robot")
-start_aggregator = partial(start_process, "zteam-tf")
-start_monitor = partial(start_process, "zteam-monitor")
-start_view = partial(start_process, "zteam-view")
-start_map_server = partial(start_process, "zteam-map")
-start_navigation = partial(start_process, "zteam-nav")
-start_router = partial(start_process, "zteam-router")
+start = partial(start_module, "main")
+start_simulator = partial(start_module, "zteam_sim")
+start_robot = partial(start_module, "zteam_robot")
+start_aggregator = partial(start_module, "zteam_tf")
+start_monitor = partial(start_module, "zteam_monitor")
+start_view = partial(start_module, "zteam_view")
+start_map_server = partial(start_module, "zteam_map")
+start_navigation = partial(start_module, "zteam_nav")
+start_router = partial(start_module, "zteam_router")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line that follows `zteam`."""
-    return guarded("zteam", lambda: _main(list(sys.argv[1:] if argv is None else argv)))
-
-
-def _main(arguments: list[str]) -> int:
+    arguments = sys.argv[1:] if argv is None else argv
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         print_block(_usage())
         return 0 if arguments else 2

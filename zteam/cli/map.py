@@ -8,9 +8,9 @@ from typing import get_args
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
 from zteam.cli.output import print_line
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
@@ -22,36 +22,19 @@ from zteam.navigation.planning.map_files import to_three_values, write_map
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam map", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="save")
-    save = verbs.add_parser("save", help="write FILE.yaml and its picture", description=__doc__)
+    save = parser.add_verb("save", _save, "write the map that is on the bus to a file, as map_saver does")
     save.add_argument("file", metavar="FILE", help="the YAML file, with or without .yaml; the picture is put beside it")
-    share = number(0.0, 1.0, "a share")
-    save.add_argument(
-        "--free", type=share, default=0.25, metavar="SHARE", help="free up to this occupancy (default: %(default)s)"
-    )
-    save.add_argument(
-        "--occupied",
-        type=share,
-        default=0.65,
-        metavar="SHARE",
-        help="occupied from this occupancy on (default: %(default)s)",
-    )
-    save.add_argument(
-        "--mode",
-        choices=get_args(Mode),
-        default="trinary",
-        help="trinary keeps free, occupied and unknown; scale and raw keep each value (default: %(default)s)",
-    )
+    share = (0.0, 1.0, "a share")
+    add_option(save, "--free", typed=share, default=0.25, metavar="SHARE", help="free up to this occupancy")
+    add_option(save, "--occupied", typed=share, default=0.65, metavar="SHARE", help="occupied from this occupancy on")
+    text = "trinary keeps free, occupied and unknown; scale and raw keep each value"
+    add_option(save, "--mode", choices=get_args(Mode), default="trinary", help=text)
     save.add_argument("--fmt", choices=("pgm", "png"), help="of the picture (default: pgm; png in mode scale)")
     save.add_argument(
         "--topic", default=names.MAP, metavar="KEY", help="save this grid, such as robot_1/global_costmap/costmap"
     )
-    save.add_argument(
-        "--timeout",
-        type=number(1e-3, MAX_SECONDS, "host seconds"),
-        metavar="SECONDS",
-        help="give up without a map (default: wait)",
-    )
+    text = "give up without a map (default: wait)"
+    add_option(save, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
     add_bus_options(save)
     return parser
 
@@ -91,4 +74,4 @@ def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
     return found[-1]
 
 
-main = partial(run_tool, build_parser, _save, read=_read)
+main = partial(run_tool, build_parser, run_verb, read=_read)

@@ -10,7 +10,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.options import Parser, add_log_options, run_tool, run_verb
 from zteam.cli.output import print_block
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError, ZteamError, printable
@@ -46,9 +46,8 @@ KINDS = {
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam new", description=__doc__)
-    kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
     for word, (text, _) in KINDS.items():
-        sub = kinds.add_parser(word, help=text)
+        sub = parser.add_verb(word, _run, text)
         sub.add_argument("name", metavar="NAME", help="the module's name, such as my_robot; writes NAME.py")
         add_log_options(sub)
     return parser
@@ -60,7 +59,7 @@ def class_name(module: str) -> str:
 
 
 def _run(args: argparse.Namespace) -> int:
-    word, name = args.kind, args.name
+    word, name = args.verb, args.name
     try:
         _check_name(word, name)
         return _write(word, name)
@@ -121,4 +120,4 @@ def _is_taken(name: str) -> bool:
     return found is not None and found.origin is not None
 
 
-main = partial(run_tool, build_parser, _run)
+main = partial(run_tool, build_parser, run_verb)

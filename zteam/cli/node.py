@@ -7,7 +7,7 @@ from functools import partial
 from zteam.bus.graph import find_nodes
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
 from zteam.cli.output import print_block, print_json
 from zteam.cli.progress_text import duration_text
 from zteam.cli.tables import format_table
@@ -15,8 +15,7 @@ from zteam.cli.tables import format_table
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam node", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
-    listing = verbs.add_parser("list", help="list the processes that are alive")
+    listing = parser.add_verb("list", _list, "list the processes that are alive")
     listing.add_argument("--json", action="store_true", help="print JSON")
     add_bus_options(listing)
     return parser
@@ -25,13 +24,8 @@ def build_parser() -> Parser:
 def _list(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         found = find_nodes(bus)
-    if args.json:
-        print_json(found)
-        return 0
-    header = ("process", "host", "pid", "up", "zteam")
-    print_block(
-        format_table(header, list(map(_cells, found))) if found else "no processes (start a team with 'zteam up')"
-    )
+    table = format_table(("process", "host", "pid", "up", "zteam"), list(map(_cells, found)))
+    print_json(found) if args.json else print_block(table if found else "no processes (start a team with 'zteam up')")
     return 0
 
 
@@ -40,4 +34,4 @@ def _cells(info: ProcessInfo) -> tuple[str, ...]:
     return info.name, info.host, *known
 
 
-main = partial(run_tool, build_parser, _list)
+main = partial(run_tool, build_parser, run_verb)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
-from zteam.cli.arguments import number, one_of
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, unknown_subcommand, unknown_words
@@ -20,8 +20,6 @@ from zteam.node.logs import LEVELS, start_logging
 from zteam.node.ps_name import show_name
 
 if TYPE_CHECKING:
-    from _typeshed import SupportsWrite
-
     from zteam.node.process_options import ProcessOptions
 
 T = TypeVar("T")
@@ -31,17 +29,27 @@ FORMATS = ("text", "json")
 
 
 class Parser(argparse.ArgumentParser):
-    """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
+    """A command line that reports a mistake on one line."""
 
     _words: Sequence[str] = ()
     """What is being parsed."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
+    _verbs: "argparse._SubParsersAction[Parser] | None" = None
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         # argparse recognizes -1, but not -1e-3 and -inf.
         self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf$|nan$)")
+
+    def add_verb(self, name: str, act: Callable[..., object], text: str, usage: str | None = None) -> "Parser":
+        """Add a subcommand, whose `args.act` is `act`."""
+        if self._verbs is None:
+            self._verbs = self.add_subparsers(dest="verb", required=True)
+        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage)
+        verb.set_defaults(act=act)
+        self._verbs.metavar = "|".join(self._verbs.choices)
+        return verb
 
     def error(self, message: str) -> NoReturn:
         """End with 2. Options that are not known are named too: argparse does not come to them after a mistake."""
@@ -71,17 +79,6 @@ class Parser(argparse.ArgumentParser):
             self.error(unknown_subcommand(value, action.choices))
         super()._check_value(action, value)
 
-    def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:
-        """Print the help text. End with 1 if it goes to standard output and that cannot be written."""
-        if file is not None:
-            super().print_help(file)
-        elif code := guarded(self.prog, self._write_help):
-            self.exit(code)
-
-    def _write_help(self) -> int:
-        sys.stdout.write(self.format_help())
-        return 0
-
 
 def _is_assignment(word: str) -> bool:
     return word.partition("=")[0].isidentifier() and "=" in word
@@ -90,65 +87,38 @@ def _is_assignment(word: str) -> bool:
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
     """Add the connection and logging options; the environment gives their defaults."""
     group = parser.add_argument_group("connection")
-    group.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        default=os.environ.get("ZTEAM_CONNECT") or None,
-        help="use this router, e.g. tcp/10.0.0.1:7447 (default: the local one, started on demand; $ZTEAM_CONNECT)",
-    )
-    group.add_argument(
-        "--namespace",
-        default=os.environ.get("ZTEAM_NAMESPACE") or None,
-        help="separate this team from others on the same router ($ZTEAM_NAMESPACE)",
-    )
-    group.add_argument(
-        "--config",
-        metavar="FILE.json5",
-        default=os.environ.get("ZTEAM_CONFIG") or None,
-        help="read Zenoh settings from this file first ($ZTEAM_CONFIG)",
-    )
+    for name, metavar, text in (
+        ("connect", "ENDPOINT", "use this router, e.g. tcp/10.0.0.1:7447 (default: the local one, started on demand; "),
+        ("namespace", "NAMESPACE", "separate this team from others on the same router ("),
+        ("config", "FILE.json5", "read Zenoh settings from this file first ("),
+    ):
+        variable = f"ZTEAM_{name.upper()}"
+        default = os.environ.get(variable) or None
+        group.add_argument(f"--{name}", metavar=metavar, default=default, help=f"{text}${variable})")
     add_lease_option(group)
     add_log_options(group)
 
 
 def add_lease_option(parser: argparse._ActionsContainer) -> None:
     """Add `--lease`; the environment gives its default."""
-    parser.add_argument(
-        "--lease",
-        type=number(*LEASE_BOUNDS, "seconds"),
-        metavar="SECONDS",
-        default=os.environ.get("ZTEAM_LEASE", f"{LEASE:g}"),
-        help="declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)",
-    )
+    text = "declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)"
+    default = os.environ.get("ZTEAM_LEASE", f"{LEASE:g}")
+    add_option(parser, "--lease", typed=(*LEASE_BOUNDS, "seconds"), metavar="SECONDS", default=default, help=text)
 
 
 def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> None:
     """Add `--log-level`, by default `level`, and `--log-format`; the environment overrides the defaults."""
-    parser.add_argument(
-        "--log-level",
-        type=one_of(LEVELS),
-        choices=LEVELS,
-        default=os.environ.get("ZTEAM_LOG_LEVEL", level),
-        help="log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)",
-    )
-    parser.add_argument(
-        "--log-format",
-        type=one_of(FORMATS),
-        choices=FORMATS,
-        default=os.environ.get("ZTEAM_LOG_FORMAT", "text"),
-        help="log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)",
-    )
+    text = "log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)"
+    default = os.environ.get("ZTEAM_LOG_LEVEL", level)
+    add_option(parser, "--log-level", choices=LEVELS, default=default, help=text)
+    text = "log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)"
+    default = os.environ.get("ZTEAM_LOG_FORMAT", "text")
+    add_option(parser, "--log-format", choices=FORMATS, default=default, help=text)
 
 
 def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> None:
-    """Add `--clock`."""
-    parser.add_argument(
-        "--clock",
-        choices=("auto", "sim", "wall"),
-        default=default,
-        help="use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto) "
-        "(default: %(default)s)",
-    )
+    text = "use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto)"
+    add_option(parser, "--clock", choices=("auto", "sim", "wall"), default=default, help=text)
 
 
 def checked(args: argparse.Namespace, parse: Callable[[], T]) -> T:
@@ -197,6 +167,12 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
             raise
 
     return guarded(name, reported, needs_output=needs_output)
+
+
+def run_verb(args: argparse.Namespace) -> int:
+    """Carry out a subcommand (`Parser.add_verb`); its exit code."""
+    code: int = args.act(args)
+    return code
 
 
 def run_tool(

@@ -28,12 +28,10 @@ _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam param", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|get|set|dump")
 
     def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(name, help=text, description=text)
+        sub = parser.add_verb(name, act, text)
         sub.add_argument("--json", action="store_true", help="print JSON")
-        sub.set_defaults(act=act)
         add_bus_options(sub)
         return sub
 
@@ -118,11 +116,8 @@ def _fields(reply: DescribeReply) -> dict[str, Any]:
 
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
     found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
-    if args.json:
-        print_json(found)
-    else:
-        for name, value in found.items():
-            print_line(_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}")
+    lines = [_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}" for name, value in found.items()]
+    print_json(found) if args.json else print_line(*lines)
     _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
     return 0
 
@@ -148,11 +143,8 @@ def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> 
             refused.append(str(error))
         else:
             done[robot] = {name: now[name] for name in args.values}
-    if args.json:
-        print_json(done)
-    else:
-        for robot, now in done.items():
-            print_line(f"{robot}: {', '.join(f'{name} = {_exact(value)}' for name, value in now.items())}")
+    lines = [f"{robot}: {', '.join(_assignments(now))}" for robot, now in done.items()]
+    print_json(done) if args.json else print_line(*lines)
     _raise_all(refused)
     return 0
 
@@ -167,12 +159,12 @@ def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
         table = {"follow": table.pop("leader"), **table}
     else:
         table = {"behavior": reply.behavior, **table}
-    if args.json:
-        print_json(table)
-        return 0
-    for name, value in table.items():
-        print_line(f"{name} = {_exact(value)}")
+    print_json(table) if args.json else print_line(*_assignments(table))
     return 0
+
+
+def _assignments(values: dict[str, Any]) -> list[str]:
+    return [f"{name} = {_exact(value)}" for name, value in values.items()]
 
 
 def _exact(value: Any) -> str:

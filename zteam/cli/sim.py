@@ -10,7 +10,7 @@ from typing import TypeVar
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import option_type, parse_speed, whole
+from zteam.cli.arguments import add_option, option_type, parse_speed
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import ProgressLine
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
@@ -34,37 +34,25 @@ Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam sim", description=__doc__)
-    verbs = parser.add_subparsers(
-        dest="verb", required=True, metavar="pause|resume|step|speed|reset|spawn|remove|move|status"
-    )
 
     def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(name, help=text, description=text)
+        sub = parser.add_verb(name, act, text)
         sub.add_argument("--json", action="store_true", help="print the simulator's reply")
-        sub.set_defaults(act=act)
         add_bus_options(sub)
         return sub
 
     verb("pause", _pause, "pause the world")
     verb("resume", _resume, "continue the world")
-    verb("step", _step, "run N ticks, then pause").add_argument(
-        "ticks",
-        nargs="?",
-        type=whole(1, MAX_TICKS, "a number of ticks"),
-        default=1,
-        metavar="N",
-        help="ticks to run (default: %(default)s)",
-    )
+    step, ticks = verb("step", _step, "run N ticks, then pause"), (1, MAX_TICKS, "a number of ticks")
+    add_option(step, "ticks", nargs="?", typed=ticks, default=1, metavar="N", help="ticks to run")
+    text = "simulated seconds per host second, or max for as fast as possible"
     verb("speed", _speed, "set the pace").add_argument(
-        "speed",
-        type=option_type(parse_speed),
-        metavar="X|max",
-        help="simulated seconds per host second, or max for as fast as possible",
+        "speed", type=option_type(parse_speed), metavar="X|max", help=text
     )
     verb("reset", _reset, "return to the start: robots, bodies and time")
     spawn = verb("spawn", _spawn, "add a robot to the world and print its id")
     spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
-    spawn.add_argument("--model", default="erratic", help="a model that the world file defines (default: %(default)s)")
+    add_option(spawn, "--model", default="erratic", help="a model that the world file defines")
     robot_id = option_type(lambda text: names.parse_robot_id(text.strip()))
     spawn.add_argument("--id", type=robot_id, metavar="N", help="robot id (default: the lowest free one)")
     verb("remove", _remove, "remove robots from the world").add_argument(
@@ -187,7 +175,7 @@ def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
 def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
     x, y, yaw = args.pose
     status = _change(lambda: client.move(args.id, x, y, yaw, force=args.force))
-    return status, f"robot {args.id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
+    return status, f"robot {args.id} is at x {x:zg}, y {y:zg}, yaw {yaw:zg}"
 
 
 def _status(client: SimulatorClient, _args: argparse.Namespace) -> Answer:

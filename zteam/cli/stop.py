@@ -39,10 +39,7 @@ def _stop(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         client = StopClient(bus)
         results = (client.release if args.release else client.engage)(args.robots)
-    if args.json:
-        print_json(results)
-    else:
-        _print(results, release=args.release)
+    print_json(results) if args.json else _print(results, release=args.release)
     if not results:
         raise ZteamError("no robot is there: neither a robot's process nor a simulator answers (see 'zteam doctor')")
     return 0 if all(result.is_done for result in results) else 1

@@ -48,7 +48,8 @@ def _wrapped(line: Sequence[str], room: int) -> list[Sequence[str]]:
     """The line, and below it what its last cell has beyond `room`."""
     if room < _MIN_ROOM:
         return [line]
-    first, *more = textwrap.wrap(line[-1], room) or [""]
+    # A command or the name of a process stays whole.
+    first, *more = textwrap.wrap(line[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
     blank = [""] * (len(line) - 1)
     return [[*line[:-1], first], *([*blank, text] for text in more)]
 

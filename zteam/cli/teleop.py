@@ -8,13 +8,12 @@ import sys
 import termios
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, connect
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
 from zteam.cli.live_line import LiveLine, has_live_line
@@ -46,13 +45,9 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--id", dest="ids", nargs="+", required=True, metavar="ID", help="drive these robots, e.g. 0 or 0-2"
     )
-    bounded = number(MIN_SPEED, MAX_SPEED, "a speed")
-    parser.add_argument(
-        "--speed", type=bounded, default=0.5, metavar="M/S", help="begin with this speed (default: %(default)g)"
-    )
-    parser.add_argument(
-        "--turn", type=bounded, default=1.0, metavar="RAD/S", help="begin with this turn rate (default: %(default)g)"
-    )
+    bounds = (MIN_SPEED, MAX_SPEED, "a speed")
+    add_option(parser, "--speed", typed=bounds, default=0.5, metavar="M/S", help="begin with this speed")
+    add_option(parser, "--turn", typed=bounds, default=1.0, metavar="RAD/S", help="begin with this turn rate")
     parser.add_argument(
         "--script", metavar="KEYS", help="press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
     )
@@ -91,7 +86,7 @@ def _teleop(args: argparse.Namespace) -> int:
 
 def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> int:
     print_block(HELP_TEXT)
-    with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
+    with _key_terminal() as terminal, LiveLine(sys.stdout) as live:
         shown = ""
 
         def show() -> None:
@@ -102,7 +97,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> in
             shown = line
 
         def presses() -> Iterator[tuple[list[str], float]]:
-            for keys, now in terminal.presses():
+            for keys, now in _presses(terminal, stop):
                 if HELP in keys:
                     live.print(Clean(HELP_TEXT))
                 yield keys, now
@@ -178,61 +173,55 @@ def _velocity(command: Twist) -> str:
     return f"{command.linear.x:.2f} m/s, {command.angular.z:.2f} rad/s"
 
 
-class KeyTerminal:
-    """Standard input, in a context. Ctrl+C remains a signal; Ctrl+Z and Ctrl+\\ are keys like others."""
-
-    def __init__(self, stopping: Callable[[], bool]) -> None:
-        self._stopping = stopping
-        self._input = sys.stdin.fileno()
-        self._before = termios.tcgetattr(self._input)
-
-    def __enter__(self) -> "KeyTerminal":
-        mode = termios.tcgetattr(self._input)
-        # Ctrl+S would stop the output, and with it this process.
-        mode[0] &= ~termios.IXON
-        mode[3] &= ~(termios.ECHO | termios.ICANON)
-        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
-        # A process that is suspended or dumps its core cannot stop its robots or restore the terminal.
-        mode[6][termios.VSUSP] = mode[6][termios.VQUIT] = b"\0"
-        # What was typed before must not drive a robot.
-        termios.tcsetattr(self._input, termios.TCSAFLUSH, mode)
-        self._write(_FOCUS_ON)
-        return self
-
-    def __exit__(self, *_how: Any) -> None:
+@contextmanager
+def _key_terminal() -> Iterator[int]:
+    """Standard input, which delivers each key at once. Ctrl+C remains a signal; Ctrl+Z and Ctrl+\\ are keys."""
+    terminal = sys.stdin.fileno()
+    before, mode = termios.tcgetattr(terminal), termios.tcgetattr(terminal)
+    # Ctrl+S would stop the output, and with it this process.
+    mode[0] &= ~termios.IXON
+    mode[3] &= ~(termios.ECHO | termios.ICANON)
+    mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+    # A process that is suspended or dumps its core cannot stop its robots or restore the terminal.
+    mode[6][termios.VSUSP] = mode[6][termios.VQUIT] = b"\0"
+    # What was typed before must not drive a robot.
+    termios.tcsetattr(terminal, termios.TCSAFLUSH, mode)
+    try:
+        _write(_FOCUS_ON)
+        yield terminal
+    finally:
         try:
-            self._write(_FOCUS_OFF)
+            _write(_FOCUS_OFF)
         finally:
             # A closed terminal cannot be restored.
             with suppress(termios.error):
                 # The shell must not get the repeats of the last key.
-                termios.tcflush(self._input, termios.TCIFLUSH)
-                termios.tcsetattr(self._input, termios.TCSANOW, self._before)
+                termios.tcflush(terminal, termios.TCIFLUSH)
+                termios.tcsetattr(terminal, termios.TCSANOW, before)
 
-    def _write(self, text: str) -> None:
-        sys.stdout.write(text)
-        sys.stdout.flush()
 
-    def presses(self) -> Iterator[tuple[list[str], float]]:
-        """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
-        decoder, due = KeyDecoder(), monotonic()
-        while not self._stopping():
-            # Host time: neither a key nor the next command may wait for the other.
-            if select.select([self._input], [], [], max(0.0, due - monotonic()))[0]:  # noqa: TID251
-                data = self._read()
-                if not data:
-                    return
-                yield decoder.feed(data), monotonic()
-            else:
-                yield decoder.flush(), monotonic()
-                due = monotonic() + _KEYS_PERIOD
+def _write(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
 
-    def _read(self) -> bytes:
-        try:
-            return os.read(self._input, 1024)
-        except OSError:
-            # The terminal is gone.
-            return b""
+
+def _presses(terminal: int, stopping: Callable[[], bool]) -> Iterator[tuple[list[str], float]]:
+    """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
+    decoder, due = KeyDecoder(), monotonic()
+    while not stopping():
+        # Host time: neither a key nor the next command may wait for the other.
+        if select.select([terminal], [], [], max(0.0, due - monotonic()))[0]:  # noqa: TID251
+            try:
+                data = os.read(terminal, 1024)
+            except OSError:
+                # The terminal is gone.
+                return
+            if not data:
+                return
+            yield decoder.feed(data), monotonic()
+        else:
+            yield decoder.flush(), monotonic()
+            due = monotonic() + _KEYS_PERIOD
 
 
 main = partial(run_tool, build_parser, _teleop, name="teleop", read=_read, needs_output=False)

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
@@ -13,9 +13,9 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.graph import SURVEY, near_keys
-from zteam.cli.arguments import MAX_RATE, number
+from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool, run_verb
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -39,54 +39,31 @@ from zteam.transforms.statistics import TransformWatch
 
 _MAX_STAMP = 4e9
 """Seconds: stamps of the host's clock count from 1970, now 1.8e9."""
-_Verb = Callable[[argparse.Namespace], int]
 
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam tf", description=__doc__)
-    verbs = parser.add_subparsers(required=True, metavar="echo|tree|monitor|positions|static")
-
-    def add(verb: str, show: _Verb, text: str, usage: str | None = None) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(verb, help=text, usage=usage)
-        sub.set_defaults(show=show)
-        return sub
-
-    echo = add("echo", _echo, "print the pose of frame B in frame A")
+    echo = parser.add_verb("echo", _echo, "print the pose of frame B in frame A")
     echo.add_argument("target", metavar="A", help="target frame")
     echo.add_argument("source", metavar="B", help="source frame")
     echo.add_argument("--once", action="store_true", help="end after one transform")
-    echo.add_argument(
-        "--rate",
-        type=number(1e-3, MAX_RATE, "transforms a second"),
-        default=1.0,
-        metavar="HZ",
-        help="print at this rate (default: %(default)s)",
-    )
-    echo.add_argument(
-        "--at",
-        type=number(0.0, _MAX_STAMP, "seconds"),
-        metavar="S",
-        help="print the transform at S seconds of the team's clock, then end",
-    )
+    rate = (1e-3, MAX_RATE, "transforms a second")
+    add_option(echo, "--rate", typed=rate, default=1.0, metavar="HZ", help="print at this rate")
+    text = "print the transform at S seconds of the team's clock, then end"
+    add_option(echo, "--at", typed=(0.0, _MAX_STAMP, "seconds"), metavar="S", help=text)
     add_timeout(echo, "the transform")
-    tree = add("tree", _show_tree, "print or draw the tree: authority, rate and age of every frame")
+    tree = parser.add_verb("tree", _show_tree, "print or draw the tree: authority, rate and age of every frame")
     tree.add_argument("-o", "--output", metavar="FILE.svg|png|pdf|dot", help="draw it; frames older than 1 s are red")
-    monitor = add("monitor", _show_figures, "measure rate, delay and jitter of every frame, and list conflicts")
-    monitor.add_argument(
-        "--for",
-        dest="seconds",
-        type=number(0.01, MAX_SECONDS, "host seconds"),
-        default=5.0,
-        metavar="S",
-        help="measure for S host seconds (default: %(default)s)",
-    )
-    positions = add("positions", _show_positions, "print every robot's pose in map")
+    text = "measure rate, delay and jitter of every frame, and list conflicts"
+    monitor, seconds = parser.add_verb("monitor", _show_figures, text), (0.01, MAX_SECONDS, "host seconds")
+    text = "measure for S host seconds"
+    add_option(monitor, "--for", dest="seconds", typed=seconds, default=5.0, metavar="S", help=text)
+    positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map")
     often = positions.add_mutually_exclusive_group()
     often.add_argument("--once", action="store_true", help="print once (the default)")
-    often.add_argument(
-        "--rate", type=number(1e-3, MAX_RATE, "positions a second"), metavar="HZ", help="repeat until Ctrl+C"
-    )
-    static = add(
+    rate = (1e-3, MAX_RATE, "positions a second")
+    add_option(often, "--rate", typed=rate, metavar="HZ", help="repeat until Ctrl+C")
+    static = parser.add_verb(
         "static",
         _hold_static,
         "hold a fixed transform until Ctrl+C",
@@ -257,9 +234,8 @@ def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
                 line = f"{robot:10} unknown: {position.why}"
             else:
                 position = _Position(robot, *pose, stamp / 1e9)
-                # Adding 0.0 turns a rounded -0.000 into 0.000.
-                x, y, yaw = (round(value, 3) + 0.0 for value in pose)
-                line = f"{robot:10} x {x:8.3f}  y {y:8.3f}  yaw {yaw:7.3f}  at {stamp / 1e9:.1f} s"
+                x, y, yaw = pose
+                line = f"{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp / 1e9:.1f} s"
             found.append((position, line))
     return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)
 
@@ -337,4 +313,4 @@ def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
         print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
 
 
-main = partial(run_tool, build_parser, lambda args: args.show(args))
+main = partial(run_tool, build_parser, run_verb)

@@ -1,12 +1,13 @@
 """The clock of a tool: simulated time if a simulator runs, else the host's; and waiting for moments at a rate of it."""
 
+import math
 import sys
 from collections.abc import Callable
 
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
 from zteam.cli.output import print_line
-from zteam.clock import AutoClock, Ticker, to_seconds
+from zteam.clock import AutoClock, Every, Ticker, to_seconds
 from zteam.node.process_node import ClockMode
 from zteam.simulator.team_clock import ask_time, follow_clock, team_clock
 
@@ -35,12 +36,10 @@ def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
 
     It says once on stderr when simulated time stands still.
     """
-    ticks, warned = Ticker(period, clock), False
+    ticks, nag = Ticker(period, clock), Every(math.inf)
 
     def warn() -> None:
-        nonlocal warned
-        if not warned:
-            warned = True
+        if nag.due():
             print_line(still_text(clock), file=sys.stderr)
 
     return lambda: ticks.wait(warn)

@@ -17,7 +17,7 @@ from zteam.bus.bus import Publisher
 from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.cli.arguments import MAX_RATE, number, whole
+from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import (
     NO_KEYS,
     Waiter,
@@ -29,7 +29,7 @@ from zteam.cli.listening import (
     wait_for_message,
     where_to_look,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool, run_verb
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -43,19 +43,23 @@ from zteam.messages.topics import type_of_key
 
 
 class _Audience:
-    """The subscribers of a key: tells their names, and again when the first one has come or the last one has gone."""
+    """The subscribers of a key: prints their names, and again when the first one has come or the last one has gone."""
 
     def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
         self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = publisher.has_subscribers
-        self._shown: list[str] | None = None
-        """By name; None if they report no name."""
+        self._matching = False
+        self._shown: object = ...
+        """What was printed: their names, None if they report none, and at first nothing."""
 
     def show(self, what: str, graph: Graph) -> None:
-        """Print that `what` is published, and the subscribers; warn if there is none."""
-        self._print(what, graph, self._find(graph))
-
-    def _print(self, what: str, graph: Graph, found: list[str] | None) -> None:
+        """Print that `what` is published, and the subscribers unless they are the same; warn if there is none."""
+        self._matching = self._publisher.has_subscribers
+        # A session that closes may tell of a subscriber that it has no more; one that has just come tells its name now.
+        found: list[str] | None = graph.subscribers(self._key) if self._matching else []
+        if self._matching and not found:
+            found = find_graph(self._bus).subscribers(self._key) or None
+        if found == self._shown:
+            return
         self._shown = found
         if found is None:
             listed = "subscribers that tell no name (frozen, or no processes of zteam)"
@@ -69,21 +73,8 @@ class _Audience:
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
-        if self._publisher.has_subscribers == self._matching:
-            return
-        self._matching = not self._matching
-        graph = find_graph(self._bus)
-        # A session that closes may tell of a subscriber that it has no more.
-        found = self._find(graph) if self._matching else []
-        if found != self._shown:
-            self._print(f"on {self._key}", graph, found)
-
-    def _find(self, graph: Graph) -> list[str] | None:
-        found = graph.subscribers(self._key)
-        if found or not self._publisher.has_subscribers:
-            return found
-        # One that has come since then tells its name now.
-        return find_graph(self._bus).subscribers(self._key) or None
+        if self._publisher.has_subscribers != self._matching:
+            self.show(f"on {self._key}", find_graph(self._bus))
 
 
 def publish(args: argparse.Namespace) -> int:
@@ -166,29 +157,20 @@ def _heard_encoding(bus: Bus, key: str) -> str:
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam topic", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
-
-    def verb(name: str, text: str, *, key: bool = True) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(name, help=text, description=text)
-        if key:
-            sub.add_argument("key", metavar="KEY", help="key expression, e.g. robot_0/odom")
-        return sub
-
-    listing = verb("list", "list the keys with type, rate, and numbers of publishers and subscribers", key=False)
-    echo = verb("echo", "print messages")
-    rate = verb("hz", "measure the publish rate")
-    info = verb("info", "print type, rate, size, publishers and subscribers of a key")
-    pub = verb("pub", "publish messages until Ctrl+C")
+    text = "list the keys with type, rate, and numbers of publishers and subscribers"
+    listing = parser.add_verb("list", _list, text)
+    echo = parser.add_verb("echo", _echo, "print messages")
+    rate = parser.add_verb("hz", _hz, "measure the publish rate")
+    info = parser.add_verb("info", _info, "print type, rate, size, publishers and subscribers of a key")
+    pub = parser.add_verb("pub", publish, "publish messages until Ctrl+C")
+    for sub in (echo, rate, info, pub):
+        sub.add_argument("key", metavar="KEY", help="key expression, e.g. robot_0/odom")
     echo.add_argument("--once", action="store_true", help="end after one message")
     echo.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
     add_timeout(echo, "a message")
-    rate.add_argument(
-        "--window",
-        type=whole(2, 1_000_000, "messages"),
-        default=100,
-        help="measure over this many messages (default: %(default)s)",
-    )
+    text = "measure over this many messages"
+    add_option(rate, "--window", typed=(2, 1_000_000, "messages"), default=100, help=text)
     rate.add_argument("--once", action="store_true", help="end after the first line")
     add_timeout(rate, "two messages")
     for sub in (listing, echo, rate, info):
@@ -203,23 +185,12 @@ def build_parser() -> Parser:
 
 def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
-    parser.add_argument(
-        "values",
-        nargs="*",
-        default=[],
-        metavar="'{…}'",
-        help="fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`",
-    )
-    parser.add_argument(
-        "-r",
-        "--rate",
-        type=number(1e-3, MAX_RATE, "messages a second"),
-        default=1.0,
-        metavar="HZ",
-        help="publish at this rate (default: %(default)s)",
-    )
+    text = "fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`"
+    parser.add_argument("values", nargs="*", default=[], metavar="'{…}'", help=text)
+    rate = (1e-3, MAX_RATE, "messages a second")
+    add_option(parser, "-r", "--rate", typed=rate, default=1.0, metavar="HZ", help="publish at this rate")
     until = parser.add_mutually_exclusive_group()
-    until.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
+    add_option(until, "-t", "--times", typed=(1, 10**12, "messages"), metavar="N", help="end after N messages")
     until.add_argument("-1", "--once", action="store_true", help="end after one message")
 
 
@@ -257,10 +228,7 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
     except DecodeError as error:
         print_line(f"{sample.key}: undecodable: {error}", file=sys.stderr)
         return False
-    if args.json:
-        print_json(to_json(message))
-    else:
-        print_block(format_message(message, args.full) + "\n---")
+    print_json(to_json(message)) if args.json else print_block(format_message(message, args.full) + "\n---")
     return True
 
 
@@ -324,13 +292,8 @@ def _rate(row: KeyRow) -> str:
 def _list(args: argparse.Namespace) -> int:
     with closing(open_bus(bus_options(args))) as bus:
         rows, _ = find_rows(bus, "**")
-    if args.json:
-        print_json(rows)
-        return 0
-    if not rows:
-        print_line(NO_KEYS)
-        return 0
-    print_block(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
+    table = format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2)
+    print_json(rows) if args.json else print_block(table if rows else NO_KEYS)
     return 0
 
 
@@ -382,5 +345,4 @@ def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount
     return "\n".join(map(printable, lines))
 
 
-_VERBS = {"list": _list, "echo": _echo, "hz": _hz, "info": _info, "pub": publish}
-main = partial(run_tool, build_parser, lambda args: _VERBS[args.verb](args))
+main = partial(run_tool, build_parser, run_verb)

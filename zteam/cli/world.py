@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.arguments import number, whole
+from zteam.cli.arguments import add_option
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_json, print_line
 from zteam.config.numbers import counted
@@ -30,34 +30,21 @@ if TYPE_CHECKING:
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam world", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
-    check = verbs.add_parser("check", help="load a world; list its models and what is ignored")
-    show = verbs.add_parser("show", help="draw a world and its robots")
+    check = parser.add_verb("check", _check, "load a world; list its models and what is ignored")
+    show = parser.add_verb("show", _show, "draw a world and its robots")
     show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png", help="picture to write")
     show.add_argument("--scan", action="store_true", help="draw what the lasers see")
-    show.add_argument(
-        "--width", type=whole(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width (default: %(default)s)"
-    )
-    scan = verbs.add_parser("scan", help="print what the lasers of one robot measure")
-    scan.add_argument(
-        "--robot",
-        type=whole(0, MAX_ROBOT_ID, "a robot id"),
-        required=True,
-        metavar="N",
-        help="robot id: its place in the file",
-    )
-    scan.add_argument(
-        "--pose",
-        type=number(-1e6, 1e6, "metres and degrees"),
-        nargs=3,
-        metavar=("X", "Y", "YAW_DEG"),
-        help="put the robot here, in map: metres, degrees (default: its pose in the file)",
-    )
-    scan.add_argument(
-        "--beams", type=whole(1, 100_000, "beams"), help="use one laser with so many beams, instead of the robot's own"
-    )
-    scan.add_argument("--fov-deg", type=number(1e-3, 360.0, "degrees"), help="field of view of that laser, degrees")
-    scan.add_argument("--range", type=number(1e-3, 1e6, "metres"), metavar="M", help="maximum range of that laser")
+    add_option(show, "--width", typed=(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width")
+    scan = parser.add_verb("scan", _scan, "print what the lasers of one robot measure")
+    robot, text = (0, MAX_ROBOT_ID, "a robot id"), "robot id: its place in the file"
+    add_option(scan, "--robot", typed=robot, required=True, metavar="N", help=text)
+    pose, text = (-1e6, 1e6, "metres and degrees"), "put it here, in map: metres, degrees (default: as in the file)"
+    add_option(scan, "--pose", typed=pose, nargs=3, metavar=("X", "Y", "YAW_DEG"), help=text)
+    text = "use one laser with so many beams, instead of the robot's own"
+    add_option(scan, "--beams", typed=(1, 100_000, "beams"), help=text)
+    text = "field of view of that laser, degrees"
+    add_option(scan, "--fov-deg", typed=(1e-3, 360.0, "degrees"), help=text)
+    add_option(scan, "--range", typed=(1e-3, 1e6, "metres"), metavar="M", help="maximum range of that laser")
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
@@ -68,8 +55,8 @@ def build_parser() -> Parser:
 
 
 def _run(args: argparse.Namespace) -> int:
-    world = load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps)
-    return {"check": _check, "show": _show, "scan": _scan}[args.verb](args, world)
+    code: int = args.act(args, load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps))
+    return code
 
 
 def _check(args: argparse.Namespace, world: World) -> int:
@@ -95,8 +82,7 @@ def _check(args: argparse.Namespace, world: World) -> int:
         if limits := _limits_text(base):
             print_line(f"{'':32}{limits}")
     warnings = summary["warnings"]
-    for warning in warnings:
-        print_line(warning)
+    print_line(*warnings)
     counts = [
         counted(len(things), noun)
         for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
@@ -106,8 +92,7 @@ def _check(args: argparse.Namespace, world: World) -> int:
 
 
 def _place(x: float, y: float, yaw_deg: float) -> str:
-    # Adding 0.0 turns a rounded -0.000 into 0.000.
-    return f"{round(x, 3) + 0.0:.3f} {round(y, 3) + 0.0:.3f}, {round(yaw_deg, 1) + 0.0:.1f}°"
+    return f"{x:z.3f} {y:z.3f}, {yaw_deg:z.1f}°"
 
 
 def _summary(world: World) -> dict[str, Any]:

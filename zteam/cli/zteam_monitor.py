@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from zteam import names
-from zteam.cli.arguments import add_go_timeout_option, add_options, read_options
+from zteam.cli.arguments import add_go_timeout_option, add_option, add_options, read_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError
@@ -14,9 +14,9 @@ from zteam.node.process_options import MonitorOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-monitor", description=__doc__)
-    parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
+    sizes = (1, names.MAX_ROBOT_ID + 1, "a whole number")
+    add_option(parser, "--team-size", typed=sizes, metavar="N", help="wait for this many robots")
     parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
     add_options(parser, MonitorOptions)
     add_go_timeout_option(parser)
@@ -25,7 +25,7 @@ def build_parser() -> Parser:
     return parser
 
 
-def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[int, ...] | None]:
+def parse_team(size: int | None, ids: Sequence[str] | None) -> tuple[int, tuple[int, ...] | None]:
     """(team size, ids or None) of `--team-size` and `--ids`; size 0 without either: look at the monitor that runs.
 
     Raises UsageError if they contradict each other.
@@ -33,11 +33,9 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
     chosen = None if ids is None else parse_robot_ids(ids, "--ids")
     if size is None:
         return (0, None) if chosen is None else (len(chosen), chosen)
-    if not size.isascii() or not size.isdigit() or len(size) > 5 or not 1 <= int(size) <= names.MAX_ROBOT_ID + 1:
-        raise UsageError(f"--team-size {size}: give a whole number from 1 to {names.MAX_ROBOT_ID + 1}")
-    if chosen is not None and len(chosen) != int(size):
+    if chosen is not None and len(chosen) != size:
         raise UsageError(f"--team-size {size} and --ids with {len(chosen)} robots disagree: leave one out")
-    return int(size), chosen
+    return size, chosen
 
 
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from zteam import names
-from zteam.cli.arguments import add_options
+from zteam.cli.arguments import add_option, add_options, add_repeated
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -16,7 +16,6 @@ from zteam.node.process_options import NavigatedRobot, NavigationOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-nav", description=__doc__)
     parser.add_argument(
         "team", nargs="?", metavar="TEAM.toml", help="read the parameters of the robots from this team file"
@@ -26,18 +25,10 @@ def build_parser() -> Parser:
     which.add_argument("--id", metavar="N", help="the robot")
     which.add_argument("--ids", nargs="+", metavar="ID", help="several robots in this process, e.g. --ids 1-4")
     parser.add_argument("--params", metavar="FILE.yaml", help="a parameter file as Nav2 has them")
-    parser.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NODE.NAME=VALUE",
-        help="set a parameter, e.g. amcl.max_particles=5000, controller_server.FollowPath.desired_linear_vel=0.4",
-    )
-    parser.add_argument(
-        "--localizer",
-        choices=("amcl", "fake", "none"),
-        help="how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all",
-    )
+    text = "set a parameter, e.g. amcl.max_particles=5000, controller_server.FollowPath.desired_linear_vel=0.4"
+    add_repeated(parser, "--param", "NODE.NAME=VALUE", text)
+    text = "how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all"
+    add_option(parser, "--localizer", choices=("amcl", "fake", "none"), help=text)
     add_options(parser, NavigationOptions)
     add_clock_option(parser)
     add_bus_options(parser)
@@ -51,11 +42,8 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], NavigationOptions
 
 def _table(args: argparse.Namespace) -> dict[str, Any]:
     """What the options set, as the table `navigation` of a team file. Raises UsageError."""
-    table: dict[str, Any] = {}
-    if args.params is not None:
-        table["params"] = args.params
-    if args.localizer is not None:
-        table["localizer"] = args.localizer
+    given = {"params": args.params, "localizer": args.localizer}
+    table: dict[str, Any] = {name: text for name, text in given.items() if text is not None}
     for text in args.param:
         key, equals, value = text.partition("=")
         node, dot, name = key.partition(".")

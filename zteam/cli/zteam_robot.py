@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_options, add_path_option, folders_of, option_type, read_options
+from zteam.cli.arguments import add_options, add_path_option, add_repeated, folders_of, option_type, read_options
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.config.problems import problems_of
 from zteam.config.toml_values import parse_value
@@ -20,31 +20,18 @@ _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
     robot_id = option_type(names.parse_robot_id)
     parser.add_argument("--id", type=robot_id, required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument(
-        "--behavior",
-        metavar="NAME",
-        help="run forward, avoid, wander, follow or package.module:Class (default: forward)",
-    )
+    text = "run forward, avoid, wander, follow or package.module:Class (default: forward)"
+    what.add_argument("--behavior", metavar="NAME", help=text)
     what.add_argument("--follow", type=robot_id, metavar="ID", help="follow this robot")
-    parser.add_argument(
-        "--law",
-        choices=("trail", "direct"),
-        help="with --follow: along the trail of the head of the chain (default), or straight to the leader",
-    )
+    text = "with --follow: along the trail of the head of the chain (default), or straight to the leader"
+    parser.add_argument("--law", choices=("trail", "direct"), help=text)
     add_param_option(parser)
-    parser.add_argument(
-        "--base",
-        type=option_type(partial(parse_param, option="--base")),
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="set footprint or a limit instead of what base_info tells, e.g. max_vel_x=0.4 (repeatable)",
-    )
+    text, parse = "set footprint or a limit instead of what base_info tells", partial(parse_param, option="--base")
+    add_repeated(parser, "--base", "KEY=VALUE", f"{text}, e.g. {_EXAMPLES['--base']}", type=option_type(parse))
     add_path_option(parser)
     add_options(parser, RobotOptions)
     add_clock_option(parser)
@@ -54,14 +41,8 @@ def build_parser() -> Parser:
 
 def add_param_option(parser: argparse.ArgumentParser) -> None:
     """Add `--param`, whose values are pairs."""
-    parser.add_argument(
-        "--param",
-        type=option_type(parse_param),
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
-    )
+    text = f"set a parameter of the behaviour, e.g. {_EXAMPLES['--param']}"
+    add_repeated(parser, "--param", "KEY=VALUE", text, type=option_type(parse_param))
 
 
 def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_options, parse_speed, read_options
+from zteam.cli.arguments import add_options, add_repeated, parse_speed, read_options
 from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.config.numbers import parse_number
 from zteam.config.resources import find_world
@@ -19,26 +19,14 @@ from zteam.simulator.client import MAX_PLACE
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam-sim", description=__doc__)
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
     add_options(parser, SimOptions, "seed", "map_resolution", "has_map")
     robots = parser.add_argument_group("robots")
-    robots.add_argument(
-        "--add",
-        action="append",
-        default=[],
-        metavar="ID:MODEL:X:Y:YAW",
-        help="add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57 (repeatable)",
-    )
+    text = "add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57"
+    add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text)
     add_options(robots, SimOptions, "world_robots")
-    robots.add_argument(
-        "--gap",
-        action="append",
-        default=[],
-        metavar="FOLLOWER:LEADER",
-        help="measure the gap between two robots, e.g. 1:0 (repeatable)",
-    )
+    add_repeated(robots, "--gap", "FOLLOWER:LEADER", "measure the gap between two robots, e.g. 1:0")
     time = parser.add_argument_group("time (docs/time.md)")
     add_options(time, SimOptions, "run_for", "until", "speed", "paused")
     time.add_argument("--lockstep", action="store_true", help="begin a tick when every participant has answered")

@@ -13,7 +13,6 @@ from zteam.node.process_options import AggregatorOptions
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The command line."""
     parser = Parser(prog="zteam-tf", description=__doc__)
     parser.add_argument(
         "team", nargs="?", metavar="TEAM.toml", help="read static transforms and robot descriptions from this team file"

@@ -1,7 +1,6 @@
 """`zteam view`: see the team in a browser, and drive it with the mouse (docs/view.md)."""
 
 import argparse
-from collections.abc import Callable
 from functools import partial
 
 from zteam import names
@@ -11,7 +10,6 @@ from zteam.node.process_options import DEFAULT_FOXGLOVE_PORT, ViewOptions
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam view", description=__doc__)
     parser.add_argument("--foxglove", action="store_true", help="show the team to Foxglove and Lichtblick too")
     add_options(parser, ViewOptions.from_environment())
@@ -22,9 +20,8 @@ def build_parser() -> Parser:
     return parser
 
 
-def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
-    options = read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
-    return names.VIEW, lambda: options
+def _options(args: argparse.Namespace) -> ViewOptions:
+    return read_options(ViewOptions, args, foxglove_port=args.foxglove_port if args.foxglove else None)
 
 
-main = partial(run_process, build_parser, _read, needs_output=False)
+main = partial(run_process, build_parser, lambda args: (names.VIEW, partial(_options, args)), needs_output=False)

@@ -26,10 +26,10 @@ FINDINGS = [
 def test_findings_are_columns() -> None:
     """Level, subject and text are aligned, a next step stands below its text, and the last line counts the problems."""
     assert format_findings(FINDINGS).splitlines() == [
-        "ok      data        data on 7 keys",
-        "problem transforms  no process tf",
-        "                    -> zteam-tf",
-        "note    refusals    none within 60 s",
+        "ok       data        data on 7 keys",
+        "problem  transforms  no process tf",
+        "                     -> zteam-tf",
+        "note     refusals    none within 60 s",
         "1 problem",
     ]
 
@@ -44,7 +44,7 @@ def test_only_the_level_is_coloured() -> None:
     """Colour adds escape codes around the level and moves nothing."""
     plain, coloured = format_findings(FINDINGS), format_findings(FINDINGS, color=True)
     assert coloured.count("\033[") == 6
-    assert "\033[31mproblem\033[0m transforms" in coloured
+    assert "\033[31mproblem\033[0m  transforms" in coloured
     for code in ("\033[0m", "\033[31m", "\033[32m", "\033[33m"):
         coloured = coloured.replace(code, "")
     assert coloured == plain
@@ -55,7 +55,7 @@ def test_long_lines_are_wrapped_in_a_terminal() -> None:
     long = [ok("data", "word " * 30), problem("world", "short", "step " * 30)]
     wrapped = format_findings(long, columns=60).splitlines()
     assert max(map(len, wrapped)) <= 60
-    assert wrapped[1].startswith(" " * 15 + "word")
+    assert wrapped[1].startswith(" " * 16 + "word")
     assert len(format_findings(long).splitlines()) == 4
 
 

@@ -6,7 +6,6 @@ stored mirrored, so that every ray runs towards larger columns and rows.
 """
 
 import itertools
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -67,14 +66,6 @@ def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
 
 def solid_bitmaps(plans: Plans) -> Bitmaps:
     return Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
-
-
-def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
-    """Whether the point (metres in `map`) lies in an occupied cell."""
-    along = plan.pose.locate(x, y)
-    column, row = (math.floor(place / size) for place, size in zip(along, plan.cell, strict=True))
-    rows, columns = plan.occupied.shape
-    return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
 
 class Group(NamedTuple):
