@@ -164,7 +164,7 @@ class Node(ProcessNode):
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
         """Whether `run` was called."""
-        self.part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
+        self.part = Participant(self, self._has_inputs, self._inputs.lacking)
         """Its part in lock-step."""
         self.on_time_reset(self._forget)
 

@@ -165,23 +165,12 @@ class TickMessages:
         self._of_ticks = [entry for entry in self._of_ticks if stamp is not None and (entry.due or 0) > stamp]
         sent = sorted((place for place in self._sent if stamp is None or place[0] < stamp), key=_without_sender)
         for (tick, *_), group in groupby(sent, _without_sender):
-            for arrival in _in_order([self._take_out(place) for place in group]):
+            for arrival in _in_order([self._sent.pop(place) for place in group]):
                 arrival.handle(arrival.key, arrival.message, tick)
         for arrival in due:
-            self._release(arrival.key)
             arrival.handle(arrival.key, arrival.message, 0)
-
-    def _release(self, key: str) -> None:
-        self._count[key] -= 1
-        if not self._count[key]:
-            del self._count[key]
-
-    def _take_out(self, place: _Place) -> HeldMessage:
-        tick, key, _, source, _ = place
-        self._release(key)
-        if self._ticks.get((source, key)) == tick:
-            del self._ticks[source, key]
-        return self._sent.pop(place)
+        self._count = Counter(entry.key for entry in (*self._of_ticks, *self._sent.values()))
+        self._ticks = {(source, key): tick for tick, key, _, source, _ in sorted(self._sent)}
 
     def forget(self) -> None:
         """Time jumped back."""
