@@ -19,7 +19,7 @@ from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault, offer_stacks
-from zteam.node.log_publisher import LogPublisher
+from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.node.working import watch_process

@@ -28,7 +28,8 @@ from zteam.messages import (
 )
 from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
-from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of
+from zteam.node.log_client import HOLD, LogOrder, level_name, line_of
+from zteam.node.logs import LogLine
 from zteam.view.goals import Goals
 from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView

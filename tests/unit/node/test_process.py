@@ -16,7 +16,7 @@ from support.limits import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
-from zteam.node import log_publisher, logs, node, process_node, shutdown
+from zteam.node import log_client, logs, node, process_node, shutdown
 from zteam.node.logs import LogKeeper
 from zteam.node.process_node import ProcessNode
 
@@ -27,7 +27,7 @@ def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (process_node, node):
         monkeypatch.setattr(module, "connect", lambda options, stopping: hub.bus())
     keeper = LogKeeper()
-    for module in (process_node, log_publisher, logs):
+    for module in (process_node, log_client, logs):
         monkeypatch.setattr(module, "KEEPER", keeper)
     log = logging.getLogger("zteam")
     monkeypatch.setattr(log, "handlers", [])
