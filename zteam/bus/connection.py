@@ -102,15 +102,17 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     else:
         session = _open_patiently(options, options.give_up if patience is None else patience, stopping)
     transport = ZenohTransport(session)
-    LinkCheck(transport, session, options)
+    check = LinkCheck(transport, session, options)
+    transport.before_close(check.wait)
+    _on_link(transport, True, check.run)
     if options.tls is not None:
-        _on_loss(transport, partial(_say_why_link_stays_away, options))
+        _on_link(transport, False, partial(_say_why_link_stays_away, options))
         transport.limit_silence(options.lease)
         rights = RightCheck(transport, options)
         transport.before_close(rights.close)
         return Bus(transport, rights, options)
     if options.connect is None:
-        _on_loss(transport, partial(_keep_router_alive, options))
+        _on_link(transport, False, partial(_keep_router_alive, options))
     return Bus(transport, options=options)
 
 
@@ -202,39 +204,40 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
     )
 
 
-def _on_loss(transport: ZenohTransport, watch: Callable[[Callable[[], bool]], None]) -> None:
-    """Call `watch(is_away)` on a thread of its own after each loss of the link: `is_away()` until that is back."""
+def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], bool]], object]) -> None:
+    """Call `watch(lasts)` on a thread of its own each time the link is back, or without `up` is lost: `lasts()` is True
+    until it changes."""
     changes = 0
 
-    def on_link(up: bool) -> None:
+    def on_link(is_up: bool) -> None:
         nonlocal changes
         changes += 1
-        loss = changes
+        change = changes
 
-        def is_away() -> bool:
-            return changes == loss and not transport.closed
+        def lasts() -> bool:
+            return changes == change and not transport.closed
 
-        if not up:
-            threading.Thread(target=watch, args=[is_away], name="link lost", daemon=True).start()
+        if is_up == up:
+            threading.Thread(target=watch, args=[lasts], name="link", daemon=True).start()
 
     transport.watch_link(on_link)
 
 
-def _say_why_link_stays_away(options: BusOptions, is_away: Callable[[], bool]) -> None:
+def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> None:
     """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
     ever."""
     reasons = Reasons(options, _LINK_PATIENCE)
-    while is_away():
+    while lasts():
         if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
             log.error("no link to the router: %s", why)
         pause(_LINK_LOOK)
 
 
-def _keep_router_alive(options: BusOptions, is_away: Callable[[], bool]) -> None:
+def _keep_router_alive(options: BusOptions, lasts: Callable[[], bool]) -> None:
     """Start a router on demand again when it dies; Zenoh reconnects by itself."""
     # Spread out, so that few routers compete for the port.
     pause(random.uniform(0.0, 0.2))
-    while is_away():
+    while lasts():
         # A router that is there may end before Zenoh has connected to it.
         if not port_accepts(options.endpoint):
             try:
@@ -253,34 +256,25 @@ class LinkCheck:
     """
 
     def __init__(self, transport: ZenohTransport, session: zenoh.Session, options: BusOptions) -> None:
-        self._transport = transport
-        self._session = session
-        self._options = options
-        self._changes = 0
+        self._transport, self._session, self._options = transport, session, options
         self._cuts = 0
         self._in_zenoh = threading.Lock()
-        transport.before_close(self._wait)
-        transport.watch_link(self.on_link)
 
-    def _wait(self) -> None:
+    def wait(self) -> None:
+        """The session ends: wait for the question that is being asked."""
         # The interpreter ends a thread where it comes back from a call. If that is one of Zenoh, the process aborts.
         if self._in_zenoh.acquire(timeout=_LAST_QUESTION):
             self._in_zenoh.release()
 
-    def on_link(self, up: bool) -> None:
-        """The link was lost or is back: ask on a thread of its own."""
-        self._changes += 1
-        if up:
-            threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
-
-    def _run(self, change: int) -> None:
+    def run(self, lasts: Callable[[], bool]) -> None:
+        """The link is back: ask while it `lasts()`."""
         failed = 0
         for _ in range(_LINK_QUESTIONS):
             with self._in_zenoh:
-                if self._transport.closed:
+                if not lasts():
                     return
                 links, reached = links_of(self._session), self._is_reached()
-                if self._changes != change or self._transport.closed:
+                if not lasts():
                     return
                 failed = failed + 1 if reached is False else 0
                 if failed == _LINK_FAILURES:

@@ -261,7 +261,9 @@ def open_session(*arguments):
     return opened(*arguments)
 bus = connect(options)
 connection.open_session = open_session
-connection.LinkCheck(bus.transport, bus.transport._session, options).on_link(True)
+check = connection.LinkCheck(bus.transport, bus.transport._session, options)
+bus.transport.before_close(check.wait)
+threading.Thread(target=check.run, args=[lambda: not bus.transport.closed], daemon=True).start()
 asked.wait()
 bus.close()
 """
