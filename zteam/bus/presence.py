@@ -17,7 +17,7 @@ import msgspec
 from zteam import names
 from zteam.bus.bus import Bus
 from zteam.bus.queries import NoRequest
-from zteam.bus.transport import Closeable
+from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
@@ -29,8 +29,6 @@ CLAIM_WAIT = 0.1 * HOST_FACTOR
 ASK_AGAIN = 1.0
 """Host seconds between two questions to other holders of the name. One question is for all of them, and one thread
 asks, however many tokens come: any program may hold tokens."""
-_LAST_ANSWER = 0.3
-"""Host seconds that the end of a claim waits for that thread."""
 
 
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
@@ -233,9 +231,7 @@ class Claim:
         with self._changed:
             self._released, meeting = True, self._meeting
             self._changed.notify_all()
-        if meeting is not None and meeting is not threading.current_thread():
-            # At the interpreter's end it must not wait for an answer of Zenoh (`Aside`).
-            meeting.join(_LAST_ANSWER)
+        let_end(meeting)
         for handle in (self._server, self._token, self._claim, *self._watches, *self.under_name):
             if handle:
                 handle.close()

@@ -231,10 +231,6 @@ class Router:
                 pause(_CONFIG_PERIOD)
         return self._open(self._config, self._options.listen)
 
-    @property
-    def _clients(self) -> set[str]:
-        return self._links.sessions
-
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
             links.take(event)
@@ -264,7 +260,7 @@ class Router:
     def _promise(self, request: ReleaseRequest) -> list[str] | None:
         """The sessions that will want another router; None if this one keeps the port."""
         with self._changed:
-            others = sorted(self._clients - {request.session, *self._heirs})
+            others = sorted(self._links.sessions - {request.session, *self._heirs})
         keeps = others and not request.returns and (request.secure or self._holds_team())
         return None if keeps or request.owner.is_another_user() else others
 
@@ -280,8 +276,8 @@ class Router:
         """Why a router on demand ends now, empty if it does not; and seconds until that may change by itself."""
         if self._heirs:
             # Not before the answers have arrived.
-            return ("" if self._heirs & self._clients else "a team's router gets its port"), None
-        if self._idle_exit is None or self._clients:
+            return ("" if self._heirs & self._links.sessions else "a team's router gets its port"), None
+        if self._idle_exit is None or self._links.sessions:
             return "", None
         left = self._idle_since + self._idle_exit - monotonic()
         return (f"no client for {self._idle_exit:g} s" if left <= 0 else ""), left
@@ -311,7 +307,7 @@ class Router:
     def wait_for(self, sessions: Sequence[str]) -> None:
         """Wait until these sessions are clients, for a moment at most: one may be frozen."""
         with self._changed:
-            wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
+            wait_until(self._changed, lambda: self._links.sessions.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
         with self._changed:

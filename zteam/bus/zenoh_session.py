@@ -33,6 +33,7 @@ from zteam.bus.transport import (
     call,
     check_use,
     first_line,
+    let_end,
 )
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError
@@ -53,8 +54,6 @@ _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
-_LAST_CALLS = 0.3
-"""Host seconds that the end of a session waits for what its threads have begun."""
 _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
 _LOOK_TIMEOUT = 5.0
@@ -102,14 +101,9 @@ class Aside:
         return zenoh.handlers.Callback(put, indirect=False)
 
     def end(self) -> None:
-        """End the thread when all that waits has been handled, and wait for that a moment.
-
-        At the interpreter's end Python ends a thread where it comes back from a call. If that is a call of Zenoh, such
-        as a query, the process aborts ("FATAL: exception not rethrown").
-        """
+        """End the thread when all that waits has been handled, and wait for that a moment."""
         self._waiting.put(None)
-        if self._thread is not threading.current_thread():
-            self._thread.join(_LAST_CALLS)
+        let_end(self._thread)
 
     def _work(self) -> None:
         while True:

@@ -17,11 +17,11 @@ from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
-from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault, offer_stacks
 from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.tokens import CertainTokens
 from zteam.node.working import watch_process
 
 log = logging.getLogger("zteam")
@@ -114,7 +114,8 @@ class ProcessNode:
         """Whether the last loss of the link followed from a freeze of this process."""
         self._simulators: set[str] = set()
         self._clock_input: Closeable | None = None
-        self._follows_clock = False
+        self.ticks_tell_time = False
+        """Whether this is lock-step, and time comes with the ticks."""
         self.claim = Claim(bus, name)
         self.claim.under_name.append(bus.serve_stats(name))
         self._give_up: threading.Timer | None = None  # noqa: TID251
@@ -340,26 +341,21 @@ class ProcessNode:
         return now < self._ended and stamp > now + self._half_jump
 
     def follow_clock(self) -> None:
-        """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
-        if not self._follows_clock:
-            self._follows_clock = True
-            self.take_time_from_clock()
-            self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
+        """Take simulated time from the bus as soon as there is a simulator."""
+        self.take_time_from_clock()
+        self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
         self.clock.use_simulated()
+        self.ticks_tell_time = True
         if self._clock_input is not None:
             self._clock_input.close()
             self._clock_input = None
 
-    @property
-    def ticks_tell_time(self) -> bool:
-        """Whether this is lock-step, and time comes with the ticks."""
-        return self._follows_clock and self._clock_input is None
-
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
+        self.ticks_tell_time = False
         if self._clock_input is None:
             self._clock_input = self.bus.subscribe(names.CLOCK, Clock, self._handler(self._on_clock))
 
