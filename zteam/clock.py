@@ -18,20 +18,18 @@ STILL = 2.0
 """Host seconds without a new simulated time after which a waiting tool tells its user."""
 
 
-def factor_from(text: str) -> float:
-    """The factor that a text gives, from 1 to 100. Raises ValueError."""
-    factor = float(text or 1)
-    if not 1.0 <= factor <= 100.0:
-        raise ValueError
-    return factor
+PATIENCE_BOUNDS = (1.0, 100.0)
+"""Of ZTEAM_PATIENCE."""
 
 
 def _factor() -> float:
+    least, most = PATIENCE_BOUNDS
     try:
-        return factor_from(os.environ.get("ZTEAM_PATIENCE", ""))
+        factor = float(os.environ.get("ZTEAM_PATIENCE") or 1.0)
     except ValueError:
-        # BusOptions.from_environment tells the user.
-        return 1.0
+        factor = 0.0
+    # BusOptions.from_environment tells the user.
+    return factor if least <= factor <= most else 1.0
 
 
 HOST_FACTOR = _factor()

@@ -360,23 +360,14 @@ def done_key(name: str = "*") -> str:
     return f"{name}/{DONE}"
 
 
-@lru_cache(maxsize=1024)
-def split_done_key(key: str) -> str | None:
-    """The participant's name in `<name>/done`, or None."""
-    return _process_of(key, DONE)
-
-
 def log_key(name: str = "*") -> str:
     """Key of the log of the process `name`, and of the query for its newest lines; by default of all processes."""
     return f"{name}/{LOG}"
 
 
-def split_log_key(key: str) -> str | None:
-    """The process's name in `<name>/log`, or None."""
-    return _process_of(key, LOG)
-
-
-def _process_of(key: str, topic: str) -> str | None:
+@lru_cache(maxsize=1024)
+def process_of(key: str, topic: str) -> str | None:
+    """The process's name in `<name>/topic`, such as DONE or LOG, or None for any other key."""
     name, _, rest = key.rpartition("/")
     return name if rest == topic and name and "/" not in name and not is_wildcard(name) else None
 

@@ -25,7 +25,7 @@ _PROCESSES = 1000
 def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[LogLine]:
     """The lines in the answers to queries of logs. A line is of the process whose key it came on, whatever it says."""
     for key, lines in answers:
-        process = names.split_log_key(key)
+        process = names.process_of(key, names.LOG)
         if process is not None:
             yield from (msgspec.structs.replace(line, process=process) for line in lines)
 
@@ -165,7 +165,7 @@ class LogReader:
     def _fetch(self, pattern: str) -> set[str]:
         answers = self._bus.find(names.log_key(pattern), list[LogLine])
         self._take([*kept_lines(answers)])
-        return {name for key, _ in answers if (name := names.split_log_key(key))}
+        return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
 
     def pending(self) -> bool:
         """Whether lines wait, or processes joined."""
@@ -187,7 +187,7 @@ class LogReader:
             self._order.take([line for line in lines if line.level >= self._level], monotonic())
 
     def _on_line(self, key: str, message: Log) -> None:
-        process = names.split_log_key(key)
+        process = names.process_of(key, names.LOG)
         if process is not None:
             self._take([line_of(process, message)])
             self._on_news()

@@ -408,8 +408,8 @@ def run_node(
     name: str,
     options: BusOptions,
     body: Callable[[N], None],
-    clock: ClockMode = "auto",
-    make: Callable[[str, Bus, Stop, ClockMode], N] = ProcessNode,  # type: ignore[assignment]
+    clock: ClockMode,
+    make: Callable[[str, Bus, Stop, ClockMode], N],
 ) -> int:
     """Run `body(node)` as a command: signals, orderly stop, hard exit, and the interpreter set up for one node.
 

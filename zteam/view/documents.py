@@ -310,7 +310,7 @@ def rate_of(times: Sequence[float], now: float) -> float:
 
 def _lines(events: list[Arrival]) -> Iterator[LogLine]:
     for event in events:
-        process, message = names.split_log_key(event.key), event.read(Log)
+        process, message = names.process_of(event.key, names.LOG), event.read(Log)
         if process is not None and message is not None:
             yield line_of(process, message)
 

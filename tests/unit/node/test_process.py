@@ -174,6 +174,6 @@ def test_a_command_sets_up_its_interpreter(monkeypatch: pytest.MonkeyPatch) -> N
         node.become_present()
         frozen.append(gc.get_freeze_count())
 
-    assert process_node.run_node("planner", BusOptions(), main) == 0
+    assert process_node.run_node("planner", BusOptions(), main, "auto", process_node.ProcessNode) == 0
     assert sys.getswitchinterval() == pytest.approx(process_node.SWITCH_INTERVAL)
     assert frozen[0] == 0 < frozen[1]

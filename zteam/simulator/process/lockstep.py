@@ -138,7 +138,7 @@ class LockStep:
                 self._send_again()
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
-        name = names.split_done_key(key) or ""
+        name = names.process_of(key, names.DONE) or ""
         robot_id = names.robot_id_of(name)
         with self._changed:
             if self.tick.take_done(name, session, done):
