@@ -296,7 +296,7 @@ class Bus:
 
     def serve(
         self, key: str, request_type: type[Request], handler: Callable[[Request], Any], *, at_once: bool = False
-    ) -> Closeable:
+    ) -> Held[Closeable]:
         """Answer queries on `key` with what `handler(request)` returns, as JSON; `at_once` also while others wait.
 
         The asker gets an error text if the request does not decode, if it is a `Change` asked for by a wildcard, and if

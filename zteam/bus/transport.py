@@ -158,6 +158,24 @@ class Held(Generic[C]):
             if not self._closed:
                 self._handle = self._declare()
 
+    def renew(self) -> None:
+        """Declare a query anew that another process, which has ended, answered too; nothing where it is not open.
+
+        Where that one was at another router, Zenoh's routers forget this one when next the link between them is lost.
+        """
+        with self._lock:
+            before = self._handle
+            if self._closed or before is None:
+                return
+            try:
+                # First the new one: a query that comes between is answered.
+                self._handle = self._declare()
+            except BusError as error:
+                # The session was closed meanwhile.
+                log.debug("%s", error)
+                return
+            before.close()
+
     def close(self) -> None:
         """Take it back; a second call does nothing."""
         with self._lock:
