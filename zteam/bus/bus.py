@@ -168,7 +168,6 @@ class Bus:
         self._receiver = Receiver(self.counters)
         self.holding = Holding()
         self._declared: dict[object, Declaration] = {}
-        """The open publishers and subscribers."""
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
         self._rivals_logged: dict[str, float] = {}

@@ -230,9 +230,7 @@ class TokenWatch(Declared):
         self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
     ) -> None:
         """The handler is called on `thread`. Raises zenoh.ZError."""
-        self._session = session
-        self._key_expr = key_expr
-        self._handler = handler
+        self._session, self._key_expr, self._handler = session, key_expr, handler
         self._alive: set[str] = set()
         self._missing: set[str] = set()
         """Those that were alive, and that the last look did not find."""

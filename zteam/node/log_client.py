@@ -32,8 +32,7 @@ def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[Log
 
 def level_name(level: int) -> str:
     """`info` for 20; a level between two has the name of the lower one."""
-    known = (logging.CRITICAL, logging.ERROR, logging.WARNING, logging.INFO)
-    return logging.getLevelName(next((bound for bound in known if level >= bound), logging.DEBUG)).lower()
+    return logging.getLevelName(max(logging.DEBUG, min(level // 10 * 10, logging.CRITICAL))).lower()
 
 
 class LogOrder:

@@ -169,7 +169,6 @@ class Node(ProcessNode):
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
-        """Time has begun anew."""
         self._inputs.forget()
         self._messages.forget()
 
@@ -435,7 +434,6 @@ class Node(ProcessNode):
             self.look()
 
     def _step(self) -> bool:
-        """Take the step that is due, if one is."""
         return self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:

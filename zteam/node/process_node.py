@@ -112,7 +112,8 @@ class ProcessNode:
         """Whether this process has a link to the router."""
         self.was_dropped = False
         """Whether the last loss of the link followed from a freeze of this process."""
-        self._simulators: set[str] = set()
+        self.simulators: set[str] = set()
+        """The tokens of simulators that are there, for a process that follows the clock."""
         self._clock_input: Closeable | None = None
         self.ticks_tell_time = False
         """Whether this is lock-step, and time comes with the ticks."""
@@ -366,11 +367,6 @@ class ProcessNode:
         except BaseException as error:
             self.fail(error)
 
-    @property
-    def has_simulator(self) -> bool:
-        """Whether the process of a simulator is there (out of a process that follows the clock: False)."""
-        return bool(self._simulators)
-
     def wait_for_moment(self, pace: Rate) -> bool:
         """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
         clock = self.clock
@@ -396,7 +392,7 @@ class ProcessNode:
         self.set_time(ns_from_time(message.clock))
 
     def _on_simulator(self, key: str, alive: bool) -> None:
-        (self._simulators.add if alive else self._simulators.discard)(key)
+        (self.simulators.add if alive else self.simulators.discard)(key)
         if alive:
             self.clock.use_simulated()
 

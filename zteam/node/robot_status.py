@@ -170,7 +170,6 @@ class StatusReport:
         self._told = self._state()
         self._reasons = ReasonLog()
         self._last: RobotStatus | None = None
-        """The newest one that was made."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         self._may_tell = Every(_MONITORS)
         node.on_time_reset(self._forget)
