@@ -20,6 +20,7 @@ import zenoh
 from zteam.bus.bus import Bus
 from zteam.bus.options import (
     FROM_STDIN,
+    ROUTER_ANSWER,
     BusOptions,
     client_config,
     open_session,
@@ -44,24 +45,19 @@ from zteam.names import declarations_key
 log = logging.getLogger("zteam.bus")
 
 _LOOK_AGAIN = 0.1
-"""Seconds between looks at the request to stop while waiting for the launcher."""
-_OPENS_WITHIN, _OPEN_PERIOD = 3.0 * HOST_FACTOR, 0.1
-"""Host seconds until a port that accepts connections and takes no session is held by something else, and between
-tries."""
+"""Host seconds between looks while waiting for the launcher, for a session, or for a link."""
+_OPENS_WITHIN = 3.0 * HOST_FACTOR
+"""Host seconds until a port that accepts connections and takes no session is held by something else."""
 _REVIVE_PERIOD = 1.0
 """Host seconds from one look at the port of a router on demand to the next, while there is no link."""
 _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
-_LINK_TIMEOUT = 5.0
-"""Host seconds for an answer: the process may be busy."""
 _LAST_QUESTION = 1.0
 """Host seconds that the end of the interpreter waits for a question that is being asked."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
-_LINK_LOOK = 0.5
-"""Host seconds between looks whether it is back."""
 _RIGHTS_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a declaration to reach the router."""
 _RIGHTS_AGAIN = 0.02
@@ -160,7 +156,7 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
         if read_record(other) is None:
             return False
         deadline = monotonic() + _RIGHTS_WITHIN
-        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=_LINK_TIMEOUT)):
+        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=ROUTER_ANSWER)):
             if monotonic() > deadline:
                 return False
             pause(_RIGHTS_AGAIN)
@@ -197,7 +193,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
         refused_until = min(refused_until, monotonic() + _OPENS_WITHIN)
         if monotonic() >= refused_until:
             raise BusError(": ".join(why_refused(options)))
-        pause(_OPEN_PERIOD)
+        pause(_LOOK_AGAIN)
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
@@ -230,7 +226,7 @@ def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> 
     while lasts():
         if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
             log.error("no link to the router: %s", why)
-        pause(_LINK_LOOK)
+        pause(_LOOK_AGAIN)
 
 
 def _keep_router_alive(options: BusOptions, lasts: Callable[[], bool]) -> None:
@@ -288,7 +284,7 @@ class LinkCheck:
         key = declarations_key(self._transport.instance)
         try:
             with open_session(client_config(self._options), "usual") as other:
-                return any(reply.ok is not None for reply in other.get(key, timeout=_LINK_TIMEOUT))
+                return any(reply.ok is not None for reply in other.get(key, timeout=ROUTER_ANSWER))
         except zenoh.ZError as error:
             log.debug("link: %s", error)
             return None

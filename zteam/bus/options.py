@@ -37,6 +37,9 @@ LEASE_BOUNDS = (0.1, 7200.0)
 GIVE_UP_BOUNDS = (0.1, 86_400.0)
 """Of the time without a router, in host seconds."""
 
+ROUTER_ANSWER = 5.0
+"""Host seconds for the router's answer; it, or a process that it asks, may be busy."""
+
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIMES = {
     "small": "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), "

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from zteam.bus.options import BusOptions, client_config, open_session
+from zteam.bus.options import ROUTER_ANSWER, BusOptions, client_config, open_session
 from zteam.bus.transport import Transport, let_end
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError
@@ -21,8 +21,6 @@ _SEEN_WITHIN = 5.0 * HOST_FACTOR
 """Host seconds for a token to reach another session."""
 _SEEN_PERIOD = 0.05
 """Host seconds between two looks for a token."""
-_LOOK_TIMEOUT = 5.0
-"""Host seconds for the router's answer."""
 _GATHERED = 0.3
 """Host seconds from a declaration to the look: a process makes most of its declarations together."""
 _MAX_USES = 4096
@@ -167,4 +165,4 @@ class RightCheck:
 
 
 def _sees(session: zenoh.Session, token: str) -> bool:
-    return any(reply.ok is not None for reply in session.liveliness().get(token, timeout=_LOOK_TIMEOUT))
+    return any(reply.ok is not None for reply in session.liveliness().get(token, timeout=ROUTER_ANSWER))

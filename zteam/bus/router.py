@@ -40,7 +40,7 @@ IDLE_EXIT = 10.0
 _CLAIMS, _CLAIM_PERIOD = 25, 0.2
 """How often a team's router tries to get a port that was promised: a client of the router there may have started the
 next one, or another team has got it; and seconds that a router may take to end."""
-_ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
+ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
 """Seconds in which a router on demand that has just begun, or is busy, answers; and from question to question."""
 _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
@@ -404,7 +404,7 @@ def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | Non
 
 def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] | None:
     """The sessions of the other clients of the router if it promises its port, else None."""
-    end = monotonic() + _ANSWER_WITHIN
+    end = monotonic() + ANSWER_WITHIN
     while monotonic() < end:
         record = read_record(session)
         if record is None and not session.info.routers_zid():

@@ -17,6 +17,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
+from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
@@ -56,8 +57,6 @@ LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
 _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
-_LOOK_TIMEOUT = 5.0
-"""Host seconds for the router's answer."""
 _LATCHED_TIMEOUT = 10.0
 """Host seconds for a latched publisher's last message, which may be a large map on a slow link."""
 _UNNUMBERED = "uhlc"
@@ -249,13 +248,13 @@ class TokenWatch(Declared):
         """Take those as gone that two answers of the router in a row did not have."""
         begin = monotonic()
         try:
-            replies = self._session.liveliness().get(self._key_expr, timeout=_LOOK_TIMEOUT)
+            replies = self._session.liveliness().get(self._key_expr, timeout=ROUTER_ANSWER)
             there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         except zenoh.ZError as error:
             log.debug("tokens: %s", error)
             return
         # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
-        if not there & self._alive or monotonic() - begin >= _LOOK_TIMEOUT:
+        if not there & self._alive or monotonic() - begin >= ROUTER_ANSWER:
             return
         missing = self._alive - there
         for key in sorted(missing & self._missing):
@@ -305,7 +304,7 @@ class ZenohTransport:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
         return Declared(self._make(action, key, declare), self._declared)
 
-    def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
+    def _make(self, action: str, key: str, declare: Callable[[], T]) -> T:
         check_use(action, key, self.closed)
         try:
             return declare()
@@ -329,9 +328,8 @@ class ZenohTransport:
         options: dict[str, Any] = {
             "encoding": zenoh.Encoding(encoding),
             "congestion_control": zenoh.CongestionControl.DROP,
+            "allowed_destination": zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
         }
-        if to_others:
-            options["allowed_destination"] = zenoh.Locality.REMOTE
 
         def declare() -> Any:
             self._keep_id(key)
@@ -442,10 +440,7 @@ class ZenohTransport:
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         session, thread = self._session, self._presence
-        watch: Closeable = self._make(
-            "watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread)
-        )
-        return watch
+        return self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread))
 
     def _look_at_tokens(self) -> None:
         for declared in list(self._declared):

@@ -9,6 +9,7 @@ next tick: what it publishes then could come before that tick or after it.
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import count, groupby
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -73,6 +74,7 @@ class HeldMessage(NamedTuple):
 _Place = tuple[int, str, int, str, int]
 """Of what another process than the simulator has sent: the stamp (ns) of the tick in which it was sent, the key, the
 subscription, the sender, and a number."""
+_without_sender = itemgetter(0, 1, 2)
 
 
 class TickMessages:
@@ -97,11 +99,10 @@ class TickMessages:
 
         `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
         """
+        if not arrival.is_data and arrival.due is None:
+            return self.hold(arrival, stamp)
         if arrival.is_data and self._is_repeated(arrival, stamp):
             return ""
-        belongs = arrival.is_data or arrival.due is not None
-        if not belongs:
-            return self.hold(arrival, stamp)
         if is_open and (arrival.due or 0) <= stamp:
             arrival.handle(arrival.key, arrival.message, 0)
         elif (arrival.due or 0) > stamp + MAX_AHEAD:
@@ -180,10 +181,6 @@ class TickMessages:
         self._ticks.clear()
         self._newest.clear()
         self._heard = 0
-
-
-def _without_sender(place: _Place) -> tuple[int, str, int]:
-    return place[:3]
 
 
 def _in_order(group: list[HeldMessage]) -> list[HeldMessage]:

@@ -229,7 +229,7 @@ def _asks_often(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.gate
 def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session answers queries again, over another link, after one on which nothing reached it."""
-    monkeypatch.setattr(connection, "_LINK_TIMEOUT", 0.5)
+    monkeypatch.setattr(connection, "ROUTER_ANSWER", 0.5)
     wire = HalfLink(router.endpoint, half=frozenset({1}))
     asker, session = (
         connect(BusOptions(connect=endpoint, lease=LIMIT)) for endpoint in (router.endpoint, wire.endpoint)
