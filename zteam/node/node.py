@@ -433,8 +433,8 @@ class Node(ProcessNode):
         elif self.part.is_answered and not self.readiness.released:
             self.look()
 
-    def _step(self) -> bool:
-        return self.take_step(self._begin, self._act, self._end)
+    def _step(self) -> None:
+        self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:
         part = self.part

@@ -258,18 +258,17 @@ class ProcessNode:
 
     def take_step(
         self, begin: Callable[[], S | None], act: Callable[[S], R], end: Callable[[S, R], None] = lambda *_: None
-    ) -> bool:
-        """Take a step if one is due; return whether one was.
+    ) -> None:
+        """Take a step if one is due.
 
         `begin()` returns what the step goes by, or None if none is due; `end(given, result)` takes what `act(given)`
         returned. Both run under `changed`. `act`, which may be a user's code, runs without it: no thread of the bus
         waits for it, and no handler runs at the same time. Inputs that come during the step are taken after it, in
         order. An error of the step ends the process.
         """
-        given = None
         with self.lock:
             if self._busy or not self.speaks:
-                return False
+                return
             self._busy = True
         try:
             with self.lock:
@@ -290,7 +289,6 @@ class ProcessNode:
             self.changed.look()
         if had_input:
             self.on_input()
-        return given is not None
 
     @contextmanager
     def between_steps(self) -> Iterator[None]:

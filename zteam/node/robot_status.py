@@ -152,21 +152,18 @@ class StatusReport:
 
         `stop`: whether the robot is stopped. Without `safety` each status says that there is no safety layer.
         """
-        self._stop = stop
+        self._node, self._id, self._stop = node, robot_id, stop
+        self.behavior, self.readiness = behavior, readiness
         self._warning = "" if safety else NO_SAFETY
         self.note = ""
         """What else is wrong, for its text."""
-        self._node = node
-        self._id = robot_id
-        self.behavior = behavior
-        self.readiness = readiness
         self.tells_of: StatusSource = OwnStep()
         """Whose place in a line, goal and rest it tells."""
-        self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None
         """The newest command; None while nothing commands the wheels."""
         self._driver = RobotDriver.BEHAVIOR
         """What gave it."""
+        self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self._told = self._state()
         self._reasons = ReasonLog()
         self._last: RobotStatus | None = None
