@@ -13,8 +13,8 @@ from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
+from zteam.messages.planar import checked_command
 from zteam.messages.topics import has_one_writer, type_of_key
-from zteam.messages.velocity import checked_command
 from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
