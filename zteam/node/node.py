@@ -170,7 +170,7 @@ class Node(ProcessNode):
 
     def _forget(self) -> None:
         self._inputs.forget()
-        self._messages.forget()
+        self._messages = TickMessages()
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last

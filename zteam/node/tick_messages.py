@@ -173,15 +173,6 @@ class TickMessages:
         self._count = Counter(entry.key for entry in (*self._of_ticks, *self._sent.values()))
         self._ticks = {(source, key): tick for tick, key, _, source, _ in sorted(self._sent)}
 
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._count.clear()
-        self._of_ticks.clear()
-        self._sent.clear()
-        self._ticks.clear()
-        self._newest.clear()
-        self._heard = 0
-
 
 def _in_order(group: list[HeldMessage]) -> list[HeldMessage]:
     """The messages of one key and tick: those of one sender in the order in which they came."""
