@@ -9,6 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
@@ -47,11 +48,8 @@ process_time: Callable[[], float] = time.process_time
 
 _BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """The host's clock that also runs while the machine is suspended, where there is one (Linux)."""
-
-
-def boot_time() -> float:
-    """Seconds on the host's clock that also runs while the machine is suspended."""
-    return time.clock_gettime(_BOOT)
+boot_time: Callable[[], float] = partial(time.clock_gettime, _BOOT)
+"""Seconds on that clock."""
 
 
 def monotonic_times() -> Iterator[int]:

@@ -326,13 +326,11 @@ def split_latched_token(token: str) -> tuple[str, str, str]:
 
 
 def tokens_key(name: str = "*") -> str:
-    """Wildcard over the presence tokens of `name`, by default of all processes."""
+    """Wildcard over the presence tokens of `name`, by default of all processes.
+
+    For a session without a namespace, `**` stands for those of all namespaces.
+    """
     return f"{name}/alive/*"
-
-
-def all_tokens_key() -> str:
-    """Wildcard over the presence tokens of all namespaces, for a session without a namespace."""
-    return "**/alive/*"
 
 
 def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:

@@ -29,7 +29,7 @@ from zteam.bus.options import (
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
-from zteam.names import all_tokens_key, declarations_key, is_of_team, split_namespaced_token_key
+from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
 
 log = logging.getLogger("zteam.router")
 
@@ -266,7 +266,7 @@ class Router:
 
     def _holds_team(self) -> bool:
         """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
-        for reply in self._session.liveliness().get(all_tokens_key(), timeout=1.0):
+        for reply in self._session.liveliness().get(tokens_key("**"), timeout=1.0):
             token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
             if reply.ok is None or (token is not None and is_of_team(token[1])):
                 return True

@@ -134,23 +134,19 @@ class Participant:
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
-        self._ticks = Ticks(node, self._on_tick, self._forget)
+        self.ticks = Ticks(node, self._on_tick, self._forget)
         node.follow_clock()
-        self._ticks.listen()
+        self.ticks.listen()
 
     @property
     def expected(self) -> bool:
         """Whether this is lock-step, or is going to be: then nothing may be done at other times than those of ticks."""
-        return self.active or bool(self._ticks.simulators)
+        return self.active or bool(self.ticks.simulators)
 
     @property
     def active(self) -> bool:
         """Whether this is lock-step."""
         return self.tick is not None
-
-    def is_simulator(self, session: str) -> bool:
-        """Whether this session's ticks count."""
-        return session in self._ticks.simulators
 
     def begin(self) -> Tick | None:
         """The open tick, if its last input has come; the caller answers it."""

@@ -208,7 +208,7 @@ class Node(ProcessNode):
         """
         if every_tick:
             self._inputs.declare(key_expr, message_type)
-        number, call = next(self._numbers), self._failing(callback)
+        number, call, simulators = next(self._numbers), self._failing(callback), self.part.ticks.simulators
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             # A latched message may be the aggregator's, which is there before the simulator.
@@ -220,7 +220,7 @@ class Node(ProcessNode):
             due = stamp_of_tick(message) if every_tick else None
             if latched:
                 handle(key, message)
-            elif not self._take(HeldMessage(number, key, message, source, self.part.is_simulator(source), due, handle)):
+            elif not self._take(HeldMessage(number, key, message, source, source in simulators, due, handle)):
                 return
             if due is not None:
                 self._inputs.take(key, due)
