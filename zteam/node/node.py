@@ -152,7 +152,9 @@ class Node(ProcessNode):
         if self.robot_id is not None:
             self._cmd_vel = bus.publisher(names.robot_key(self.robot_id, names.CMD_VEL), Twist)
             self.switch = StopSwitch(bus, self.robot_id, self._on_switch)
-            self.on_present(self._learn_stop)
+            self.on_present(self.switch.learn)
+            # What it has learned may make a step due.
+            self.on_present(lambda: self.on_input())
         self.team = TeamStatus()
         """The monitor's newest word, from `follow_go` on."""
         self.rivals = RivalWatch(bus)
@@ -363,11 +365,6 @@ class Node(ProcessNode):
     def _may_step(self) -> bool:
         """Whether it is known if the robot of this process is stopped."""
         return self.switch is None or self.switch.is_known
-
-    def _learn_stop(self) -> None:
-        assert self.switch is not None
-        self.switch.learn()
-        self.on_input()
 
     def _on_switch(self) -> None:
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end

@@ -106,7 +106,7 @@ class ProcessNode:
         """The inputs that have come meanwhile."""
         self.on_input: Callable[[], object] = lambda: None
         """Called without `changed` after each input, which may make a step due."""
-        self._on_present: list[Callable[[], None]] = []
+        self._on_present: list[Callable[[], object]] = []
         self._on_stop: list[Callable[[], None]] = []
         self.link_up = True
         """Whether this process has a link to the router."""
@@ -155,7 +155,7 @@ class ProcessNode:
         self.present = True
         self.bus.holding.release()
 
-    def on_present(self, hook: Callable[[], None]) -> None:
+    def on_present(self, hook: Callable[[], object]) -> None:
         """Run `hook()` once the process holds its name."""
         self._on_present.append(hook)
 
