@@ -113,36 +113,29 @@ __all__ = [
     "shipped_world",
 ]
 
-_HOMES = {
-    "BasicNavigator": "navigation.basic_navigator",
-    "Behavior": "robot.behaviors.behavior",
-    "Bus": "bus.bus",
-    "BusOptions": "bus.options",
-    "Change": "bus.queries",
-    "Deferred": "bus.queries",
-    "HistoryRequest": "transforms.client",
-    "Lookup": "transforms.client",
-    "NoRequest": "bus.queries",
-    "Node": "node.node",
-    "ParametersClient": "robot.client",
-    "Pose2": "geometry",
-    "Publisher": "bus.bus",
-    "RunReport": "team.run.report",
-    "SimulatorClient": "simulator.client",
-    "TaskResult": "navigation.client",
-    "Team": "team.file.entries",
-    "TransformClient": "transforms.client",
-    "TransformListener": "transforms.listener",
-    "View": "robot.behaviors.behavior",
-    "ZteamError": "errors",
-    "connect": "bus.connection",
-    "load_team": "team.file.reading",
-    "run": "node.node",
-    "run_team": "team.run.run_team",
-    "shipped_team": "config.resources",
-    "shipped_world": "config.resources",
+_NAMES = {
+    "bus.bus": ["Bus", "Publisher"],
+    "bus.connection": ["connect"],
+    "bus.options": ["BusOptions"],
+    "bus.queries": ["Change", "Deferred", "NoRequest"],
+    "config.resources": ["shipped_team", "shipped_world"],
+    "errors": ["ZteamError"],
+    "geometry": ["Pose2"],
+    "navigation.basic_navigator": ["BasicNavigator"],
+    "navigation.client": ["TaskResult"],
+    "node.node": ["Node", "run"],
+    "robot.behaviors.behavior": ["Behavior", "View"],
+    "robot.client": ["ParametersClient"],
+    "simulator.client": ["SimulatorClient"],
+    "team.file.entries": ["Team"],
+    "team.file.reading": ["load_team"],
+    "team.run.report": ["RunReport"],
+    "team.run.run_team": ["run_team"],
+    "transforms.client": ["HistoryRequest", "Lookup", "TransformClient"],
+    "transforms.listener": ["TransformListener"],
 }
-"""The module within zteam that defines each name."""
+"""What each module within zteam defines of these."""
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:

@@ -9,6 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
@@ -18,20 +19,18 @@ STILL = 2.0
 """Host seconds without a new simulated time after which a waiting tool tells its user."""
 
 
-def factor_from(text: str) -> float:
-    """The factor that a text gives, from 1 to 100. Raises ValueError."""
-    factor = float(text or 1)
-    if not 1.0 <= factor <= 100.0:
-        raise ValueError
-    return factor
+PATIENCE_BOUNDS = (1.0, 100.0)
+"""Of ZTEAM_PATIENCE."""
 
 
 def _factor() -> float:
+    least, most = PATIENCE_BOUNDS
     try:
-        return factor_from(os.environ.get("ZTEAM_PATIENCE", ""))
+        factor = float(os.environ.get("ZTEAM_PATIENCE") or 1.0)
     except ValueError:
-        # BusOptions.from_environment tells the user.
-        return 1.0
+        factor = 0.0
+    # BusOptions.from_environment tells the user.
+    return factor if least <= factor <= most else 1.0
 
 
 HOST_FACTOR = _factor()
@@ -49,11 +48,8 @@ process_time: Callable[[], float] = time.process_time
 
 _BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """The host's clock that also runs while the machine is suspended, where there is one (Linux)."""
-
-
-def boot_time() -> float:
-    """Seconds on the host's clock that also runs while the machine is suspended."""
-    return time.clock_gettime(_BOOT)
+boot_time: Callable[[], float] = partial(time.clock_gettime, _BOOT)
+"""Seconds on that clock."""
 
 
 def monotonic_times() -> Iterator[int]:

@@ -326,13 +326,11 @@ def split_latched_token(token: str) -> tuple[str, str, str]:
 
 
 def tokens_key(name: str = "*") -> str:
-    """Wildcard over the presence tokens of `name`, by default of all processes."""
+    """Wildcard over the presence tokens of `name`, by default of all processes.
+
+    For a session without a namespace, `**` stands for those of all namespaces.
+    """
     return f"{name}/alive/*"
-
-
-def all_tokens_key() -> str:
-    """Wildcard over the presence tokens of all namespaces, for a session without a namespace."""
-    return "**/alive/*"
 
 
 def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
@@ -360,23 +358,14 @@ def done_key(name: str = "*") -> str:
     return f"{name}/{DONE}"
 
 
-@lru_cache(maxsize=1024)
-def split_done_key(key: str) -> str | None:
-    """The participant's name in `<name>/done`, or None."""
-    return _process_of(key, DONE)
-
-
 def log_key(name: str = "*") -> str:
     """Key of the log of the process `name`, and of the query for its newest lines; by default of all processes."""
     return f"{name}/{LOG}"
 
 
-def split_log_key(key: str) -> str | None:
-    """The process's name in `<name>/log`, or None."""
-    return _process_of(key, LOG)
-
-
-def _process_of(key: str, topic: str) -> str | None:
+@lru_cache(maxsize=1024)
+def process_of(key: str, topic: str) -> str | None:
+    """The process's name in `<name>/topic`, such as DONE or LOG, or None for any other key."""
     name, _, rest = key.rpartition("/")
     return name if rest == topic and name and "/" not in name and not is_wildcard(name) else None
 

@@ -24,7 +24,8 @@ class Desk:
         self.fed = 0
         self.needs_food = False
         self.command: Callable[[Tick], Twist | None] = lambda _: None
-        self.part = Participant(self.node, self._ready, self._repeat)
+        self.part = Participant(self.node, self._ready, lambda _: [])
+        self.part.repeat = self._repeat
         self.node.on_input = lambda: self.node.take_step(self.part.begin, self._act, self.part.answer)
         self._input = bus.publisher(INPUT, Bool)
         self.node.subscribe(INPUT, Bool, self._on_input)

@@ -18,7 +18,7 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError
 from zteam.messages import PoseStamped, Twist
 from zteam.node.kinds import ROUTER
-from zteam.node.launcher import start_robot
+from zteam.robot.client import start_robot
 from zteam.team.launch.process import zteam_command
 from zteam.team.security.access import OPERATOR
 from zteam.team.security.certificates import ACCESS, files_of

@@ -6,8 +6,8 @@ from pathlib import Path
 import zteam
 
 ADMIN_QUERY = re.compile(r"""\bget\(\s*f?["'](@/[^"']*)["']""")
-OWN_RECORD = {"@/{router}/router"}
-"""`router` is an id, or any."""
+OWN_RECORD = {"@/{zid}/router"}
+"""`zid` is a router's id."""
 
 
 def test_a_router_is_asked_for_its_own_record_alone() -> None:

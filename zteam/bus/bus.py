@@ -168,7 +168,6 @@ class Bus:
         self._receiver = Receiver(self.counters)
         self.holding = Holding()
         self._declared: dict[object, Declaration] = {}
-        """The open publishers and subscribers."""
         self.name = ""
         """Of the process on the bus; empty for a tool without one."""
         self._rivals_logged: dict[str, float] = {}
@@ -296,7 +295,7 @@ class Bus:
 
     def serve(
         self, key: str, request_type: type[Request], handler: Callable[[Request], Any], *, at_once: bool = False
-    ) -> Closeable:
+    ) -> Held[Closeable]:
         """Answer queries on `key` with what `handler(request)` returns, as JSON; `at_once` also while others wait.
 
         The asker gets an error text if the request does not decode, if it is a `Change` asked for by a wildcard, and if

@@ -20,6 +20,7 @@ import zenoh
 from zteam.bus.bus import Bus
 from zteam.bus.options import (
     FROM_STDIN,
+    ROUTER_ANSWER,
     BusOptions,
     client_config,
     open_session,
@@ -44,24 +45,19 @@ from zteam.names import declarations_key
 log = logging.getLogger("zteam.bus")
 
 _LOOK_AGAIN = 0.1
-"""Seconds between looks at the request to stop while waiting for the launcher."""
-_OPENS_WITHIN, _OPEN_PERIOD = 3.0 * HOST_FACTOR, 0.1
-"""Host seconds until a port that accepts connections and takes no session is held by something else, and between
-tries."""
+"""Host seconds between looks while waiting for the launcher, for a session, or for a link."""
+_OPENS_WITHIN = 3.0 * HOST_FACTOR
+"""Host seconds until a port that accepts connections and takes no session is held by something else."""
 _REVIVE_PERIOD = 1.0
 """Host seconds from one look at the port of a router on demand to the next, while there is no link."""
 _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
-_LINK_TIMEOUT = 5.0
-"""Host seconds for an answer: the process may be busy."""
 _LAST_QUESTION = 1.0
 """Host seconds that the end of the interpreter waits for a question that is being asked."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
-_LINK_LOOK = 0.5
-"""Host seconds between looks whether it is back."""
 _RIGHTS_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a declaration to reach the router."""
 _RIGHTS_AGAIN = 0.02
@@ -102,15 +98,17 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     else:
         session = _open_patiently(options, options.give_up if patience is None else patience, stopping)
     transport = ZenohTransport(session)
-    LinkCheck(transport, session, options)
+    check = LinkCheck(transport, session, options)
+    transport.before_close(check.wait)
+    _on_link(transport, True, check.run)
     if options.tls is not None:
-        _on_loss(transport, partial(_say_why_link_stays_away, options))
+        _on_link(transport, False, partial(_say_why_link_stays_away, options))
         transport.limit_silence(options.lease)
         rights = RightCheck(transport, options)
         transport.before_close(rights.close)
         return Bus(transport, rights, options)
     if options.connect is None:
-        _on_loss(transport, partial(_keep_router_alive, options))
+        _on_link(transport, False, partial(_keep_router_alive, options))
     return Bus(transport, options=options)
 
 
@@ -158,7 +156,7 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
         if read_record(other) is None:
             return False
         deadline = monotonic() + _RIGHTS_WITHIN
-        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=_LINK_TIMEOUT)):
+        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=ROUTER_ANSWER)):
             if monotonic() > deadline:
                 return False
             pause(_RIGHTS_AGAIN)
@@ -195,46 +193,47 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
         refused_until = min(refused_until, monotonic() + _OPENS_WITHIN)
         if monotonic() >= refused_until:
             raise BusError(": ".join(why_refused(options)))
-        pause(_OPEN_PERIOD)
+        pause(_LOOK_AGAIN)
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
     )
 
 
-def _on_loss(transport: ZenohTransport, watch: Callable[[Callable[[], bool]], None]) -> None:
-    """Call `watch(is_away)` on a thread of its own after each loss of the link: `is_away()` until that is back."""
+def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], bool]], object]) -> None:
+    """Call `watch(lasts)` on a thread of its own each time the link is back, or without `up` is lost: `lasts()` is True
+    until it changes."""
     changes = 0
 
-    def on_link(up: bool) -> None:
+    def on_link(is_up: bool) -> None:
         nonlocal changes
         changes += 1
-        loss = changes
+        change = changes
 
-        def is_away() -> bool:
-            return changes == loss and not transport.closed
+        def lasts() -> bool:
+            return changes == change and not transport.closed
 
-        if not up:
-            threading.Thread(target=watch, args=[is_away], name="link lost", daemon=True).start()
+        if is_up == up:
+            threading.Thread(target=watch, args=[lasts], name="link", daemon=True).start()
 
     transport.watch_link(on_link)
 
 
-def _say_why_link_stays_away(options: BusOptions, is_away: Callable[[], bool]) -> None:
+def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> None:
     """A certificate may expire, or another program take the router's port, while a process runs: Zenoh tries again for
     ever."""
     reasons = Reasons(options, _LINK_PATIENCE)
-    while is_away():
+    while lasts():
         if reasons.due() and port_accepts(options.endpoint) and (why := reasons.look()):
             log.error("no link to the router: %s", why)
-        pause(_LINK_LOOK)
+        pause(_LOOK_AGAIN)
 
 
-def _keep_router_alive(options: BusOptions, is_away: Callable[[], bool]) -> None:
+def _keep_router_alive(options: BusOptions, lasts: Callable[[], bool]) -> None:
     """Start a router on demand again when it dies; Zenoh reconnects by itself."""
     # Spread out, so that few routers compete for the port.
     pause(random.uniform(0.0, 0.2))
-    while is_away():
+    while lasts():
         # A router that is there may end before Zenoh has connected to it.
         if not port_accepts(options.endpoint):
             try:
@@ -253,34 +252,25 @@ class LinkCheck:
     """
 
     def __init__(self, transport: ZenohTransport, session: zenoh.Session, options: BusOptions) -> None:
-        self._transport = transport
-        self._session = session
-        self._options = options
-        self._changes = 0
+        self._transport, self._session, self._options = transport, session, options
         self._cuts = 0
         self._in_zenoh = threading.Lock()
-        transport.before_close(self._wait)
-        transport.watch_link(self.on_link)
 
-    def _wait(self) -> None:
+    def wait(self) -> None:
+        """The session ends: wait for the question that is being asked."""
         # The interpreter ends a thread where it comes back from a call. If that is one of Zenoh, the process aborts.
         if self._in_zenoh.acquire(timeout=_LAST_QUESTION):
             self._in_zenoh.release()
 
-    def on_link(self, up: bool) -> None:
-        """The link was lost or is back: ask on a thread of its own."""
-        self._changes += 1
-        if up:
-            threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
-
-    def _run(self, change: int) -> None:
+    def run(self, lasts: Callable[[], bool]) -> None:
+        """The link is back: ask while it `lasts()`."""
         failed = 0
         for _ in range(_LINK_QUESTIONS):
             with self._in_zenoh:
-                if self._transport.closed:
+                if not lasts():
                     return
                 links, reached = links_of(self._session), self._is_reached()
-                if self._changes != change or self._transport.closed:
+                if not lasts():
                     return
                 failed = failed + 1 if reached is False else 0
                 if failed == _LINK_FAILURES:
@@ -294,7 +284,7 @@ class LinkCheck:
         key = declarations_key(self._transport.instance)
         try:
             with open_session(client_config(self._options), "usual") as other:
-                return any(reply.ok is not None for reply in other.get(key, timeout=_LINK_TIMEOUT))
+                return any(reply.ok is not None for reply in other.get(key, timeout=ROUTER_ANSWER))
         except zenoh.ZError as error:
             log.debug("link: %s", error)
             return None

@@ -32,8 +32,6 @@ class _Window:
 
 
 class _Key:
-    """The windows of one key."""
-
     def __init__(self, now: float) -> None:
         self._last, self._passed = now, 0.0
         self._newer, self._older = _Window(), _Window()

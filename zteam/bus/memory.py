@@ -43,6 +43,7 @@ class HubReceiver(NamedTuple):
 
 
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
+Forget = Callable[[Closeable], object]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
@@ -218,25 +219,13 @@ class MemoryPublisher:
     """Publishes on one key of a hub."""
 
     def __init__(
-        self,
-        hub: MemoryHub,
-        key: str,
-        encoding: str,
-        latched: bool,
-        passed_over: str,
-        source: str,
-        forget: Callable[["MemoryPublisher"], object],
+        self, hub: MemoryHub, key: str, encoding: str, latched: bool, passed_over: str, source: str, forget: Forget
     ) -> None:
         """The session `passed_over` gets nothing. `source` is the session id that its samples carry. `forget` is called
         at its end."""
-        self._hub = hub
-        self._forget = forget
-        self._number = hub.new_id()
-        self._source = source
-        self._key = key
-        self._encoding = encoding
-        self._latched = latched
-        self._passed_over = passed_over
+        self._hub, self._number = hub, hub.new_id()
+        self._key, self._encoding, self._latched = key, encoding, latched
+        self._passed_over, self._source, self._forget = passed_over, source, forget
         self._closed = False
         self._matching: tuple[int, list[HubReceiver]] = (-1, [])
         """The hub's `version` when the subscribers were looked for, and what they take samples with."""

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 import zenoh
 
-from zteam.clock import HOST_FACTOR, factor_from
+from zteam.clock import HOST_FACTOR, PATIENCE_BOUNDS
 from zteam.config.numbers import parse_number, parse_whole
 from zteam.errors import UsageError, printable
 from zteam.names import KEYS_WITHOUT_MAPS, service_key
@@ -36,6 +36,9 @@ LEASE_BOUNDS = (0.1, 7200.0)
 """Of a lease that a user asks for."""
 GIVE_UP_BOUNDS = (0.1, 86_400.0)
 """Of the time without a router, in host seconds."""
+
+ROUTER_ANSWER = 5.0
+"""Host seconds for the router's answer; it, or a process that it asks, may be busy."""
 
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIMES = {
@@ -130,15 +133,12 @@ class BusOptions(msgspec.Struct, frozen=True):
     @classmethod
     def from_environment(cls) -> "BusOptions":
         """What the environment says; every command's options have these as their defaults. Raises UsageError."""
-
-        connect, namespace, config, patience = (
-            os.environ.get(f"ZTEAM_{name}") or None for name in ("CONNECT", "NAMESPACE", "CONFIG", "PATIENCE")
+        connect, namespace, config = (
+            os.environ.get(f"ZTEAM_{name}") or None for name in ("CONNECT", "NAMESPACE", "CONFIG")
         )
-        lease = _seconds_from("ZTEAM_LEASE", *LEASE_BOUNDS)
-        try:
-            factor_from(patience or "")
-        except ValueError:
-            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {patience!r}") from None
+        lease = _number_from("ZTEAM_LEASE", *LEASE_BOUNDS, "seconds")
+        # `clock` has made HOST_FACTOR of it.
+        _number_from("ZTEAM_PATIENCE", *PATIENCE_BOUNDS, "a factor")
         tls = TlsFiles.from_environment()
         give_up = give_up_from_environment()
         return cls(connect, namespace, config, lease=LEASE if lease is None else lease, tls=tls, give_up=give_up)
@@ -196,13 +196,13 @@ class Owner(msgspec.Struct, frozen=True):
 
 def give_up_from_environment() -> float | None:
     """What ZTEAM_GIVE_UP says. Raises UsageError."""
-    return _seconds_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS)
+    return _number_from("ZTEAM_GIVE_UP", *GIVE_UP_BOUNDS, "seconds")
 
 
-def _seconds_from(variable: str, least: float, most: float) -> float | None:
+def _number_from(variable: str, least: float, most: float, what: str) -> float | None:
     text = os.environ.get(variable)
     try:
-        return parse_number(text, least, most, "seconds") if text else None
+        return parse_number(text, least, most, what) if text else None
     except UsageError as error:
         raise UsageError(f"{variable} {error}") from None
 

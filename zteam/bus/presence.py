@@ -5,7 +5,6 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
-import logging
 import os
 import socket
 import threading
@@ -17,20 +16,16 @@ import msgspec
 from zteam import names
 from zteam.bus.bus import Bus
 from zteam.bus.queries import NoRequest
-from zteam.bus.transport import Closeable
+from zteam.bus.transport import Closeable, let_end
 from zteam.clock import HOST_FACTOR, monotonic, to_seconds, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
-
-log = logging.getLogger("zteam.bus")
 
 CLAIM_WAIT = 0.1 * HOST_FACTOR
 """Host seconds for the tokens of others to come."""
 ASK_AGAIN = 1.0
 """Host seconds between two questions to other holders of the name. One question is for all of them, and one thread
 asks, however many tokens come: any program may hold tokens."""
-_LAST_ANSWER = 0.3
-"""Host seconds that the end of a claim waits for that thread."""
 
 
 _Text = Annotated[str, msgspec.Meta(max_length=255)]
@@ -108,18 +103,14 @@ class Claim:
         self._on_rival: Callable[[ProcessInfo], None] | None = None
         self._token: Closeable | None = None
         self._released = False
-        self._server = self._serve_info()
+        self._server = bus.serve(
+            names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, self.start), at_once=True
+        )
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
         self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)
         self._claim = bus.declare_token(names.claim_key(name, self._instance))
         self._since = monotonic()
-
-    def _serve_info(self) -> Closeable:
-        key = names.info_key(self.name)
-        return self._bus.serve(
-            key, NoRequest, lambda _: own_info(self.name, self._bus.instance, self.start), at_once=True
-        )
 
     def _on_token(self, key: str, alive: bool) -> None:
         instance = key.rpartition("/")[2]
@@ -208,16 +199,8 @@ class Claim:
                     self._meeting = None
                     return
                 if self._has_lost:
-                    # When two sessions answered a query, and one of them has ended, its router forgets the other one
-                    # when next the link to that one's router is lost and back, unless that one declares its query anew.
                     self._has_lost = False
-                    self._server.close()
-                    try:
-                        self._server = self._serve_info()
-                    except BusError as error:
-                        # The session was closed meanwhile.
-                        log.debug("%s", error)
-                        return
+                    self._server.renew()
                 is_met = not self._unmet
             for rival in () if is_met else self._others():
                 with self._changed:
@@ -233,9 +216,7 @@ class Claim:
         with self._changed:
             self._released, meeting = True, self._meeting
             self._changed.notify_all()
-        if meeting is not None and meeting is not threading.current_thread():
-            # At the interpreter's end it must not wait for an answer of Zenoh (`Aside`).
-            meeting.join(_LAST_ANSWER)
+        let_end(meeting)
         for handle in (self._server, self._token, self._claim, *self._watches, *self.under_name):
             if handle:
                 handle.close()

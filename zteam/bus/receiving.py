@@ -81,15 +81,13 @@ class Counters:
         with self._lock:
             count = self._count(key)
             count.dropped += 1
-            shown = key if key in self._counts else OTHER
-            now = monotonic()
-            last = self._last[shown] = _next_drop(self._last.get(shown), now, why[:_MAX_REASON])
-            target = split_robot_key(key)
+            places, target = [key if key in self._counts else OTHER], split_robot_key(key)
             if target is not None and count.received <= count.dropped:
                 # No message of this robot was good: a sender can invent robots, so they share the warnings of a topic.
-                topic = all_robots_key(target[1])
-                last = self._last[topic] = _next_drop(self._last.get(topic), now, why[:_MAX_REASON])
-            dropped = count.dropped
+                places.append(all_robots_key(target[1]))
+            now, dropped = monotonic(), count.dropped
+            for place in places:
+                last = self._last[place] = _next_drop(self._last.get(place), now, why[:_MAX_REASON])
         if last.warned == now:
             log.warning("dropped a message on %s: %s (%d so far)", key, why, dropped)
 

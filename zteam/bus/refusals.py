@@ -3,11 +3,9 @@
 import socket
 
 from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, host_port
-from zteam.bus.router import RouterRecord, find_local_routers, read_admin
+from zteam.bus.router import ANSWER_WITHIN, RouterRecord, find_local_routers, read_admin
 from zteam.clock import monotonic
 
-_ANSWER_WITHIN = 3.0
-"""Host seconds in which a router on a crowded machine answers."""
 _ALERT = b"\x15\x03"
 """The first bytes with which TLS refuses what is no TLS."""
 _CLOSE = b"\x02\x00\x03"
@@ -34,7 +32,7 @@ def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
     """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
     peer = ""
     try:
-        with socket.create_connection(address, timeout=_ANSWER_WITHIN) as link:
+        with socket.create_connection(address, timeout=ANSWER_WITHIN) as link:
             host, port = link.getpeername()[:2]
             peer = f"tcp/{host}:{port}"
             link.sendall(bytes(32))

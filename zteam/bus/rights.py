@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import zenoh
 
-from zteam.bus.options import BusOptions, client_config, open_session
-from zteam.bus.transport import Transport
+from zteam.bus.options import ROUTER_ANSWER, BusOptions, client_config, open_session
+from zteam.bus.transport import Transport, let_end
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError
 from zteam.names import ANSWERS, checked_key, right_key
@@ -21,16 +21,12 @@ _SEEN_WITHIN = 5.0 * HOST_FACTOR
 """Host seconds for a token to reach another session."""
 _SEEN_PERIOD = 0.05
 """Host seconds between two looks for a token."""
-_LOOK_TIMEOUT = 5.0
-"""Host seconds for the router's answer."""
 _GATHERED = 0.3
 """Host seconds from a declaration to the look: a process makes most of its declarations together."""
 _MAX_USES = 4096
 """Declarations of a process that are looked at; what it declares beyond is not."""
 _AT_ONCE = 256
 """Declarations in one look."""
-_LAST_LOOK = 0.3
-"""Host seconds that the end of a session waits for a look."""
 
 
 class Use(NamedTuple):
@@ -165,10 +161,8 @@ class RightCheck:
             self._closed = True
             self._changed.notify_all()
             thread = self._thread
-        if thread is not None and thread is not threading.current_thread():
-            # At the interpreter's end a thread that comes back from a call of Zenoh would abort the process.
-            thread.join(_LAST_LOOK)
+        let_end(thread)
 
 
 def _sees(session: zenoh.Session, token: str) -> bool:
-    return any(reply.ok is not None for reply in session.liveliness().get(token, timeout=_LOOK_TIMEOUT))
+    return any(reply.ok is not None for reply in session.liveliness().get(token, timeout=ROUTER_ANSWER))

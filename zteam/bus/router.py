@@ -29,7 +29,7 @@ from zteam.bus.options import (
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
-from zteam.names import all_tokens_key, declarations_key, is_of_team, split_namespaced_token_key
+from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
 
 log = logging.getLogger("zteam.router")
 
@@ -40,7 +40,7 @@ IDLE_EXIT = 10.0
 _CLAIMS, _CLAIM_PERIOD = 25, 0.2
 """How often a team's router tries to get a port that was promised: a client of the router there may have started the
 next one, or another team has got it; and seconds that a router may take to end."""
-_ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
+ANSWER_WITHIN, _ASK_AGAIN = 3.0, 0.05
 """Seconds in which a router on demand that has just begun, or is busy, answers; and from question to question."""
 _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
@@ -231,10 +231,6 @@ class Router:
                 pause(_CONFIG_PERIOD)
         return self._open(self._config, self._options.listen)
 
-    @property
-    def _clients(self) -> set[str]:
-        return self._links.sessions
-
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
             links.take(event)
@@ -264,13 +260,13 @@ class Router:
     def _promise(self, request: ReleaseRequest) -> list[str] | None:
         """The sessions that will want another router; None if this one keeps the port."""
         with self._changed:
-            others = sorted(self._clients - {request.session, *self._heirs})
+            others = sorted(self._links.sessions - {request.session, *self._heirs})
         keeps = others and not request.returns and (request.secure or self._holds_team())
         return None if keeps or request.owner.is_another_user() else others
 
     def _holds_team(self) -> bool:
         """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
-        for reply in self._session.liveliness().get(all_tokens_key(), timeout=1.0):
+        for reply in self._session.liveliness().get(tokens_key("**"), timeout=1.0):
             token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
             if reply.ok is None or (token is not None and is_of_team(token[1])):
                 return True
@@ -280,8 +276,8 @@ class Router:
         """Why a router on demand ends now, empty if it does not; and seconds until that may change by itself."""
         if self._heirs:
             # Not before the answers have arrived.
-            return ("" if self._heirs & self._clients else "a team's router gets its port"), None
-        if self._idle_exit is None or self._clients:
+            return ("" if self._heirs & self._links.sessions else "a team's router gets its port"), None
+        if self._idle_exit is None or self._links.sessions:
             return "", None
         left = self._idle_since + self._idle_exit - monotonic()
         return (f"no client for {self._idle_exit:g} s" if left <= 0 else ""), left
@@ -311,7 +307,7 @@ class Router:
     def wait_for(self, sessions: Sequence[str]) -> None:
         """Wait until these sessions are clients, for a moment at most: one may be frozen."""
         with self._changed:
-            wait_until(self._changed, lambda: self._clients.issuperset(sessions), _COME_OVER)
+            wait_until(self._changed, lambda: self._links.sessions.issuperset(sessions), _COME_OVER)
 
     def wake(self) -> None:
         with self._changed:
@@ -408,7 +404,7 @@ def _release_port(endpoint: str, secure: bool, returns: bool) -> list[str] | Non
 
 def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] | None:
     """The sessions of the other clients of the router if it promises its port, else None."""
-    end = monotonic() + _ANSWER_WITHIN
+    end = monotonic() + ANSWER_WITHIN
     while monotonic() < end:
         record = read_record(session)
         if record is None and not session.info.routers_zid():

@@ -16,6 +16,8 @@ log = logging.getLogger("zteam.bus")
 
 MAX_PAYLOAD = 64 * 1024 * 1024
 """Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. Larger ones are not decoded."""
+_LAST_CALL = 0.3
+"""Host seconds that the end of a session waits for what a thread has begun."""
 
 
 def size_problem(payload: bytes) -> str:
@@ -56,6 +58,16 @@ def call(handler: Callable[..., object], *event: object) -> None:
     except Exception:
         # It must not end the calls that follow, nor be that of a session that has sent the event.
         log.exception("error in a callback of the bus")
+
+
+def let_end(thread: threading.Thread | None) -> None:
+    """Wait a moment for a thread that may be in a call of Zenoh.
+
+    At the interpreter's end Python ends a thread where it comes back from a call. If that is one of Zenoh, such as a
+    query, the process aborts ("FATAL: exception not rethrown").
+    """
+    if thread is not None and thread is not threading.current_thread():
+        thread.join(_LAST_CALL)
 
 
 class RawSample(msgspec.Struct, eq=False, gc=False):
@@ -145,6 +157,24 @@ class Held(Generic[C]):
         with self._lock:
             if not self._closed:
                 self._handle = self._declare()
+
+    def renew(self) -> None:
+        """Declare a query anew that another process, which has ended, answered too; nothing where it is not open.
+
+        Where that one was at another router, Zenoh's routers forget this one when next the link between them is lost.
+        """
+        with self._lock:
+            before = self._handle
+            if self._closed or before is None:
+                return
+            try:
+                # First the new one: a query that comes between is answered.
+                self._handle = self._declare()
+            except BusError as error:
+                # The session was closed meanwhile.
+                log.debug("%s", error)
+                return
+            before.close()
 
     def close(self) -> None:
         """Take it back; a second call does nothing."""

@@ -17,6 +17,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
+from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
@@ -33,6 +34,7 @@ from zteam.bus.transport import (
     call,
     check_use,
     first_line,
+    let_end,
 )
 from zteam.clock import monotonic, pause
 from zteam.errors import BusError
@@ -53,12 +55,8 @@ _BYTES = "zenoh/bytes"
 _THREAD = threading.local()
 LOOK_PERIOD = 30.0
 """Host seconds without news after which all tokens are looked at."""
-_LAST_CALLS = 0.3
-"""Host seconds that the end of a session waits for what its threads have begun."""
 _TRIES, _AGAIN = 1000, 0.001
 """To undeclare what another thread uses, and host seconds between two; what stays so long ends with the session."""
-_LOOK_TIMEOUT = 5.0
-"""Host seconds for the router's answer."""
 _LATCHED_TIMEOUT = 10.0
 """Host seconds for a latched publisher's last message, which may be a large map on a slow link."""
 _UNNUMBERED = "uhlc"
@@ -102,14 +100,9 @@ class Aside:
         return zenoh.handlers.Callback(put, indirect=False)
 
     def end(self) -> None:
-        """End the thread when all that waits has been handled, and wait for that a moment.
-
-        At the interpreter's end Python ends a thread where it comes back from a call. If that is a call of Zenoh, such
-        as a query, the process aborts ("FATAL: exception not rethrown").
-        """
+        """End the thread when all that waits has been handled, and wait for that a moment."""
         self._waiting.put(None)
-        if self._thread is not threading.current_thread():
-            self._thread.join(_LAST_CALLS)
+        let_end(self._thread)
 
     def _work(self) -> None:
         while True:
@@ -236,9 +229,7 @@ class TokenWatch(Declared):
         self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
     ) -> None:
         """The handler is called on `thread`. Raises zenoh.ZError."""
-        self._session = session
-        self._key_expr = key_expr
-        self._handler = handler
+        self._session, self._key_expr, self._handler = session, key_expr, handler
         self._alive: set[str] = set()
         self._missing: set[str] = set()
         """Those that were alive, and that the last look did not find."""
@@ -257,13 +248,13 @@ class TokenWatch(Declared):
         """Take those as gone that two answers of the router in a row did not have."""
         begin = monotonic()
         try:
-            replies = self._session.liveliness().get(self._key_expr, timeout=_LOOK_TIMEOUT)
+            replies = self._session.liveliness().get(self._key_expr, timeout=ROUTER_ANSWER)
             there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         except zenoh.ZError as error:
             log.debug("tokens: %s", error)
             return
         # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
-        if not there & self._alive or monotonic() - begin >= _LOOK_TIMEOUT:
+        if not there & self._alive or monotonic() - begin >= ROUTER_ANSWER:
             return
         missing = self._alive - there
         for key in sorted(missing & self._missing):
@@ -313,7 +304,7 @@ class ZenohTransport:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
         return Declared(self._make(action, key, declare), self._declared)
 
-    def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
+    def _make(self, action: str, key: str, declare: Callable[[], T]) -> T:
         check_use(action, key, self.closed)
         try:
             return declare()
@@ -337,9 +328,8 @@ class ZenohTransport:
         options: dict[str, Any] = {
             "encoding": zenoh.Encoding(encoding),
             "congestion_control": zenoh.CongestionControl.DROP,
+            "allowed_destination": zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
         }
-        if to_others:
-            options["allowed_destination"] = zenoh.Locality.REMOTE
 
         def declare() -> Any:
             self._keep_id(key)
@@ -450,10 +440,7 @@ class ZenohTransport:
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         session, thread = self._session, self._presence
-        watch: Closeable = self._make(
-            "watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread)
-        )
-        return watch
+        return self._make("watch", key_expr, lambda: TokenWatch(session, key_expr, handler, self._declared, thread))
 
     def _look_at_tokens(self) -> None:
         for declared in list(self._declared):

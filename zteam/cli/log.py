@@ -21,8 +21,8 @@ from zteam.cli.output import Clean, print_json, print_line
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError, printable
 from zteam.names import is_wildcard
-from zteam.node.log_client import LogLine, LogReader, level_name
-from zteam.node.logs import LEVELS
+from zteam.node.log_client import LogReader, level_name
+from zteam.node.logs import LEVELS, LogLine
 
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
 """(level, colour of its lines and of those above it): red, yellow, none, faint."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import msgspec
 
 from zteam.config.problems import KeyValueError, problems_of
-from zteam.geometry import Point2
+from zteam.geometry import Point2, signed_area
 from zteam.messages import BaseInfo
 
 _LEAST = 1e-6
@@ -17,8 +17,8 @@ MAX_EXTENT = 100.0
 """Metres: no outline reaches further from the base's origin."""
 _DIGITS = 6
 """Decimals of a metre that the float32 of a footprint holds."""
-_LEAST_AREA = 1e-6
-"""m², twice: less than a square millimetre is a mistake, not a base."""
+_LEAST_AREA = 5e-7
+"""m²: less than half a square millimetre is a mistake, not a base."""
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
@@ -131,5 +131,4 @@ def _is_outline(points: Sequence[Point2]) -> bool:
     """Whether the points are finite, near, and enclose an area."""
     if len(points) < 3 or not all(abs(part) <= MAX_EXTENT for point in points for part in point):
         return False
-    pairs = zip(points, (*points[1:], points[0]), strict=True)
-    return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) > _LEAST_AREA
+    return abs(signed_area(points)) > _LEAST_AREA

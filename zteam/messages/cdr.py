@@ -43,10 +43,12 @@ _MAX_PADDING = 3
 
 def encode(message: Message) -> bytes:
     """The message's CDR bytes, little endian. Raises EncodeError for a value that does not fit its field."""
+    parts = [_HEADER]
     try:
-        return _encoder(type(message))(message)
+        _writer(type(message))(message, parts, len(_HEADER))
     except (struct.error, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise EncodeError(f"cannot encode {type(message).__name__}: {error}") from None
+    return b"".join(parts)
 
 
 def decode(message_type: type[M], payload: bytes) -> M:
@@ -55,14 +57,18 @@ def decode(message_type: type[M], payload: bytes) -> M:
     Raises DecodeError, and nothing else, for anything that is no such message: too short, garbage behind it, a
     length that the payload does not have, a text that is not UTF-8, a number that is not finite where it must be.
     """
-    if len(payload) < len(_HEADER):
-        raise DecodeError(f"{len(payload)} bytes are too few for {message_type.__name__}")
+    size = len(payload)
+    if size < len(_HEADER):
+        raise DecodeError(f"{size} bytes are too few for {message_type.__name__}")
     if payload[0] != 0 or payload[1] > 1:
         raise DecodeError(f"not CDR: it begins with {payload[:2].hex()}")
     try:
-        return typing.cast(M, _decoder(message_type, payload[1] == 1)(payload, len(payload)))
+        message, end = _reader(message_type, "<" if payload[1] else ">")(payload, len(_HEADER), size)
     except (struct.error, UnicodeDecodeError, ValueError, OverflowError) as error:
         raise DecodeError(f"not a {message_type.__name__}: {error}") from None
+    if size - end > _MAX_PADDING:
+        raise DecodeError(f"{size - end} bytes of garbage behind it")
+    return message  # type: ignore[no-any-return]
 
 
 def wire_form(hint: Any, place: str) -> tuple[str, str]:
@@ -177,7 +183,7 @@ def _write(source: _Source, fields: list[_Field]) -> None:
         else:
             run.append(("I", f"len({place})"))
             flush()
-            writer = source.name("W", _element_writer(detail))
+            writer = source.name("W", _writer(detail))
             source.add(f"for e in {place}: p = {writer}(e, parts, p)")
     flush()
 
@@ -190,20 +196,12 @@ def _truth(value: Any) -> bool:
 
 
 @cache
-def _element_writer(kind: Any) -> Callable[..., Any]:
+def _writer(kind: Any) -> Callable[..., Any]:
+    """Appends the bytes of a message, or of a text, to `parts` from position `p` on, and returns that after it."""
     source = _Source()
     _write(source, [("str", "m", None)] if kind is str else _fields_of(kind, "m"))
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
-
-
-@cache
-def _encoder(message_type: type[Message]) -> Callable[[Message], bytes]:
-    source = _Source()
-    source.add(f"parts = [{_HEADER!r}]; p = {len(_HEADER)}")
-    _write(source, _fields_of(message_type, "m"))
-    source.add("return b''.join(parts)")
-    return source.compile("def f(m):", f"encode {message_type.__name__}")
 
 
 def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
@@ -282,7 +280,7 @@ def _read_numbers(source: _Source, value: str, dtype: str, count: int | None, or
 
 
 def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
-    reader = source.name("R", _element_reader(kind, order))
+    reader = source.name("R", _reader(kind, order))
     if kind is str or kind.__struct_fields__:
         # Each element takes a byte at least.
         source.add("if n > end - p: raise DecodeError('a length of %d, too many' % n)")
@@ -301,29 +299,21 @@ def _build_expression(message_type: type[Message], expression: str, values: dict
 
 
 @cache
-def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
+def _reader(kind: Any, order: str) -> Callable[..., Any]:
+    """Reads a message, or a text, from `buf` at `p`, up to `end` at most; returns it and the position after it."""
     source = _Source()
     if kind is str:
         result = _read(source, [("str", "m", None)], order)["m"]
     else:
-        result = _build_expression(kind, "m", _read(source, _fields_of(kind, "m"), order), source)
+        fields = _fields_of(kind, "m")
+        first = len(fields) - len(kind.appended)
+        values = _read(source, fields[:first], order)
+        defaults = kind.__struct_defaults__[-len(kind.appended) or len(fields) :]
+        for name, field, default in zip(kind.appended, fields[first:], defaults, strict=True):
+            values[field[1]] = _read_appended(source, name, field, default, order)
+        result = _build_expression(kind, "m", values, source)
     source.add(f"return {result}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
-
-
-@cache
-def _decoder(message_type: type[Message], little: bool) -> Callable[[bytes, int], Message]:
-    source, order = _Source(), "<" if little else ">"
-    source.add(f"p = {len(_HEADER)}")
-    fields = _fields_of(message_type, "m")
-    first = len(fields) - len(message_type.appended)
-    values = _read(source, fields[:first], order)
-    defaults = message_type.__struct_defaults__[-len(message_type.appended) or len(fields) :]
-    for name, field, default in zip(message_type.appended, fields[first:], defaults, strict=True):
-        values[field[1]] = _read_appended(source, name, field, default, order)
-    source.add(f"if end - p > {_MAX_PADDING}: raise DecodeError('%d bytes of garbage behind it' % (end - p))")
-    source.add(f"return {_build_expression(message_type, 'm', values, source)}")
-    return source.compile("def f(buf, end):", f"decode {message_type.__name__}")
 
 
 def adopt(message: M) -> M:

@@ -47,7 +47,6 @@ def to_plain(value: Any) -> Any:
 
 @cache
 def _float32_fields(kind: type[Message]) -> frozenset[str]:
-    """The fields of a type that hold one float32."""
     hints = get_type_hints(kind, include_extras=True)
     return frozenset(name for name, hint in hints.items() if get_args(hint)[1:] == ("float32",))
 

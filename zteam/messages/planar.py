@@ -1,7 +1,11 @@
-"""Poses of messages in the plane, and back."""
+"""Poses of messages in the plane, and back; and velocities that a step returns."""
 
+from numbers import Real
+from typing import Any
+
+from zteam.errors import BehaviorError
 from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
-from zteam.messages.geometry_msgs import Point, Pose, Quaternion
+from zteam.messages.geometry_msgs import Point, Pose, Quaternion, Twist, Vector3
 
 
 def pose2_of(pose: Pose) -> Pose2:
@@ -13,3 +17,16 @@ def pose2_of(pose: Pose) -> Pose2:
 def pose_message(pose: Pose2) -> Pose:
     """A pose in the plane (m, rad) as a message."""
     return Pose(Point(pose.x, pose.y), Quaternion(*quaternion_from_yaw(pose.yaw)))
+
+
+def checked_command(command: Any, what: str) -> Twist:
+    """`command`, returned by `what`. Raises BehaviorError if it is no velocity."""
+    if isinstance(command, Twist):
+        if isinstance(command.linear, Vector3) and isinstance(command.angular, Vector3):
+            for speed in (command.linear.x, command.angular.z):
+                if not isinstance(speed, (float, Real)):
+                    raise BehaviorError(f"{what} returned the speed {speed!r}; give numbers, m/s and rad/s")
+            return command
+        raise BehaviorError(f"{what} returned {command!r}; return a Twist(Vector3(forward), Vector3(z=turn))")
+    shown = "None" if command is None else f"a {type(command).__name__}"
+    raise BehaviorError(f"{what} returned {shown}; return a Twist")

@@ -91,9 +91,9 @@ def is_latched(key: str) -> bool:
 
 def type_of_key(key: str) -> type[messages.Message] | None:
     """The type of the messages of a key (docs/keys.md), or None for a key that zteam does not use."""
-    if names.split_done_key(key) is not None:
+    if names.process_of(key, names.DONE) is not None:
         return messages.Done
-    if names.split_log_key(key) is not None:
+    if names.process_of(key, names.LOG) is not None:
         return messages.Log
     target = names.split_robot_key(key)
     if target is None:

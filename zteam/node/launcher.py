@@ -1,4 +1,4 @@
-"""A process and the launcher that has started it, and what `zteam up` answers on the bus.
+"""A process and the launcher that has started it, and what that has started again.
 
 Their link is one inherited descriptor, a socket. The process writes reports to it, one line of JSON each. Its reads end
 when the launcher is gone.
@@ -8,12 +8,10 @@ import contextlib
 import os
 import stat
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 
-from zteam import names
-from zteam.bus import Bus, Change
 from zteam.config.numbers import counted
 
 LINK = "ZTEAM_LAUNCHER_LINK"
@@ -61,23 +59,6 @@ def report(**fields: Any) -> None:
         # It may be gone.
         with contextlib.suppress(OSError):
             os.write(link, msgspec.json.encode(Report(**fields)) + b"\n")
-
-
-START_LIMIT = 10.0
-"""Host seconds for the launcher's answer; it makes a certificate first where the team has them."""
-
-
-class StartRequest(Change):
-    """`up/start`: start the process of a robot, with a behaviour that zteam knows and that needs no parameters."""
-
-    robot: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-    behavior: str
-
-
-def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
-    """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
-    key = names.service_key(names.LAUNCHER, names.START)
-    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
 
 
 class Restarted(msgspec.Struct, frozen=True):

@@ -3,7 +3,6 @@
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
-from enum import Enum, auto
 
 import msgspec
 
@@ -33,8 +32,8 @@ class Ticks:
         """It hears ticks from `listen` on. It calls `on_end()`, as `take`, when the last token is gone for good."""
         self._node = node
         self._take, self._on_end = take, on_end
-        self._simulators: set[str] = set()
-        """The sessions that hold the token."""
+        self.simulators: set[str] = set()
+        """The sessions that hold the token: the simulators in lock-step."""
         self._early: tuple[str, Tick] | None = None
         """The newest tick of a session without the token, which may be on its way, and that session."""
         self._input: Closeable | None = None
@@ -51,32 +50,23 @@ class Ticks:
             self._input.close()
             self._input = None
 
-    def count_of(self, session: str) -> bool:
-        """Whether this session is a simulator in lock-step."""
-        return session in self._simulators
-
-    @property
-    def expected(self) -> bool:
-        """Whether a simulator in lock-step is there."""
-        return bool(self._simulators)
-
     def _on_token(self, key: str, alive: bool) -> None:
         session = key.rpartition("/")[2]
         if not alive:
-            self._simulators.discard(session)
-            if not self._simulators:
+            self.simulators.discard(session)
+            if not self.simulators:
                 # The next simulator may not work in lock-step.
                 self._node.take_time_from_clock()
                 self.listen()
                 self._on_end()
             return
-        self._simulators.add(session)
+        self.simulators.add(session)
         if self._early is not None and self._early[0] == session:
             (_, tick), self._early = self._early, None
             self._take(tick)
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
-        if source in self._simulators:
+        if source in self.simulators:
             self._take(tick)
             return
         if self._early is not None:
@@ -100,29 +90,6 @@ class Lacking(msgspec.Struct):
     keys: list[str]
 
 
-class TickState(Enum):
-    """What a participant has made of the newest tick.
-
-    A new tick is UNLISTED or OPEN. OPEN becomes WAITING or ACTING, WAITING becomes ACTING, and ACTING becomes ANSWERED.
-    All become NONE with the end of the simulator.
-    """
-
-    NONE = auto()
-    """There is no simulator in lock-step."""
-    UNLISTED = auto()
-    """It does not list the participant, which has asked to be let in."""
-    OPEN = auto()
-    """It has just come."""
-    WAITING = auto()
-    """Its inputs had not all come with it."""
-    ACTING = auto()
-    """The step is under way."""
-    ANSWERED = auto()
-
-
-_UNANSWERED = TickState.OPEN, TickState.WAITING
-
-
 class Participant:
     """A process's part in the ticks: `begin` returns the open one once its inputs are there, and `answer` ends it.
     Without a simulator in lock-step it does nothing. The protocol in words: docs/time.md.
@@ -139,7 +106,11 @@ class Participant:
     """The participants at the time of `team`."""
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
-    _state = TickState.NONE
+    is_open = False
+    """Whether it waits for this process's step."""
+    is_answered = False
+    """Whether it was answered. Neither holds while the step is under way, and where the simulator does not list the
+    participant, which has asked to be let in."""
     _heard = _begun = 0.0
     """When it came and when its step began, in host time."""
     stamp = 0
@@ -147,21 +118,15 @@ class Participant:
     gives_away = False
     """Whether the commands may be handed over: they have plain finite numbers and do not change."""
 
-    def __init__(
-        self,
-        node: ProcessNode,
-        ready: Callable[[Tick], bool],
-        repeat: Callable[[], None] = lambda: None,
-        lacks: Callable[[Tick], list[str]] = lambda tick: [],
-    ) -> None:
-        """`ready(tick)`: whether the inputs of that tick are there. `repeat()`: send what was sent for the last tick
-        once more, because a subscriber may lack it. `lacks(tick)`: the keys whose message of that tick has not come;
-        asked without the lock, for the log.
+    def __init__(self, node: ProcessNode, ready: Callable[[Tick], bool], lacks: Callable[[Tick], list[str]]) -> None:
+        """`ready(tick)`: whether the inputs of that tick are there. `lacks(tick)`: the keys whose message of that tick
+        has not come; asked without the lock, for the log.
         """
         self._node = node
         self._ready = ready
-        self.repeat = repeat
         self._lacks = lacks
+        self.repeat: Callable[[], None] = lambda: None
+        """Sends what was sent for the last tick once more, because a subscriber may lack it."""
         self._answer = Done()
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
@@ -169,44 +134,26 @@ class Participant:
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         # In this order: that a simulator is in lock-step is known before it is known that there is one.
-        self._ticks = Ticks(node, self._on_tick, self._forget)
+        self.ticks = Ticks(node, self._on_tick, self._forget)
         node.follow_clock()
-        self._ticks.listen()
+        self.ticks.listen()
 
     @property
     def expected(self) -> bool:
         """Whether this is lock-step, or is going to be: then nothing may be done at other times than those of ticks."""
-        return self.active or self._ticks.expected
+        return self.active or bool(self.ticks.simulators)
 
     @property
     def active(self) -> bool:
         """Whether this is lock-step."""
-        return self._state is not TickState.NONE
-
-    @property
-    def is_open(self) -> bool:
-        """Whether a tick waits for this process's step."""
-        return self._state in _UNANSWERED
-
-    @property
-    def is_answered(self) -> bool:
-        """Whether the newest tick was answered."""
-        return self._state is TickState.ANSWERED
-
-    def is_simulator(self, session: str) -> bool:
-        """Whether this session's ticks count."""
-        return self._ticks.count_of(session)
+        return self.tick is not None
 
     def begin(self) -> Tick | None:
         """The open tick, if its last input has come; the caller answers it."""
         tick = self.tick
-        if tick is None or not self.is_open:
+        if tick is None or not self.is_open or not self._ready(tick):
             return None
-        if not self._ready(tick):
-            self._state = TickState.WAITING
-            return None
-        self._begun = self._heard if self._state is TickState.OPEN else monotonic()
-        self._state = TickState.ACTING
+        self.is_open, self._begun = False, monotonic()
         return tick
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
@@ -217,7 +164,7 @@ class Participant:
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
             (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
-        self._state = TickState.ANSWERED
+        self.is_answered = True
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
 
@@ -239,12 +186,12 @@ class Participant:
         self.stamp = ns_from_time(tick.stamp)
         self.robots = frozenset(tick.robots.tolist())
         self._node.set_time(self.stamp)
+        was_open, self.is_open, self.is_answered = self.is_open, False, False
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self._state = TickState.UNLISTED
             self._done.put(Done(tick.epoch, tick.tick))
             return
-        seen = before if before is not None and self.is_open else self._answer
+        seen = before if before is not None and was_open else self._answer
         is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
         if tick.participants != self._listed:
             # What leaves during a tick may be back in the next one, as another process.
@@ -252,14 +199,14 @@ class Participant:
             if is_new:
                 ids = map(names.robot_id_of, tick.participants)
                 self.team = tuple(sorted(i for i in ids if i is not None))
-        if not is_new and not self.is_open:
-            self._state = TickState.ANSWERED
+        if is_new or was_open:
+            self.is_open, self._heard = True, monotonic()
+        else:
+            self.is_answered = True
             self.repeat()
             self._done.put(self._answer)
-        else:
-            self._state, self._heard = TickState.OPEN, monotonic()
 
     def _forget(self) -> None:
         self.tick = None
-        self._state = TickState.NONE
+        self.is_open = self.is_answered = False
         self._answer = Done()

@@ -3,58 +3,36 @@
 import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
 from zteam import names
+from zteam.bus import Bus, NoRequest
 from zteam.clock import monotonic
+from zteam.messages import Log, ns_from_time, time_from_ns
+from zteam.node.logs import KEEPER, KEPT, LogLine
 
-KEPT = 200
-"""Lines that a process keeps for the query of its log."""
+HOLD = 0.2
+"""Host seconds for which a new line waits for older ones of other processes."""
 _MOST_ASKED = 16
 """Processes that have joined and are asked one by one: any program may hold tokens, of any names."""
 _REMEMBERED = 10 * KEPT
 """Lines of a process that are known again; a history repeats the newest KEPT of those that came before."""
 _PROCESSES = 1000
 """Processes whose lines are known again."""
-LONGEST = 16_384
-"""Characters of a line that are read: a sender of another kind may cut none."""
-
-
-class LogLine(msgspec.Struct, frozen=True):
-    """One line of a process's log. `<name>/log` answers with a list of these; a process logs no two equal ones."""
-
-    time_ns: Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
-    """The clock of the process's host, since the Unix epoch."""
-    process: str
-    level: Annotated[int, msgspec.Meta(ge=0, le=255)]
-    """As in Python and in ROS 2 (zteam.messages.LogLevel)."""
-    text: str
-    file: str = ""
-    function: str = ""
-    line: int = 0
-
-    def cut(self) -> "LogLine":
-        """The same with no text beyond LONGEST characters."""
-        if max(map(len, (self.text, self.file, self.function))) <= LONGEST:
-            return self
-        text = self.text if len(self.text) <= LONGEST else f"{self.text[:LONGEST]}… (the line is longer)"
-        return msgspec.structs.replace(self, text=text, file=self.file[:LONGEST], function=self.function[:LONGEST])
 
 
 def kept_lines(answers: Iterable[tuple[str, Sequence[LogLine]]]) -> Iterator[LogLine]:
     """The lines in the answers to queries of logs. A line is of the process whose key it came on, whatever it says."""
     for key, lines in answers:
-        process = names.split_log_key(key)
+        process = names.process_of(key, names.LOG)
         if process is not None:
             yield from (msgspec.structs.replace(line, process=process) for line in lines)
 
 
 def level_name(level: int) -> str:
     """`info` for 20; a level between two has the name of the lower one."""
-    known = (logging.CRITICAL, logging.ERROR, logging.WARNING, logging.INFO)
-    return logging.getLevelName(next((bound for bound in known if level >= bound), logging.DEBUG)).lower()
+    return logging.getLevelName(max(logging.DEBUG, min(level // 10 * 10, logging.CRITICAL))).lower()
 
 
 class LogOrder:
@@ -101,21 +79,50 @@ class LogOrder:
         return sorted(ready, key=lambda line: line.time_ns)
 
 
-if TYPE_CHECKING:
-    # Every process logs: the router imports neither messages nor numpy, and starts twice as fast without them.
-    from zteam.bus import Bus
-    from zteam.messages import Log
+class LogPublisher:
+    """The log of this process on the bus: `<name>/log` carries new lines, and the query of that key the newest ones."""
 
-log = logging.getLogger("zteam")
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._name = name
+        self._publisher = bus.publisher(names.log_key(name), Log)
+        self._first_sent: int | None = None
+        """Stamp of the first line that was sent, ns."""
+        self._caught_up = False
+        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
+        self._forget = KEEPER.pass_to(self._send)
 
-HOLD = 0.2
-"""Host seconds for which a new line waits for older ones of other processes."""
+    def close(self) -> None:
+        """Publish and answer nothing more; also after the end of the session."""
+        self._forget()
+        self._server.close()
+        self._publisher.close()
+
+    def catch_up(self) -> None:
+        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
+
+        A process that ends soon after its start may be gone before a reader asks it.
+        """
+        if self._caught_up:
+            return
+        self._caught_up = True
+        first = self._first_sent
+        for line in KEEPER.kept(self._name):
+            if first is None or line.time_ns < first:
+                self._send(line)
+
+    def _send(self, line: LogLine) -> None:
+        if line.process in ("", self._name) and self._publisher.has_subscribers:
+            self._first_sent = self._first_sent or line.time_ns
+            self._publisher.put(message_of(self._name, line))
 
 
-def line_of(process: str, message: "Log") -> LogLine:
+def message_of(process: str, line: LogLine) -> Log:
+    """The message of a line; its stamp is the host's time."""
+    return Log(time_from_ns(line.time_ns), line.level, process, line.text, line.file, line.function, line.line)
+
+
+def line_of(process: str, message: Log) -> LogLine:
     """The line in a message of the process's log."""
-    from zteam.messages import ns_from_time
-
     stamp = ns_from_time(message.stamp)
     return LogLine(stamp, process, message.level, message.msg, message.file, message.function, message.line)
 
@@ -126,7 +133,7 @@ class LogReader:
     `on_news()` is called from a thread of the bus when lines or processes came.
     """
 
-    def __init__(self, bus: "Bus", patterns: Sequence[str], on_news: Callable[[], None], level: int = 0) -> None:
+    def __init__(self, bus: Bus, patterns: Sequence[str], on_news: Callable[[], None], level: int = 0) -> None:
         """Lines below `level` are skipped."""
         self._bus = bus
         self._patterns = patterns
@@ -138,8 +145,6 @@ class LogReader:
 
     def follow(self) -> None:
         """From here on take new lines, and notice processes that join."""
-        from zteam.messages import Log
-
         for pattern in self._patterns:
             self._bus.subscribe(names.log_key(pattern), Log, self._on_line)
             self._bus.watch_tokens([names.tokens_key(pattern)], self._on_token)
@@ -159,7 +164,7 @@ class LogReader:
     def _fetch(self, pattern: str) -> set[str]:
         answers = self._bus.find(names.log_key(pattern), list[LogLine])
         self._take([*kept_lines(answers)])
-        return {name for key, _ in answers if (name := names.split_log_key(key))}
+        return {name for key, _ in answers if (name := names.process_of(key, names.LOG))}
 
     def pending(self) -> bool:
         """Whether lines wait, or processes joined."""
@@ -180,8 +185,8 @@ class LogReader:
         with self._lock:
             self._order.take([line for line in lines if line.level >= self._level], monotonic())
 
-    def _on_line(self, key: str, message: "Log") -> None:
-        process = names.split_log_key(key)
+    def _on_line(self, key: str, message: Log) -> None:
+        process = names.process_of(key, names.LOG)
         if process is not None:
             self._take([line_of(process, message)])
             self._on_news()

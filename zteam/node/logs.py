@@ -7,18 +7,43 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
 from zteam.clock import local_time_text, wall_ns
 from zteam.errors import printable, printable_json
-from zteam.node.log_client import KEPT, LogLine
 from zteam.node.working import WORK
 
 LEVELS = ("debug", "info", "warning", "error")
+KEPT = 200
+"""Lines that a process keeps for the query of its log."""
 MAX_TEXT = 8192
 """Characters of a line's text that are kept."""
+LONGEST = 16_384
+"""Characters of a line that are read: a sender of another kind may cut none."""
+
+
+class LogLine(msgspec.Struct, frozen=True):
+    """One line of a process's log. `<name>/log` answers with a list of these; a process logs no two equal ones."""
+
+    time_ns: Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+    """The clock of the process's host, since the Unix epoch."""
+    process: str
+    level: Annotated[int, msgspec.Meta(ge=0, le=255)]
+    """As in Python and in ROS 2 (zteam.messages.LogLevel)."""
+    text: str
+    file: str = ""
+    function: str = ""
+    line: int = 0
+
+    def cut(self) -> "LogLine":
+        """The same with no text beyond LONGEST characters."""
+        if max(map(len, (self.text, self.file, self.function))) <= LONGEST:
+            return self
+        text = self.text if len(self.text) <= LONGEST else f"{self.text[:LONGEST]}… (the line is longer)"
+        return msgspec.structs.replace(self, text=text, file=self.file[:LONGEST], function=self.function[:LONGEST])
+
 
 Sink = Callable[[LogLine], None]
 

@@ -13,8 +13,8 @@ from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
+from zteam.messages.planar import checked_command
 from zteam.messages.topics import has_one_writer, type_of_key
-from zteam.messages.velocity import checked_command
 from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
@@ -152,7 +152,9 @@ class Node(ProcessNode):
         if self.robot_id is not None:
             self._cmd_vel = bus.publisher(names.robot_key(self.robot_id, names.CMD_VEL), Twist)
             self.switch = StopSwitch(bus, self.robot_id, self._on_switch)
-            self.on_present(self._learn_stop)
+            self.on_present(self.switch.learn)
+            # What it has learned may make a step due.
+            self.on_present(lambda: self.on_input())
         self.team = TeamStatus()
         """The monitor's newest word, from `follow_go` on."""
         self.rivals = RivalWatch(bus)
@@ -164,14 +166,13 @@ class Node(ProcessNode):
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self.was_run = False
         """Whether `run` was called."""
-        self.part = Participant(self, self._has_inputs, lacks=self._inputs.lacking)
+        self.part = Participant(self, self._has_inputs, self._inputs.lacking)
         """Its part in lock-step."""
         self.on_time_reset(self._forget)
 
     def _forget(self) -> None:
-        """Time has begun anew."""
         self._inputs.forget()
-        self._messages.forget()
+        self._messages = TickMessages()
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last
@@ -209,7 +210,7 @@ class Node(ProcessNode):
         """
         if every_tick:
             self._inputs.declare(key_expr, message_type)
-        number, call = next(self._numbers), self._failing(callback)
+        number, call, simulators = next(self._numbers), self._failing(callback), self.part.ticks.simulators
 
         def handle(key: str, message: Message, _stamp: int = 0) -> None:
             # A latched message may be the aggregator's, which is there before the simulator.
@@ -221,7 +222,7 @@ class Node(ProcessNode):
             due = stamp_of_tick(message) if every_tick else None
             if latched:
                 handle(key, message)
-            elif not self._take(HeldMessage(number, key, message, source, self.part.is_simulator(source), due, handle)):
+            elif not self._take(HeldMessage(number, key, message, source, source in simulators, due, handle)):
                 return
             if due is not None:
                 self._inputs.take(key, due)
@@ -365,11 +366,6 @@ class Node(ProcessNode):
         """Whether it is known if the robot of this process is stopped."""
         return self.switch is None or self.switch.is_known
 
-    def _learn_stop(self) -> None:
-        assert self.switch is not None
-        self.switch.learn()
-        self.on_input()
-
     def _on_switch(self) -> None:
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
         of one; in lock-step it counts from the next tick on.
@@ -434,9 +430,8 @@ class Node(ProcessNode):
         elif self.part.is_answered and not self.readiness.released:
             self.look()
 
-    def _step(self) -> bool:
-        """Take the step that is due, if one is."""
-        return self.take_step(self._begin, self._act, self._end)
+    def _step(self) -> None:
+        self.take_step(self._begin, self._act, self._end)
 
     def _begin(self) -> Due | None:
         part = self.part

@@ -17,11 +17,11 @@ from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import FREEZES, AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, Message, ns_from_time
-from zteam.node.certain_tokens import CertainTokens
 from zteam.node.faults import log_fault, offer_stacks
-from zteam.node.log_publisher import LogPublisher
+from zteam.node.log_client import LogPublisher
 from zteam.node.logs import KEEPER
 from zteam.node.shutdown import Stop, exit_hard_later
+from zteam.node.tokens import CertainTokens
 from zteam.node.working import watch_process
 
 log = logging.getLogger("zteam")
@@ -106,15 +106,17 @@ class ProcessNode:
         """The inputs that have come meanwhile."""
         self.on_input: Callable[[], object] = lambda: None
         """Called without `changed` after each input, which may make a step due."""
-        self._on_present: list[Callable[[], None]] = []
+        self._on_present: list[Callable[[], object]] = []
         self._on_stop: list[Callable[[], None]] = []
         self.link_up = True
         """Whether this process has a link to the router."""
         self.was_dropped = False
         """Whether the last loss of the link followed from a freeze of this process."""
-        self._simulators: set[str] = set()
+        self.simulators: set[str] = set()
+        """The tokens of simulators that are there, for a process that follows the clock."""
         self._clock_input: Closeable | None = None
-        self._follows_clock = False
+        self.ticks_tell_time = False
+        """Whether this is lock-step, and time comes with the ticks."""
         self.claim = Claim(bus, name)
         self.claim.under_name.append(bus.serve_stats(name))
         self._give_up: threading.Timer | None = None  # noqa: TID251
@@ -153,7 +155,7 @@ class ProcessNode:
         self.present = True
         self.bus.holding.release()
 
-    def on_present(self, hook: Callable[[], None]) -> None:
+    def on_present(self, hook: Callable[[], object]) -> None:
         """Run `hook()` once the process holds its name."""
         self._on_present.append(hook)
 
@@ -256,18 +258,17 @@ class ProcessNode:
 
     def take_step(
         self, begin: Callable[[], S | None], act: Callable[[S], R], end: Callable[[S, R], None] = lambda *_: None
-    ) -> bool:
-        """Take a step if one is due; return whether one was.
+    ) -> None:
+        """Take a step if one is due.
 
         `begin()` returns what the step goes by, or None if none is due; `end(given, result)` takes what `act(given)`
         returned. Both run under `changed`. `act`, which may be a user's code, runs without it: no thread of the bus
         waits for it, and no handler runs at the same time. Inputs that come during the step are taken after it, in
         order. An error of the step ends the process.
         """
-        given = None
         with self.lock:
             if self._busy or not self.speaks:
-                return False
+                return
             self._busy = True
         try:
             with self.lock:
@@ -288,7 +289,6 @@ class ProcessNode:
             self.changed.look()
         if had_input:
             self.on_input()
-        return given is not None
 
     @contextmanager
     def between_steps(self) -> Iterator[None]:
@@ -340,26 +340,21 @@ class ProcessNode:
         return now < self._ended and stamp > now + self._half_jump
 
     def follow_clock(self) -> None:
-        """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
-        if not self._follows_clock:
-            self._follows_clock = True
-            self.take_time_from_clock()
-            self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
+        """Take simulated time from the bus as soon as there is a simulator."""
+        self.take_time_from_clock()
+        self.watch_certain_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
         """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
         self.clock.use_simulated()
+        self.ticks_tell_time = True
         if self._clock_input is not None:
             self._clock_input.close()
             self._clock_input = None
 
-    @property
-    def ticks_tell_time(self) -> bool:
-        """Whether this is lock-step, and time comes with the ticks."""
-        return self._follows_clock and self._clock_input is None
-
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
+        self.ticks_tell_time = False
         if self._clock_input is None:
             self._clock_input = self.bus.subscribe(names.CLOCK, Clock, self._handler(self._on_clock))
 
@@ -369,11 +364,6 @@ class ProcessNode:
             self.clock.sim.set(stamp)
         except BaseException as error:
             self.fail(error)
-
-    @property
-    def has_simulator(self) -> bool:
-        """Whether the process of a simulator is there (out of a process that follows the clock: False)."""
-        return bool(self._simulators)
 
     def wait_for_moment(self, pace: Rate) -> bool:
         """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
@@ -400,7 +390,7 @@ class ProcessNode:
         self.set_time(ns_from_time(message.clock))
 
     def _on_simulator(self, key: str, alive: bool) -> None:
-        (self._simulators.add if alive else self._simulators.discard)(key)
+        (self.simulators.add if alive else self.simulators.discard)(key)
         if alive:
             self.clock.use_simulated()
 
@@ -412,8 +402,8 @@ def run_node(
     name: str,
     options: BusOptions,
     body: Callable[[N], None],
-    clock: ClockMode = "auto",
-    make: Callable[[str, Bus, Stop, ClockMode], N] = ProcessNode,  # type: ignore[assignment]
+    clock: ClockMode,
+    make: Callable[[str, Bus, Stop, ClockMode], N],
 ) -> int:
     """Run `body(node)` as a command: signals, orderly stop, hard exit, and the interpreter set up for one node.
 

@@ -152,25 +152,21 @@ class StatusReport:
 
         `stop`: whether the robot is stopped. Without `safety` each status says that there is no safety layer.
         """
-        self._stop = stop
+        self._node, self._id, self._stop = node, robot_id, stop
+        self.behavior, self.readiness = behavior, readiness
         self._warning = "" if safety else NO_SAFETY
         self.note = ""
         """What else is wrong, for its text."""
-        self._node = node
-        self._id = robot_id
-        self.behavior = behavior
-        self.readiness = readiness
         self.tells_of: StatusSource = OwnStep()
         """Whose place in a line, goal and rest it tells."""
-        self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None
         """The newest command; None while nothing commands the wheels."""
-        self._driver = RobotDriver.BEHAVIOR
-        """What gave it."""
+        self.driver = RobotDriver.NONE
+        """What gave it, of RobotDriver."""
+        self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self._told = self._state()
         self._reasons = ReasonLog()
         self._last: RobotStatus | None = None
-        """The newest one that was made."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         self._may_tell = Every(_MONITORS)
         node.on_time_reset(self._forget)
@@ -183,7 +179,7 @@ class StatusReport:
 
     def take(self, driver: str, command: Twist) -> None:
         """The newest command, which `driver` (of RobotDriver) gave."""
-        self._driver, self.command = driver, command
+        self.driver, self.command = driver, command
 
     def _state(self) -> tuple[int, str, tuple[object, ...]]:
         behavior, told = self.tells_of, self.tells_of.navigation
@@ -192,11 +188,6 @@ class StatusReport:
         others = reason.waits_for, reason.blocked_by
         stands = self.driver, self._stop.is_stopped, behavior.follows, behavior.turns, goal, others
         return self.readiness.state, self.readiness.reason, stands
-
-    @property
-    def driver(self) -> str:
-        """What commands the wheels, of RobotDriver."""
-        return RobotDriver.NONE if self.command is None else self._driver
 
     def tell(self, *, logged: bool = True) -> None:
         """Publish the state if it is another one than before; also log the reason, unless the caller has."""
@@ -231,7 +222,7 @@ class StatusReport:
     def stop(self) -> None:
         """Say that the process ends."""
         self.readiness.stop()
-        self.command = None
+        self.driver, self.command = RobotDriver.NONE, None
         self.publish()
 
     def _forget(self) -> None:
@@ -287,5 +278,5 @@ class StatusReport:
             return ""
         if reason or command.angular.z:
             return reason
-        rest = self.tells_of.why_it_rests() if self._driver == RobotDriver.BEHAVIOR else ""
-        return rest or f"{_WHO.get(self._driver, self._driver)} commands zero velocity"
+        rest = self.tells_of.why_it_rests() if self.driver == RobotDriver.BEHAVIOR else ""
+        return rest or f"{_WHO.get(self.driver, self.driver)} commands zero velocity"

@@ -14,9 +14,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change, NoRequest
-from zteam.bus.transport import Closeable
 from zteam.clock import HOST_FACTOR, monotonic
-from zteam.errors import BusError
 
 log = logging.getLogger("zteam")
 
@@ -56,53 +54,30 @@ class StopService:
     ) -> None:
         """`by` is the process's name; `is_stopped()` is None while that is not known; `change(stopped)` is called on a
         thread of the bus."""
-        self._bus, self._robot_id, self._by = bus, robot_id, by
-        self._is_stopped, self._change = is_stopped, change
-        self._lock = threading.Lock()
-        self._open: tuple[Closeable, ...] | None = self._serve()
-        """None once it is closed."""
-
-    def _serve(self) -> tuple[Closeable, ...]:
-        serve, key, by = self._bus.serve, partial(names.robot_key, self._robot_id), self._by
+        key = partial(names.robot_key, robot_id)
 
         def tell(_request: NoRequest) -> StopReply:
-            stopped = self._is_stopped()
+            stopped = is_stopped()
             return StopReply(by, bool(stopped), stopped is not None)
 
         def take(stopped: bool, _request: Change) -> StopReply:
-            self._change(stopped)
+            change(stopped)
             return StopReply(by, stopped)
 
-        return (
-            serve(key(names.STOP), NoRequest, tell),
-            serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
-            serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
+        self._served = (
+            bus.serve(key(names.STOP), NoRequest, tell),
+            bus.serve(key(names.ENGAGE), EngageRequest, partial(take, True)),
+            bus.serve(key(names.RELEASE), ReleaseRequest, partial(take, False)),
         )
 
     def renew(self) -> None:
-        """Another process that answered too has ended: declare the queries anew.
-
-        Where that one was at another router, Zenoh's routers forget this one when next the link between them is lost.
-        """
-        with self._lock:
-            if self._open is None:
-                return
-            before = self._open
-            try:
-                # First the new ones: a query that comes between is answered.
-                self._open = self._serve()
-            except BusError as error:
-                # The session was closed meanwhile.
-                log.debug("%s", error)
-                return
-            for each in before:
-                each.close()
+        """Another process that answered too has ended: declare the queries anew."""
+        for each in self._served:
+            each.renew()
 
     def close(self) -> None:
         """Answer no more."""
-        with self._lock:
-            served, self._open = self._open or (), None
-        for each in served:
+        for each in self._served:
             each.close()
 
 

@@ -9,6 +9,7 @@ next tick: what it publishes then could come before that tick or after it.
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import count, groupby
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -73,6 +74,7 @@ class HeldMessage(NamedTuple):
 _Place = tuple[int, str, int, str, int]
 """Of what another process than the simulator has sent: the stamp (ns) of the tick in which it was sent, the key, the
 subscription, the sender, and a number."""
+_without_sender = itemgetter(0, 1, 2)
 
 
 class TickMessages:
@@ -97,11 +99,10 @@ class TickMessages:
 
         `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
         """
+        if not arrival.is_data and arrival.due is None:
+            return self.hold(arrival, stamp)
         if arrival.is_data and self._is_repeated(arrival, stamp):
             return ""
-        belongs = arrival.is_data or arrival.due is not None
-        if not belongs:
-            return self.hold(arrival, stamp)
         if is_open and (arrival.due or 0) <= stamp:
             arrival.handle(arrival.key, arrival.message, 0)
         elif (arrival.due or 0) > stamp + MAX_AHEAD:
@@ -165,36 +166,12 @@ class TickMessages:
         self._of_ticks = [entry for entry in self._of_ticks if stamp is not None and (entry.due or 0) > stamp]
         sent = sorted((place for place in self._sent if stamp is None or place[0] < stamp), key=_without_sender)
         for (tick, *_), group in groupby(sent, _without_sender):
-            for arrival in _in_order([self._take_out(place) for place in group]):
+            for arrival in _in_order([self._sent.pop(place) for place in group]):
                 arrival.handle(arrival.key, arrival.message, tick)
         for arrival in due:
-            self._release(arrival.key)
             arrival.handle(arrival.key, arrival.message, 0)
-
-    def _release(self, key: str) -> None:
-        self._count[key] -= 1
-        if not self._count[key]:
-            del self._count[key]
-
-    def _take_out(self, place: _Place) -> HeldMessage:
-        tick, key, _, source, _ = place
-        self._release(key)
-        if self._ticks.get((source, key)) == tick:
-            del self._ticks[source, key]
-        return self._sent.pop(place)
-
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._count.clear()
-        self._of_ticks.clear()
-        self._sent.clear()
-        self._ticks.clear()
-        self._newest.clear()
-        self._heard = 0
-
-
-def _without_sender(place: _Place) -> tuple[int, str, int]:
-    return place[:3]
+        self._count = Counter(entry.key for entry in (*self._of_ticks, *self._sent.values()))
+        self._ticks = {(source, key): tick for tick, key, _, source, _ in sorted(self._sent)}
 
 
 def _in_order(group: list[HeldMessage]) -> list[HeldMessage]:

@@ -1,4 +1,4 @@
-"""What the threads of this process work at, and what keeps them from it: steps that last too long, and freezes.
+"""What the threads of this process work at, and what keeps them from it: steps that last too long, pauses, freezes.
 
 A step keeps its thread, and in lock-step also the bus's thread and the world. So one thread of the process looks at the
 steps that are under way, and at whether the process itself was frozen (`clock.Freezes`): then no other process is
@@ -25,6 +25,10 @@ LONG = 1.0
 SLOW_STEPS = 3
 """So many steps in a row that outlast their interval are the fault of their code; fewer may be the machine's."""
 _TELL_EVERY = 60.0
+PAUSE = 0.5
+"""Seconds without a step from which on there was a pause: of its time and, out of lock-step, of the host too."""
+_INTERVALS = 3.0
+"""The same in intervals of steps, where these are long."""
 
 
 class Work:
@@ -54,6 +58,23 @@ def working_for(node: str) -> Iterator[None]:
         yield
     finally:
         work.node = before
+
+
+class Pauses:
+    """Whether there was a pause before a step. That a robot did not get on meanwhile does not count."""
+
+    def __init__(self) -> None:
+        self._time, self._host = 0, 0.0
+        """Of the last step, in ns and in host time; 0 before."""
+
+    def take(self, now: int, interval: float, *, in_lockstep: bool) -> bool:
+        """A step begins at time `now` (ns), one comes every `interval` seconds: whether there was a pause before it."""
+        before, self._time = self._time, now
+        host, self._host = self._host, 0.0 if in_lockstep else monotonic()
+        if not 0 < before < now - 1e9 * max(PAUSE, _INTERVALS * interval):
+            return False
+        # Time that runs at many times the host's has gaps of its own.
+        return in_lockstep or self._host - host > PAUSE or FREEZES.look() > host
 
 
 _under_way: set["StepWatch"] = set()

@@ -1,5 +1,5 @@
-"""What other processes ask of a robot: its parameters, to give its goal up, to stop; and how they tell goals apart. The
-queries have the names of ROS's, but for the stop.
+"""What other processes ask of a robot: its parameters, to give its goal up, to stop; and of the launcher, to start one.
+How they tell goals apart. The queries of a robot have the names of ROS's, but for the stop.
 
 The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
 """
@@ -7,7 +7,7 @@ The query that gives a goal up is that of whatever takes a robot's goals: its na
 from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -33,6 +33,23 @@ SETTLED = to_ns(1.0)
 """After this time (ns) a status is about a new goal for certain."""
 GONE = 3.0
 """Host seconds for which what took a goal may be away: a router that ends takes all presence tokens along."""
+
+
+START_LIMIT = 10.0
+"""Host seconds for the launcher's answer; it makes a certificate first where the team has them."""
+
+
+class StartRequest(Change):
+    """`up/start`: start the process of a robot, with a behaviour that zteam knows and that needs no parameters."""
+
+    robot: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
+    behavior: str
+
+
+def start_robot(bus: Bus, robot_id: int, behavior: str) -> None:
+    """Ask the launcher to start a robot's process, which reports in its status and its log. Raises BusError."""
+    key = names.service_key(names.LAUNCHER, names.START)
+    bus.ask(key, str, StartRequest(robot=robot_id, behavior=behavior), timeout=START_LIMIT)
 
 
 class DescribeReply(msgspec.Struct):

@@ -26,7 +26,6 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.planar import pose2_of, pose_message
-from zteam.node.launcher import start_robot
 from zteam.robot.behaviors.assignment import assign
 from zteam.robot.client import (
     CANCEL,
@@ -37,6 +36,7 @@ from zteam.robot.client import (
     StopClient,
     StopResult,
     navigation_query,
+    start_robot,
 )
 from zteam.robot.goal_lists import pause_lists
 from zteam.simulator.client import SimulatorClient

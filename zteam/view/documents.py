@@ -28,7 +28,8 @@ from zteam.messages import (
 )
 from zteam.messages.planar import pose2_of
 from zteam.messages.topics import type_of_key
-from zteam.node.log_client import HOLD, LogLine, LogOrder, level_name, line_of
+from zteam.node.log_client import HOLD, LogOrder, level_name, line_of
+from zteam.node.logs import LogLine
 from zteam.view.goals import Goals
 from zteam.view.received import Arrival, sensor_topics
 from zteam.view.team_view import TeamView
@@ -309,7 +310,7 @@ def rate_of(times: Sequence[float], now: float) -> float:
 
 def _lines(events: list[Arrival]) -> Iterator[LogLine]:
     for event in events:
-        process, message = names.split_log_key(event.key), event.read(Log)
+        process, message = names.process_of(event.key, names.LOG), event.read(Log)
         if process is not None and message is not None:
             yield line_of(process, message)
 

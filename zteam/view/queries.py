@@ -15,7 +15,8 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
-from zteam.node.log_client import LogLine, kept_lines
+from zteam.node.log_client import kept_lines
+from zteam.node.logs import LogLine
 from zteam.node.process_node import ProcessNode
 from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.goal_lists import find_lists

@@ -229,7 +229,7 @@ def _asks_often(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.gate
 def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session answers queries again, over another link, after one on which nothing reached it."""
-    monkeypatch.setattr(connection, "_LINK_TIMEOUT", 0.5)
+    monkeypatch.setattr(connection, "ROUTER_ANSWER", 0.5)
     wire = HalfLink(router.endpoint, half=frozenset({1}))
     asker, session = (
         connect(BusOptions(connect=endpoint, lease=LIMIT)) for endpoint in (router.endpoint, wire.endpoint)
@@ -261,7 +261,9 @@ def open_session(*arguments):
     return opened(*arguments)
 bus = connect(options)
 connection.open_session = open_session
-connection.LinkCheck(bus.transport, bus.transport._session, options).on_link(True)
+check = connection.LinkCheck(bus.transport, bus.transport._session, options)
+bus.transport.before_close(check.wait)
+threading.Thread(target=check.run, args=[lambda: not bus.transport.closed], daemon=True).start()
 asked.wait()
 bus.close()
 """

@@ -30,8 +30,7 @@ from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.members import Event
 from zteam.monitor.process.table import JsonLines, Lines
-from zteam.node.log_client import LogLine
-from zteam.node.logs import start_logging
+from zteam.node.logs import LogLine, start_logging
 from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.parameters import Parameter
 from zteam.simulator.client import SimStatus

@@ -26,8 +26,7 @@ from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.display import showing
-from zteam.node.log_client import LogLine
-from zteam.node.logs import start_logging
+from zteam.node.logs import LogLine, start_logging
 from zteam.node.process_options import MonitorOptions
 
 MARK = "\x05"

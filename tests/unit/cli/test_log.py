@@ -7,7 +7,7 @@ import pytest
 from zteam.cli import log
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
-from zteam.node.log_client import LogLine
+from zteam.node.logs import LogLine
 
 LINE = LogLine(1_700_000_000_042_000_000, "robot_1", 30, "no way\nat all", "plan.py", "step", 7)
 

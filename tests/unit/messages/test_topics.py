@@ -17,4 +17,4 @@ def test_every_process_has_a_log(name: str) -> None:
 @pytest.mark.parametrize("key", ["log", "/log", "*/log", "robot_$*/log", "a/b/log", "robot_0/logs"])
 def test_other_keys_are_no_logs(key: str) -> None:
     """Neither a wildcard nor a longer key is the log of a process."""
-    assert names.split_log_key(key) is None
+    assert names.process_of(key, names.LOG) is None

@@ -10,8 +10,8 @@ from support.lockstep_doubles import SHORT
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
-from zteam.node import certain_tokens
-from zteam.node.certain_tokens import CertainTokens
+from zteam.node import tokens
+from zteam.node.tokens import CertainTokens
 
 KEY = names.token_key("robot_1", "a")
 
@@ -35,7 +35,7 @@ class Told:
 
 def test_a_loss_with_the_link_up_is_told(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """A token that comes is told at once, and its loss a moment later."""
-    monkeypatch.setattr(certain_tokens, "GRACE", SHORT)
+    monkeypatch.setattr(tokens, "GRACE", SHORT)
     told = Told()
     CertainTokens(hub.bus(), names.tokens_key(), told.take)
     token = hub.bus().declare_token(KEY)

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from support.limits import LIMIT
-from zteam.node.log_client import KEPT, LogLine
-from zteam.node.logs import KEEPER, MAX_TEXT, LogKeeper
+from zteam.node.logs import KEEPER, KEPT, MAX_TEXT, LogKeeper, LogLine
 
 LOGGER = logging.getLogger("somewhere.deep")
 

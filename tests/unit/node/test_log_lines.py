@@ -7,7 +7,8 @@ import pytest
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
-from zteam.node.log_client import KEPT, LONGEST, LogLine, LogOrder, LogReader, level_name
+from zteam.node.log_client import LogOrder, LogReader, level_name
+from zteam.node.logs import KEPT, LONGEST, LogLine
 
 
 def line(time_ns: int, process: str = "sim", text: str = "x") -> LogLine:

@@ -9,10 +9,9 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import EncodeError
 from zteam.messages import Log, LogLevel
-from zteam.node import log_publisher
-from zteam.node.log_client import LogLine, line_of
-from zteam.node.log_publisher import LogPublisher, message_of
-from zteam.node.logs import LogKeeper
+from zteam.node import log_client
+from zteam.node.log_client import LogPublisher, line_of, message_of
+from zteam.node.logs import LogKeeper, LogLine
 
 LOGGER = logging.getLogger("somewhere")
 
@@ -21,7 +20,7 @@ LOGGER = logging.getLogger("somewhere")
 def keeper(monkeypatch: pytest.MonkeyPatch) -> Iterator[LogKeeper]:
     """The keeper that is published keeps the lines of this test alone."""
     made = LogKeeper()
-    monkeypatch.setattr(log_publisher, "KEEPER", made)
+    monkeypatch.setattr(log_client, "KEEPER", made)
     end = made.begin()
     yield made
     end()
@@ -66,7 +65,7 @@ def test_without_subscribers_nothing_is_encoded(hub: MemoryHub, monkeypatch: pyt
     """No message is made while no subscriber wants it."""
     LogPublisher(hub.bus(), "robot_1")
     made: list[LogLine] = []
-    monkeypatch.setattr(log_publisher, "message_of", lambda name, line: made.append(line) or message_of(name, line))
+    monkeypatch.setattr(log_client, "message_of", lambda name, line: made.append(line) or message_of(name, line))
     LOGGER.warning("unheard")
     assert made == []
     heard = hear(hub)
@@ -100,7 +99,7 @@ def test_a_line_that_cannot_be_sent_is_kept(hub: MemoryHub, monkeypatch: pytest.
 
     LogPublisher(hub.bus(), "robot_1")
     hear(hub)
-    monkeypatch.setattr(log_publisher, "message_of", fail)
+    monkeypatch.setattr(log_client, "message_of", fail)
     LOGGER.warning("one")
     assert ask(hub.bus(), "robot_1") == ["one"]
 

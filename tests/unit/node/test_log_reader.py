@@ -8,7 +8,8 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import monotonic
 from zteam.messages import Log, Time
-from zteam.node.log_client import HOLD, LogLine, LogReader
+from zteam.node.log_client import HOLD, LogReader
+from zteam.node.logs import LogLine
 
 
 class Talker:

@@ -61,6 +61,21 @@ def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Make) -> None
     assert steps == [500 * TICK, 2 * TICK, 3 * TICK]
 
 
+def test_a_jump_back_forgets_what_waits_for_a_tick(hub: MemoryHub, make: Make) -> None:
+    """A message of the time before is not handled in a tick of the new one."""
+    node, simulator, taken = make(), ScriptedSimulator(hub, "planner"), list[bool]()
+    node.subscribe("camera/seen", Bool, lambda _, message: taken.append(message.data))
+    seen = hub.bus().publisher("camera/seen", Bool)
+    simulator.appear()
+    node.become_present()
+    for tick, is_seen in ((50, True), (1, False), (2, True)):
+        simulator.tick(tick, "planner")
+        with node.changed:
+            node.part.begin()
+        seen.put(Bool(is_seen))
+    assert taken == [False]
+
+
 def test_only_fresh_data_tells_of_a_base(hub: MemoryHub, make: Make) -> None:
     """What processes say, and latched messages, come before the simulator too: they do not decide for wall time."""
     node, bus = make(), hub.bus()

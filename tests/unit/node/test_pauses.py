@@ -3,8 +3,8 @@
 import pytest
 
 from zteam.clock import FREEZES
-from zteam.node import pauses
-from zteam.node.pauses import Pauses
+from zteam.node import working
+from zteam.node.working import Pauses
 
 TICK = 100_000_000
 """Nanoseconds."""
@@ -25,7 +25,7 @@ def test_a_pause_is_long_in_both_times(
 ) -> None:
     """In lock-step the time of the ticks alone counts, so that every run is the same."""
     now = 50.0
-    monkeypatch.setattr(pauses, "monotonic", lambda: now)
+    monkeypatch.setattr(working, "monotonic", lambda: now)
     found = Pauses()
     assert not found.take(TICK, 0.1, in_lockstep=in_lockstep)
     now += host
@@ -35,7 +35,7 @@ def test_a_pause_is_long_in_both_times(
 
 def test_after_a_suspension_the_host_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its clock stood as well, but the freeze is known."""
-    monkeypatch.setattr(pauses, "monotonic", lambda: 50.0)
+    monkeypatch.setattr(working, "monotonic", lambda: 50.0)
     found = Pauses()
     found.take(TICK, 0.1, in_lockstep=False)
     monkeypatch.setattr(FREEZES, "look", lambda: 50.1)

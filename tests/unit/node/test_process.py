@@ -16,7 +16,7 @@ from support.limits import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
-from zteam.node import log_publisher, logs, node, process_node, shutdown
+from zteam.node import log_client, logs, node, process_node, shutdown
 from zteam.node.logs import LogKeeper
 from zteam.node.process_node import ProcessNode
 
@@ -27,7 +27,7 @@ def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (process_node, node):
         monkeypatch.setattr(module, "connect", lambda options, stopping: hub.bus())
     keeper = LogKeeper()
-    for module in (process_node, log_publisher, logs):
+    for module in (process_node, log_client, logs):
         monkeypatch.setattr(module, "KEEPER", keeper)
     log = logging.getLogger("zteam")
     monkeypatch.setattr(log, "handlers", [])
@@ -174,6 +174,6 @@ def test_a_command_sets_up_its_interpreter(monkeypatch: pytest.MonkeyPatch) -> N
         node.become_present()
         frozen.append(gc.get_freeze_count())
 
-    assert process_node.run_node("planner", BusOptions(), main) == 0
+    assert process_node.run_node("planner", BusOptions(), main, "auto", process_node.ProcessNode) == 0
     assert sys.getswitchinterval() == pytest.approx(process_node.SWITCH_INTERVAL)
     assert frozen[0] == 0 < frozen[1]

@@ -282,4 +282,4 @@ def _processes_at(options: BusOptions) -> set[tuple[str, str]]:
     namespace = None if options.tls is None else options.namespace
     everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=namespace)
     with closing(connect(everywhere, patience=1.0)) as bus:
-        return {token[:2] for token in find_tokens(bus, names.all_tokens_key())}
+        return {token[:2] for token in find_tokens(bus, names.tokens_key("**"))}

@@ -28,7 +28,7 @@ from zteam.navigation.process.inputs import Inputs, TeamTransforms
 from zteam.navigation.process.outputs import Outputs
 from zteam.navigation.process.robot import RobotNavigation
 from zteam.node.node import Node
-from zteam.node.pauses import Pauses
+from zteam.node.working import Pauses
 from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")

@@ -2,7 +2,7 @@
 
 from zteam import names
 from zteam.messages import Twist
-from zteam.messages.velocity import checked_command
+from zteam.messages.planar import checked_command
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.safety.layer import SafetyLayer, old_scan
 from zteam.robot.safety.surroundings import STALE_AFTER

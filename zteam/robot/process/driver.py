@@ -12,11 +12,10 @@ from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
-from zteam.node.pauses import Pauses
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
-from zteam.node.working import StepWatch
+from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import View
 from zteam.robot.behaviors.asking import ask, missing, old_data

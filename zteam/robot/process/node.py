@@ -123,7 +123,7 @@ class DataWatch:
         if self._deaf:
             # A router that is gone is known soon.
             return "no other process answers" if self._deaf >= _LOOKS else ""
-        return "the simulator does not answer" if node.has_simulator else "the simulator has ended"
+        return "the simulator does not answer" if node.simulators else "the simulator has ended"
 
     def _tell_outage(self, why: str) -> None:
         """Say once why nothing comes, and once that it comes again."""

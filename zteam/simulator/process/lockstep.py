@@ -14,9 +14,9 @@ from zteam.bus.transport import Held
 from zteam.clock import monotonic, wait_until
 from zteam.config.simulation_options import LockStepOptions
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
-from zteam.node.certain_tokens import CertainTokens
 from zteam.node.lockstep import Lacking
 from zteam.node.process_node import ProcessNode
+from zteam.node.tokens import CertainTokens
 from zteam.simulator.process.open_tick import OpenTick
 
 log = logging.getLogger("zteam")
@@ -138,7 +138,7 @@ class LockStep:
                 self._send_again()
 
     def _on_done(self, key: str, done: Done, session: str) -> None:
-        name = names.split_done_key(key) or ""
+        name = names.process_of(key, names.DONE) or ""
         robot_id = names.robot_id_of(name)
         with self._changed:
             if self.tick.take_done(name, session, done):

@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import Bus, Deferred
 from zteam.bus.presence import find_processes
 from zteam.errors import BusError, UsageError
-from zteam.node.launcher import StartRequest
+from zteam.robot.client import StartRequest
 from zteam.team.file.entries import RobotEntry
 from zteam.team.launch.plan import LaunchPlan, plan_team
 from zteam.team.launch.supervisor import Job, Supervisor

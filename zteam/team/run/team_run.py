@@ -15,7 +15,7 @@ from zteam import names
 from zteam.errors import ZteamError
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import kind_of
-from zteam.node.log_publisher import LogPublisher
+from zteam.node.log_client import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.team.chaos.means import Means
 from zteam.team.chaos.run import ChaosReport, ChaosThread

@@ -30,8 +30,7 @@ from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
 from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import kind_of
-from zteam.node.log_client import LogLine
-from zteam.node.logs import KEEPER
+from zteam.node.logs import KEEPER, LogLine
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS, look_in
