@@ -37,8 +37,7 @@ from zteam.team.launch.plan import LaunchPlan
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.team.parts import Part, part_of, printing_monitor, robot_part
-from zteam.team.run.namespace import refuse_second_team
-from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment
+from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 
 log = logging.getLogger("zteam")
 

@@ -12,13 +12,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+from cryptography.x509 import Certificate
 
 from zteam.bus.options import TlsFiles
 from zteam.clock import wall_ns
 from zteam.errors import UsageError, ZteamError, did_you_mean
+from zteam.monitor.doctor.examination import check_certificate
 from zteam.names import name_problem
 from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
@@ -32,10 +36,6 @@ from zteam.team.security.signing import (
     sign_process,
     unreadable,
 )
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate
 
 FOLDER = "certs"
 DAYS = 365
@@ -221,10 +221,7 @@ class Authority:
         if len(name) > _MAX_NAME:
             raise UsageError(f"{name}: the name of a certificate has {_MAX_NAME} characters at most")
 
-    def _load_authority(self) -> "tuple[EllipticCurvePrivateKey, Certificate]":
-        from cryptography.hazmat.primitives import serialization
-        from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-
+    def _load_authority(self) -> tuple[EllipticCurvePrivateKey, Certificate]:
         path = self.folder / CA_KEY
         if not path.exists():
             raise ZteamError(f"{path}: no such file: issue certificates where 'zteam certs init' made the authority")
@@ -306,9 +303,6 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
     Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
     has no certificate that is valid.
     """
-    # Only a team with certificates pays for this import.
-    from zteam.monitor.doctor.examination import check_certificate
-
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]

@@ -4,13 +4,15 @@ import ipaddress
 from collections.abc import Iterable, Sequence
 from datetime import datetime  # noqa: TID251 - of certificates
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey, EllipticCurvePublicKey
+from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from zteam.errors import UsageError, ZteamError
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
 
 Span = tuple[datetime, datetime]
 """From when and until when a certificate is valid."""
@@ -21,38 +23,31 @@ def unreadable(path: Path, error: OSError) -> ZteamError:
     return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
 
 
-def new_key() -> "EllipticCurvePrivateKey":
+def new_key() -> EllipticCurvePrivateKey:
     """Of an authority or a process."""
-    from cryptography.hazmat.primitives.asymmetric import ec
-
     return ec.generate_private_key(ec.SECP256R1())
 
 
-def key_bytes(key: "EllipticCurvePrivateKey") -> bytes:
+def key_bytes(key: EllipticCurvePrivateKey) -> bytes:
     """PEM, without a password."""
-    from cryptography.hazmat.primitives import serialization
-
     encoding, kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
     return key.private_bytes(encoding, kind, serialization.NoEncryption())
 
 
-def sign_authority(name: str, key: "EllipticCurvePrivateKey", span: Span) -> bytes:
+def sign_authority(name: str, key: EllipticCurvePrivateKey, span: Span) -> bytes:
     """The certificate of a new authority, PEM."""
     return _signed(_builder(name, name, key, span), key)
 
 
 def sign_process(
     common_name: str,
-    key: "EllipticCurvePrivateKey",
+    key: EllipticCurvePrivateKey,
     span: Span,
-    issuer: "tuple[EllipticCurvePrivateKey, Certificate]",
-    places: Sequence["GeneralName"],
+    issuer: tuple[EllipticCurvePrivateKey, Certificate],
+    places: Sequence[GeneralName],
 ) -> bytes:
     """The certificate of a process, which is a client, PEM. With `places` it may also be a server there: clients check
     both."""
-    from cryptography import x509
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
     issuer_key, own = issuer
     builder, uses = _builder(common_name, name_in(own), key, span, own), [ExtendedKeyUsageOID.CLIENT_AUTH]
     if places:
@@ -62,14 +57,12 @@ def sign_process(
 
 
 def _builder(
-    common_name: str, issuer_name: str, key: "EllipticCurvePrivateKey", span: Span, issuer: "Certificate | None" = None
-) -> "CertificateBuilder":
+    common_name: str, issuer_name: str, key: EllipticCurvePrivateKey, span: Span, issuer: Certificate | None = None
+) -> CertificateBuilder:
     """What all certificates have. Without `issuer` it is that of an authority."""
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePublicKey
 
     def named(text: str) -> x509.Name:
-        return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, text)])
+        return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
 
     is_authority, public = issuer is None, key.public_key()
     signer = public if issuer is None else issuer.public_key()
@@ -100,10 +93,8 @@ def _builder(
     )
 
 
-def places_of(hosts: Iterable[str]) -> "list[GeneralName]":
+def places_of(hosts: Iterable[str]) -> list[GeneralName]:
     """Names and addresses of machines as a certificate has them. Raises UsageError."""
-    from cryptography import x509
-
     found: list[GeneralName] = []
     for host in hosts:
         try:
@@ -115,16 +106,12 @@ def places_of(hosts: Iterable[str]) -> "list[GeneralName]":
     return found
 
 
-def _signed(builder: "CertificateBuilder", key: "EllipticCurvePrivateKey") -> bytes:
-    from cryptography.hazmat.primitives import hashes, serialization
-
+def _signed(builder: CertificateBuilder, key: EllipticCurvePrivateKey) -> bytes:
     return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
-def load_certificate(path: Path) -> "Certificate":
+def load_certificate(path: Path) -> Certificate:
     """The one in a PEM file. Raises ZteamError."""
-    from cryptography import x509
-
     try:
         return x509.load_pem_x509_certificate(path.read_bytes())
     except OSError as error:
@@ -133,9 +120,7 @@ def load_certificate(path: Path) -> "Certificate":
         raise ZteamError(f"{path}: this is no certificate in PEM form: restore it, or issue the next one") from None
 
 
-def name_in(certificate: "Certificate") -> str:
+def name_in(certificate: Certificate) -> str:
     """Its common name; empty if it has none."""
-    from cryptography.x509.oid import NameOID
-
     found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(found[0].value) if found else ""

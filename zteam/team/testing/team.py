@@ -49,7 +49,7 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import other_file, other_file_unless_in, search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
-from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Body, Threads, in_thread
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
@@ -120,7 +120,7 @@ class TeamFixture:
         All calls that look at the team come here, so they fail for a process that has failed.
         """
         self._watch.check()
-        if self._run.state is RunState.NEW:
+        if self._run.members.bus is None:
             self._run.open()
             self._observe()
 
@@ -406,7 +406,7 @@ class TeamFixture:
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
-        if self._run.state is not RunState.NEW:
+        if self._run.members.bus is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         # As a process of the team logs.
         self._ends.callback(log.setLevel, log.level)
@@ -570,7 +570,7 @@ class TeamFixture:
 
     def _need_team(self, call: str) -> None:
         """Raise UsageError before anything was opened: nothing would ever happen."""
-        if self._run.state is RunState.NEW:
+        if self._run.members.bus is None:
             raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
     def wait_for_go(self) -> None:
