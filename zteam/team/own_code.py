@@ -2,8 +2,8 @@
 
 import os
 import sys
-from collections.abc import Callable, Container, Iterator
-from importlib.machinery import ModuleSpec
+from collections.abc import Callable, Container
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,29 +65,15 @@ def _file(module: Any) -> str | None:
 
 
 def file_of(module: str) -> str | None:
-    """The file of a module that this process has imported or would import; None if there is none. Imports nothing."""
-    path: Any = None
-    file = None
-    parts = module.split(".")
-    for name in (".".join(parts[: i + 1]) for i in range(len(parts))):
-        loaded = sys.modules.get(name)
-        if loaded is not None:
-            path, file = getattr(loaded, "__path__", None), _file(loaded)
-        elif name != parts[0] and path is None:
-            return None
-        else:
-            spec = next(_specs(name, path), None)
-            if spec is None:
-                return None
-            path, file = spec.submodule_search_locations, spec.origin if spec.has_location else None
-    return file
-
-
-def _specs(name: str, path: Any) -> Iterator[ModuleSpec]:
-    for finder in sys.meta_path:
-        spec = finder.find_spec(name, path)
-        if spec is not None:
-            yield spec
+    """The file of a module that this process has imported or would import; None if there is none. Imports nothing but
+    the package that the module is in."""
+    if module in sys.modules:
+        return _file(sys.modules[module])
+    try:
+        spec = find_spec(module)
+    except ImportError:
+        return None
+    return spec.origin if spec is not None and spec.has_location else None
 
 
 def other_file(module: str, file: str) -> str | None:

@@ -15,7 +15,7 @@ from zteam.node.process_options import ViewOptions, to_line
 from zteam.team.chaos.plan import choose_plan
 from zteam.team.file.entries import RobotEntry
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job, learn_nothing
+from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import TeamLaunch, options_of
 
 MEMBER = (sys.executable, "-P", "-m", "zteam.team.member")
@@ -68,7 +68,7 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
                 # A view takes no part in the run, so a new one changes nothing of it.
                 restarts=restarts.get(name, launch.restarts) or kind.beside,
                 may_end=kind.beside,
-                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else learn_nothing,
+                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
             )
             if kind.beside:
                 beside.add(name)

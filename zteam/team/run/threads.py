@@ -214,38 +214,22 @@ class Threads:
         self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
         self.bus: Bus | None = None
+        self.tools_bus = None if outside is None else outside.bus
+        self.pids = {name: os.getpid()}
         self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
         self._ends_calls, self._prefix_log = ends_calls, prefix_log
-        self.calls: CallWatch | None = None
+        self._calls: CallWatch | None = None
         """None before there is a team."""
+        self.hangs: dict[str, str] = {}
+        """Where nodes were whose calls lasted too long, in words."""
         self._ends = ExitStack()
 
     change_link = staticmethod(no_link)
 
     @property
-    def tools_bus(self) -> Bus | None:
-        """The session outside."""
-        return None if self._outside is None else self._outside.bus
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """This process."""
-        return {self._name: os.getpid()}
-
-    @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return set() if self.calls is None else self.calls.hung
-
-    @property
-    def hangs(self) -> dict[str, str]:
-        """Where nodes were whose calls lasted too long, in words."""
-        return {} if self.calls is None else self.calls.hangs
-
-    @property
-    def failures(self) -> list[NodeThread]:
-        """The nodes of this process that ended for good without being asked to."""
-        return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
+        return set() if self._calls is None else self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
@@ -253,9 +237,10 @@ class Threads:
         self.parts = parts_of(launch, self._on_line, self._nodes)
         self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
         self._ends.callback(self.sessions.close)
-        self.calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
+        self._calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
+        self.hangs = self._calls.hangs
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
-        self._ends.callback(self.calls.start())
+        self._ends.callback(self._calls.start())
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""
