@@ -26,11 +26,11 @@ from zteam.team.security.certificates import (
     Authority,
     Issued,
     left_text,
+    load_certificate,
     open_authority,
     read_index,
     state_until,
 )
-from zteam.team.security.signing import load_certificate
 
 
 class Row(msgspec.Struct):

@@ -13,10 +13,6 @@ from zteam.robot.behaviors.registry import load_named
 if TYPE_CHECKING:
     from zteam.node.node import Node
 
-OtherFile = Callable[[str, str], str | None]
-"""`other_file(module, file)`: the file that this process has for a module that another one found in `file`, if it is
-another file."""
-
 
 def find_body(name: str, spec: str) -> "Callable[[Node], None]":
     """The function `module:function` that is the body of the node `name`. Imports its module. Raises UsageError."""
@@ -76,19 +72,11 @@ def file_of(module: str) -> str | None:
     return spec.origin if spec is not None and spec.has_location else None
 
 
-def other_file(module: str, file: str) -> str | None:
-    """As OtherFile."""
-    mine = file_of(module)
-    return None if mine is None or os.path.realpath(mine) == os.path.realpath(file) else mine
-
-
-def other_file_unless_in(folders: Container[str]) -> OtherFile:
-    """As `other_file`, but a module that lies in one of these folders is the right one."""
-
-    def find(module: str, file: str) -> str | None:
-        place = Path(file).parent
-        if file.endswith("__init__.py"):
-            place = place.parent
-        return None if str(place.resolve()) in folders else other_file(module, file)
-
-    return find
+def other_file(module: str, file: str, right: Container[str] = ()) -> str | None:
+    """The file that this process has for a module that another one found in `file`; None if it is the same file, or if
+    the module lies in one of the folders `right`."""
+    mine, place = file_of(module), Path(file).parent
+    if file.endswith("__init__.py"):
+        place = place.parent
+    is_right = str(place.resolve()) in right
+    return None if mine is None or is_right or os.path.realpath(mine) == os.path.realpath(file) else mine

@@ -11,7 +11,7 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.errors import UsageError
-from zteam.team.own_code import file_of, files_since, find_body, other_file, other_file_unless_in, search_folders
+from zteam.team.own_code import file_of, files_since, find_body, other_file, search_folders
 from zteam.team.testing.team import _SITE
 
 
@@ -42,7 +42,7 @@ def test_what_was_imported_has_its_file(lab: Path, monkeypatch: pytest.MonkeyPat
     assert file_of("single") == "/elsewhere/single.py"
     assert file_of("pack") is None
     assert other_file("single", str(lab / "single.py")) == "/elsewhere/single.py"
-    assert other_file_unless_in([str(lab)])("single", str(lab / "single.py")) is None
+    assert other_file("single", str(lab / "single.py"), [str(lab)]) is None
 
 
 def test_links_to_one_file_are_one(lab: Path) -> None:

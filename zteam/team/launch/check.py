@@ -8,7 +8,7 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +28,6 @@ from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
 from zteam.team.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.team.launch.plan import is_own, is_python
-from zteam.team.own_code import OtherFile
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
@@ -38,19 +37,19 @@ def check_team(
     world_file: Path | None = None,
     *,
     here: bool = False,
-    other_file: OtherFile = lambda _module, _file: None,
+    right: Container[str] | None = None,
 ) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else a
-    module of which it has an `other_file` is refused.
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else with
+    `right` a module is refused of which this process has another file, unless it lies in one of these folders.
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, other_file) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, right) as inquiry:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)

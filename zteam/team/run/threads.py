@@ -36,7 +36,7 @@ from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
-from zteam.team.parts import Part, part_of, printing_monitor, robot_part
+from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 
 log = logging.getLogger("zteam")
@@ -48,7 +48,7 @@ R = TypeVar("R")
 
 def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[str], None]) -> Part:
     if isinstance(options, MonitorOptions):
-        return printing_monitor(options, say)
+        return monitor_part(options, say)
     if isinstance(options, RobotOptions):
         # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
         import zteam.robot.process.node  # noqa: F401
@@ -123,25 +123,22 @@ class NodeThread:
 
     def run(self) -> None:
         """Run the node in this thread."""
-        with working_for(self.name):
-            self._run()
-
-    def _run(self) -> None:
         name, part, code = self.name, self._part, 1
-        if name == names.SIMULATOR:
-            self._sessions.delivery.deliver_in_this_thread()
-        try:
-            code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
-        except SystemExit as error:
-            code = error.code if isinstance(error.code, int) else int(error.code is not None)
-        except BaseException as error:
-            # Such as that of a debugger whose user quits.
-            log.error("ended by %s", type(error).__name__)
-        finally:
-            self.exit_code = code
-            # First: what `join` waits for has an end that is known.
-            self._on_end(self)
-            self._ended.set()
+        with working_for(name):
+            if name == names.SIMULATOR:
+                self._sessions.delivery.deliver_in_this_thread()
+            try:
+                code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
+            except SystemExit as error:
+                code = error.code if isinstance(error.code, int) else int(error.code is not None)
+            except BaseException as error:
+                # Such as that of a debugger whose user quits.
+                log.error("ended by %s", type(error).__name__)
+            finally:
+                self.exit_code = code
+                # First: what `join` waits for has an end that is known.
+                self._on_end(self)
+                self._ended.set()
 
     def _body(self, node: ProcessNode) -> None:
         try:

@@ -47,7 +47,7 @@ from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import GRACE, Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
-from zteam.team.own_code import other_file, other_file_unless_in, search_folders
+from zteam.team.own_code import search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Body, Threads, in_thread
@@ -316,7 +316,7 @@ class TeamFixture:
         of_file = () if in_process else file.team.folders
         file.team = structs.replace(file.team, folders=(*file.team.folders, *self._folders))
         replaced = find_world(world).resolve() if world is not None else None
-        chosen = check_team(file, replaced, other_file=other_file_unless_in(of_file))
+        chosen = check_team(file, replaced, right=of_file)
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
@@ -360,7 +360,7 @@ class TeamFixture:
         file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
             look_in([*file.team.folders, ""])
-        chosen = check_team(file, find_world(world).resolve(), here=in_process, other_file=other_file)
+        chosen = check_team(file, find_world(world).resolve(), here=in_process, right=())
         own = own_nodes("team.start", nodes or {}, file.team.folders, here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
         self._give_links(chaos, in_process)

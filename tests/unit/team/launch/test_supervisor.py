@@ -348,10 +348,10 @@ def test_a_wait_notices_a_new_member() -> None:
         return "a" in supervisor.members
 
     with closing(Watched()) as supervisor, ThreadPoolExecutor(1) as pool:
-        found = pool.submit(supervisor.wait, is_there, 10.0 * LIMIT)
+        found = pool.submit(supervisor.wait, is_there, LIMIT)
         assert looked.wait(LIMIT)
         supervisor.start_member("a", lambda: cast(Member, SimpleNamespace(running=False)))
-        assert found.result(LIMIT)
+        assert found.result(LIMIT / 2)
 
 
 def test_a_usage_error_is_final(monkeypatch: pytest.MonkeyPatch) -> None:
