@@ -55,6 +55,7 @@ class RunDisplay:
 
     def __init__(self, run_for: float | None, live: LiveLine | None = None) -> None:
         self._run_for, self._live = run_for, live
+        self.line = Printer(self.print).line
         self._tenth = 0
         self._pause = Every(_LOG_PAUSE)
         self._pause.due()

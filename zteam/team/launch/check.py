@@ -175,7 +175,8 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                     text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
                     yield Problem(("robots", i, "id"), text)
             elif not (entry.pose or entry.model):
-                yield Problem(("robots", i, "id"), f"{_lack(entry.id, standing)}; model and pose add one")
+                text = f"the world has no robot {entry.id} (it has {format_robot_ids(standing) or 'none'})"
+                yield Problem(("robots", i, "id"), f"{text}; model and pose add one")
         elif entry.id in robots:
             text = f"the world has a robot {entry.id} already: leave model and pose out, or give another id"
             yield Problem(("robots", i, "id"), text)
@@ -208,10 +209,6 @@ def _sensor_problems(
                 text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
                 way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
                 yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
-
-
-def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
-    return f"the world has no robot {robot_id} (it has {format_robot_ids(standing) or 'none'})"
 
 
 def random_parts(team: Team, world: World | None) -> list[str]:

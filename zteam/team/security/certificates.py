@@ -46,8 +46,6 @@ _MAX_NAME = 50
 CA, CA_KEY, ACCESS, INDEX = "ca.pem", "ca.key", "access.json5", "index.json"
 _LOOPBACK = ("localhost", "127.0.0.1")
 
-Span = tuple[datetime, datetime]
-"""From when and until when a certificate is valid."""
 State = Literal["valid", "expires_soon", "expired", "revoked"]
 
 
@@ -99,22 +97,17 @@ def key_bytes(key: EllipticCurvePrivateKey) -> bytes:
     return key.private_bytes(encoding, kind, serialization.NoEncryption())
 
 
-def sign_authority(name: str, key: EllipticCurvePrivateKey, span: Span) -> bytes:
-    """The certificate of a new authority, PEM."""
-    return _signed(_builder(name, name, key, span), key)
-
-
 def sign_process(
     common_name: str,
     key: EllipticCurvePrivateKey,
-    span: Span,
+    expires: datetime,
     issuer: tuple[EllipticCurvePrivateKey, Certificate],
     places: Sequence[GeneralName],
 ) -> bytes:
     """The certificate of a process, which is a client, PEM. With `places` it may also be a server there: clients check
     both."""
     issuer_key, own = issuer
-    builder, uses = _builder(common_name, name_in(own), key, span, own), [ExtendedKeyUsageOID.CLIENT_AUTH]
+    builder, uses = _builder(common_name, key, expires, own), [ExtendedKeyUsageOID.CLIENT_AUTH]
     if places:
         uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
         builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(places)), critical=False)
@@ -122,7 +115,7 @@ def sign_process(
 
 
 def _builder(
-    common_name: str, issuer_name: str, key: EllipticCurvePrivateKey, span: Span, issuer: Certificate | None = None
+    common_name: str, key: EllipticCurvePrivateKey, expires: datetime, issuer: Certificate | None = None
 ) -> CertificateBuilder:
     """What all certificates have. Without `issuer` it is that of an authority."""
 
@@ -146,11 +139,11 @@ def _builder(
     return (
         x509.CertificateBuilder()
         .subject_name(named(common_name))
-        .issuer_name(named(issuer_name))
+        .issuer_name(named(common_name if issuer is None else name_in(issuer)))
         .public_key(public)
         .serial_number(x509.random_serial_number())
-        .not_valid_before(span[0])
-        .not_valid_after(span[1])
+        .not_valid_before(now() - _MARGIN)
+        .not_valid_after(expires)
         .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
         .add_extension(usage, critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
@@ -257,7 +250,7 @@ class Authority:
         key, expires = new_key(), now() + timedelta(days=MAX_DAYS)
         name = f"zteam {secrets.token_hex(4)}"
         self._write(CA_KEY, key_bytes(key))
-        self._write(CA, sign_authority(name, key, (now() - _MARGIN, expires)))
+        self._write(CA, _signed(_builder(name, key, expires), key))
         self._save_index()
         return expires
 
@@ -283,8 +276,8 @@ class Authority:
         # Before the files: a certificate in the folder is one that the index knows.
         self._save_index()
         for name, issued in zip(names, found, strict=True):
-            key, span = new_key(), (now() - _MARGIN, expires)
-            content = sign_process(f"{name}.{issued.serial}", key, span, own, places if name == ROUTER else ())
+            key = new_key()
+            content = sign_process(f"{name}.{issued.serial}", key, expires, own, places if name == ROUTER else ())
             self._write(f"{name}.key", key_bytes(key))
             self._write(f"{name}.pem", content)
         return found
