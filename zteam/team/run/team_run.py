@@ -76,7 +76,7 @@ class TeamRun:
         self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
         self._faults: ChaosThread | None = None
-        self._stopping, self._starts = False, threading.Lock()
+        self._stopping, self._start_lock = False, threading.Lock()
         """Held while a robot is started on request."""
         self._hung: set[str] = set()
         self._ends = ExitStack()
@@ -134,7 +134,7 @@ class TeamRun:
     def _start_robot(self, tools: Bus, request: StartRequest) -> str:
         """Start a robot's process, which the team does not need, as the team's own were started; its name."""
         name, job = robot_job(self.launch, request.robot, request.behavior)
-        with self._starts:
+        with self._start_lock:
             if self._stopping:
                 raise BusError("the team is stopping")
             member = self.supervisor.members.get(name)
@@ -251,7 +251,7 @@ class TeamRun:
         return report
 
     def _stop_all(self) -> None:
-        with self._starts:
+        with self._start_lock:
             self._stopping = True
         self._hung |= self.members.hung
         running = [member for member in self.supervisor.members.values() if member.running]
