@@ -25,11 +25,11 @@ from zteam.team.security.certificates import (
     MAX_DAYS,
     Authority,
     left_text,
+    load_certificate,
     open_authority,
     read_index,
     state_until,
 )
-from zteam.team.security.signing import load_certificate
 
 
 class Row(msgspec.Struct):

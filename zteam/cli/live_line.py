@@ -44,7 +44,8 @@ class LiveLine:
 
     def __enter__(self) -> "LiveLine":
         if sys.stderr.isatty():
-            above = self._redirection.enter_context(_Above(self, sys.stderr))
+            above = _Above(self, sys.stderr)
+            self._redirection.callback(above.end)
             self._redirection.enter_context(redirect_stderr(cast(TextIO, above)))
         return self
 
@@ -145,10 +146,8 @@ class _Above:
     def __init__(self, live: LiveLine, stream: TextIO) -> None:
         self._live, self._stream, self._part = live, stream, ""
 
-    def __enter__(self) -> "_Above":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def end(self) -> None:
+        """Print the rest."""
         if self._part:
             self._live.print(Clean(self._part), self._stream)
 

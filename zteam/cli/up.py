@@ -266,7 +266,7 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 
 
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
-    from zteam.cli.up_display import Printer, open_display
+    from zteam.cli.up_display import open_display
     from zteam.node.shutdown import Stop
     from zteam.team.chaos.links import Links
     from zteam.team.run.processes import Processes
@@ -276,8 +276,9 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         links = stack.enter_context(closing(Links())) if args.chaos is not None else None
-        line = Printer(display.print).line
-        members = Processes(bus, parent, line, stop=stop, links=links, certificates=args.secure, listen=args.listen)
+        members = Processes(
+            bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
+        )
         team_run = stack.enter_context(TeamRun(members, launch, stop))
         stop.install(on_repeat=team_run.hurry)
         processes = counted(len(team_run.plan.jobs), "process", "processes")
@@ -292,7 +293,7 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
 
 def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
     """Run the whole team in this process, with the same lines as with one process each."""
-    from zteam.cli.up_display import Printer, open_display
+    from zteam.cli.up_display import open_display
     from zteam.node.logs import passing_lines
     from zteam.node.shutdown import Stop, exit_hard_later
     from zteam.team.run.team_run import TeamRun
@@ -303,10 +304,9 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
         open_display(args.log_format, args.run_for) as display,
         open_outside(bus, launch.pace) if args.bus else nullcontext() as outside,
     ):
-        line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        members = Threads(outside=outside, on_line=line)
-        with passing_lines(line), TeamRun(members, launch, stop) as team_run:
+        members = Threads(outside=outside, on_line=display.line)
+        with passing_lines(display.line), TeamRun(members, launch, stop) as team_run:
             # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
             # Code of a behaviour that does not return holds the whole process.

@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.output import Clean, painted, print_line
@@ -49,27 +50,37 @@ class Printer:
 
 
 class RunDisplay:
-    """Prints the lines of the processes and tells how the team does: a log line on every tenth of a run with an end,
-    but not too often. `run_for` is simulated seconds from GO."""
+    """Prints the lines of the processes and tells how the team does: on a live line below them, or without one in a
+    log line on every tenth of a run with an end, but not too often. `run_for` is simulated seconds from GO."""
 
-    def __init__(self, run_for: float | None) -> None:
-        self._run_for = run_for
+    def __init__(self, run_for: float | None, live: LiveLine | None = None) -> None:
+        self._run_for, self._live = run_for, live
+        self.line = Printer(self.print).line
         self._tenth = 0
         self._pause = Every(_LOG_PAUSE)
         self._pause.due()
 
     def print(self, line: str) -> None:
-        print_line(line)
+        (print_line if self._live is None else self._live.print)(line)
 
     def say(self, text: str) -> None:
         """Show what the launcher does, on a live line alone."""
+        if self._live is not None:
+            self._live.show(lambda columns: text[:columns])
 
     def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         """Tell about the team in this context."""
+        if self._live is not None:
+            return _looking(watch(), partial(self._show, self._live), _LIVE_PERIOD)
         return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
 
     def leave_terminal(self) -> None:
         """From now on only print lines: a debugger has the terminal."""
+        if self._live is not None:
+            self._live.leave()
+
+    def _show(self, live: LiveLine, seen: Overview) -> None:
+        live.show(lambda columns: progress_line(seen, self._run_for, columns))
 
     def _tell(self, seen: Overview) -> None:
         simulator, elapsed = seen.simulator, seen.elapsed
@@ -84,34 +95,11 @@ class RunDisplay:
             log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
 
 
-class _Live(RunDisplay):
-    """Lines with the live line below them."""
-
-    def __init__(self, line: LiveLine, run_for: float | None) -> None:
-        super().__init__(run_for)
-        self._line = line
-
-    def print(self, line: str) -> None:
-        self._line.print(line)
-
-    def leave_terminal(self) -> None:
-        self._line.leave()
-
-    def say(self, text: str) -> None:
-        self._line.show(lambda columns: text[:columns])
-
-    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
-        return _looking(watch(), self._show, _LIVE_PERIOD)
-
-    def _show(self, seen: Overview) -> None:
-        self._line.show(lambda columns: progress_line(seen, self._run_for, columns))
-
-
 @contextmanager
 def open_display(log_format: str, run_for: float | None) -> Iterator[RunDisplay]:
     if log_format == "text" and has_live_line(sys.stdout):
         with LiveLine(sys.stdout) as line:
-            yield _Live(line, run_for)
+            yield RunDisplay(run_for, line)
     else:
         yield RunDisplay(run_for)
 

@@ -2,8 +2,8 @@
 
 import os
 import sys
-from collections.abc import Callable, Container, Iterator
-from importlib.machinery import ModuleSpec
+from collections.abc import Callable, Container
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,6 @@ from zteam.robot.behaviors.registry import load_named
 
 if TYPE_CHECKING:
     from zteam.node.node import Node
-
-OtherFile = Callable[[str, str], str | None]
-"""`other_file(module, file)`: the file that this process has for a module that another one found in `file`, if it is
-another file."""
 
 
 def find_body(name: str, spec: str) -> "Callable[[Node], None]":
@@ -65,44 +61,22 @@ def _file(module: Any) -> str | None:
 
 
 def file_of(module: str) -> str | None:
-    """The file of a module that this process has imported or would import; None if there is none. Imports nothing."""
-    path: Any = None
-    file = None
-    parts = module.split(".")
-    for name in (".".join(parts[: i + 1]) for i in range(len(parts))):
-        loaded = sys.modules.get(name)
-        if loaded is not None:
-            path, file = getattr(loaded, "__path__", None), _file(loaded)
-        elif name != parts[0] and path is None:
-            return None
-        else:
-            spec = next(_specs(name, path), None)
-            if spec is None:
-                return None
-            path, file = spec.submodule_search_locations, spec.origin if spec.has_location else None
-    return file
+    """The file of a module that this process has imported or would import; None if there is none. Imports nothing but
+    the package that the module is in."""
+    if module in sys.modules:
+        return _file(sys.modules[module])
+    try:
+        spec = find_spec(module)
+    except ImportError:
+        return None
+    return spec.origin if spec is not None and spec.has_location else None
 
 
-def _specs(name: str, path: Any) -> Iterator[ModuleSpec]:
-    for finder in sys.meta_path:
-        spec = finder.find_spec(name, path)
-        if spec is not None:
-            yield spec
-
-
-def other_file(module: str, file: str) -> str | None:
-    """As OtherFile."""
-    mine = file_of(module)
-    return None if mine is None or os.path.realpath(mine) == os.path.realpath(file) else mine
-
-
-def other_file_unless_in(folders: Container[str]) -> OtherFile:
-    """As `other_file`, but a module that lies in one of these folders is the right one."""
-
-    def find(module: str, file: str) -> str | None:
-        place = Path(file).parent
-        if file.endswith("__init__.py"):
-            place = place.parent
-        return None if str(place.resolve()) in folders else other_file(module, file)
-
-    return find
+def other_file(module: str, file: str, right: Container[str] = ()) -> str | None:
+    """The file that this process has for a module that another one found in `file`; None if it is the same file, or if
+    the module lies in one of the folders `right`."""
+    mine, place = file_of(module), Path(file).parent
+    if file.endswith("__init__.py"):
+        place = place.parent
+    is_right = str(place.resolve()) in right
+    return None if mine is None or is_right or os.path.realpath(mine) == os.path.realpath(file) else mine

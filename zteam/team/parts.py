@@ -73,18 +73,12 @@ def _aggregator(options: AggregatorOptions) -> Part:
     return Part(lambda node: run_aggregator(node, options, descriptions), Node, small=True)
 
 
-def _monitor(options: MonitorOptions) -> Part:
-    from zteam.monitor.process.node import run_monitor
-
-    return Part(lambda node: run_monitor(node, options), small=True)
-
-
-def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Part:
-    """A monitor whose events `say(line)` prints, where several nodes share a standard output."""
+def monitor_part(options: MonitorOptions, say: Callable[[str], None] | None = None) -> Part:
+    """A monitor; `say(line)` prints its events where several nodes share a standard output."""
     from zteam.monitor.process.display import Lines
     from zteam.monitor.process.node import run_monitor
 
-    return Part(lambda node: run_monitor(node, options, Lines(say)))
+    return Part(lambda node: run_monitor(node, options, say and Lines(say)), small=True)
 
 
 def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
@@ -143,7 +137,7 @@ _MAKERS: dict[type, Callable[[Any], Part]] = {
     SimOptions: _simulator,
     MapOptions: _map_server,
     AggregatorOptions: _aggregator,
-    MonitorOptions: _monitor,
+    MonitorOptions: monitor_part,
     RobotOptions: robot_part,
     NavigationOptions: _navigation,
     ViewOptions: _view,

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from studies.bare_zenoh import START_LIMIT, TICK_LIMIT, Exchanged
+from studies.router import start_router
 from zteam import names
 from zteam.cli.bench import figure
 from zteam.cli.bench_team import measure_team
@@ -14,7 +15,6 @@ from zteam.errors import UsageError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Member, Supervisor
-from zteam.team.run.processes import start_router, wait_for_endpoint
 from zteam.world import load_world
 
 _SECONDS = 4.0
@@ -87,7 +87,7 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
     limit = 3 * START_LIMIT + seconds + TICK_LIMIT
     with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
         try:
-            endpoint = _start_router(supervisor)
+            endpoint = start_router(supervisor)
             supervisor.start(names.AGGREGATOR, _command("aggregator", endpoint, *count))
             for i in range(robots):
                 supervisor.start(names.robot_name(i), _command("robot", endpoint, "--id", str(i)))
@@ -104,15 +104,6 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
 
 def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
     return [sys.executable, "-P", "-m", "studies.bare_zenoh", role, "--connect", endpoint, *arguments]
-
-
-def _start_router(supervisor: Supervisor) -> str:
-    """Start a router; return its endpoint."""
-    router = start_router(supervisor)
-    endpoint = wait_for_endpoint(supervisor, router, START_LIMIT)
-    if not endpoint:
-        raise ZteamError(_failure_text(router))
-    return endpoint
 
 
 def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -> Exchanged:

@@ -9,12 +9,12 @@ from pathlib import Path
 import msgspec
 
 from studies.chains.recorder import NAME, Moment
+from studies.router import start_router
 from zteam.clock import HOST_FACTOR
 from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.team.launch.process import exit_text, zteam_command
 from zteam.team.launch.supervisor import Supervisor
-from zteam.team.run.processes import start_router, wait_for_endpoint
 from zteam.team.run.report import RunReport
 
 _START = 60.0 * HOST_FACTOR
@@ -36,9 +36,7 @@ def run_processes(
         for name, command in {NAME: recorder, **nodes}.items():
             lines += ["[[nodes]]", f"name = {toml_text(name)}", f"command = {toml_text(command)}", "expect = true"]
         around.write_text("\n".join(lines) + "\n")
-        endpoint = wait_for_endpoint(supervisor, start_router(supervisor), _START)
-        if not endpoint:
-            raise ZteamError("the run failed: the router did not start")
+        endpoint = start_router(supervisor)
         end = ["--for", str(seconds), "--report", str(report), "--connect", endpoint]
         up = supervisor.start("up", zteam_command("zteam", "up", str(around), *words, *end))
         supervisor.wait(lambda: not up.running, 600 + 60 * seconds)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from studies.router import start_router
 from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.bus.options import DEFAULT_TLS_ENDPOINT
@@ -20,9 +21,9 @@ from zteam.cli.tables import format_table
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
 from zteam.messages import Odometry, decode
+from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Supervisor
-from zteam.team.run.processes import start_router, wait_for_endpoint
 from zteam.team.security.access import Rights
 from zteam.team.security.certificates import files_of, prepare
 
@@ -105,10 +106,9 @@ def _router(folder: Path, *, secure: bool) -> Iterator[BusOptions]:
     if secure:
         prepare(folder, "", {"router": Rights(links=True), "bench": Rights(links=True)}, "", ["router", "bench"])
     with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
-        router = start_router(supervisor, certificates=folder if secure else None)
-        endpoint = wait_for_endpoint(supervisor, router, _LIMIT)
+        endpoint = start_router(supervisor, folder if secure else None)
         yield BusOptions(connect=endpoint, tls=files_of(folder, "bench") if secure else None)
-        supervisor.stop([router.name])
+        supervisor.stop([ROUTER])
 
 
 def _measure_messages(folder: Path, *, secure: bool) -> dict[str, float]:

@@ -11,7 +11,7 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.errors import UsageError
-from zteam.team.own_code import file_of, files_since, find_body, other_file, other_file_unless_in, search_folders
+from zteam.team.own_code import file_of, files_since, find_body, other_file, search_folders
 from zteam.team.testing.team import _SITE
 
 
@@ -26,12 +26,11 @@ def lab(empty_folder: Path) -> Path:
 
 
 def test_files_are_found_without_imports(lab: Path) -> None:
-    """Of modules, packages and their parts, those with a file; nothing of them is run."""
-    found = {name: file_of(name) for name in ("single", "pack", "pack.part", "spaces.part", "spaces", "single.x", "no")}
-    expected = {"single": "single.py", "pack": "pack/__init__.py", "pack.part": "pack/part.py"}
-    expected["spaces.part"] = "spaces/part.py"
+    """Of modules, packages and parts of a package without a file; nothing of them is run."""
+    found = {name: file_of(name) for name in ("single", "pack", "spaces.part", "spaces", "no", "no.part")}
+    expected = {"single": "single.py", "pack": "pack/__init__.py", "spaces.part": "spaces/part.py"}
     assert {name: file for name, file in found.items() if file} == {k: str(lab / v) for k, v in expected.items()}
-    assert not sys.modules.keys() & {"single", "pack", "spaces"}
+    assert not sys.modules.keys() & {"single", "pack", "spaces.part"}
 
 
 def test_what_was_imported_has_its_file(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,7 +42,7 @@ def test_what_was_imported_has_its_file(lab: Path, monkeypatch: pytest.MonkeyPat
     assert file_of("single") == "/elsewhere/single.py"
     assert file_of("pack") is None
     assert other_file("single", str(lab / "single.py")) == "/elsewhere/single.py"
-    assert other_file_unless_in([str(lab)])("single", str(lab / "single.py")) is None
+    assert other_file("single", str(lab / "single.py"), [str(lab)]) is None
 
 
 def test_links_to_one_file_are_one(lab: Path) -> None:

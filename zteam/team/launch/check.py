@@ -8,7 +8,7 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +28,6 @@ from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
 from zteam.team.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.team.launch.plan import is_own, is_python
-from zteam.team.own_code import OtherFile
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
@@ -38,19 +37,19 @@ def check_team(
     world_file: Path | None = None,
     *,
     here: bool = False,
-    other_file: OtherFile = lambda _module, _file: None,
+    right: Container[str] | None = None,
 ) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else a
-    module of which it has an `other_file` is refused.
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else with
+    `right` a module is refused of which this process has another file, unless it lies in one of these folders.
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, other_file) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, right) as inquiry:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
@@ -176,7 +175,8 @@ def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, R
                     text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
                     yield Problem(("robots", i, "id"), text)
             elif not (entry.pose or entry.model):
-                yield Problem(("robots", i, "id"), f"{_lack(entry.id, standing)}; model and pose add one")
+                text = f"the world has no robot {entry.id} (it has {format_robot_ids(standing) or 'none'})"
+                yield Problem(("robots", i, "id"), f"{text}; model and pose add one")
         elif entry.id in robots:
             text = f"the world has a robot {entry.id} already: leave model and pose out, or give another id"
             yield Problem(("robots", i, "id"), text)
@@ -209,10 +209,6 @@ def _sensor_problems(
                 text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
                 way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
                 yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
-
-
-def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
-    return f"the world has no robot {robot_id} (it has {format_robot_ids(standing) or 'none'})"
 
 
 def random_parts(team: Team, world: World | None) -> list[str]:

@@ -7,7 +7,7 @@ must survive that. `Inquiry` sends the questions; this module, run as a program,
 import base64
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import Any
 
 import msgspec
@@ -19,7 +19,7 @@ from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.own_code import OtherFile, files_since, find_body
+from zteam.team.own_code import files_since, find_body, other_file
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
@@ -70,14 +70,13 @@ class Inquiry:
     """Questions that a child process answers in the background. Leaving the context ends the child."""
 
     def __init__(
-        self, questions: Sequence[Question], folders: Sequence[str], other_file: OtherFile = lambda _module, _file: None
+        self, questions: Sequence[Question], folders: Sequence[str], right: Container[str] | None = None
     ) -> None:
         """The child imports from `folders` besides the installed packages and the current folder.
 
-        What uses a module of which there is an `other_file` is refused.
+        With `right` what uses a module is refused of which this process has an `other_file`.
         """
-        self._questions = questions
-        self._other_file = other_file
+        self._questions, self._right = questions, right
         self._answers: list[Answer] = []
         self._last_line = ""
         self._supervisor = Supervisor(self._take_line)
@@ -102,7 +101,7 @@ class Inquiry:
 
     def _refuse_other_files(self, question: Question, answered: Answer) -> Answer:
         for module, file in answered.files.items():
-            mine = self._other_file(module, file)
+            mine = None if self._right is None else other_file(module, file, self._right)
             if mine is not None:
                 text = f"module {module} is {mine} here, but the team's processes import {file}: rename one of the two"
                 return Answer(f"{question.subject}: {text}")

@@ -13,8 +13,9 @@ from zteam.node import kinds
 from zteam.node.launcher import Report
 from zteam.node.process_options import ViewOptions, to_line
 from zteam.team.chaos.plan import choose_plan
+from zteam.team.file.entries import RobotEntry
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Job, learn_nothing
+from zteam.team.launch.supervisor import Job
 from zteam.team.launch.team_launch import TeamLaunch, options_of
 
 MEMBER = (sys.executable, "-P", "-m", "zteam.team.member")
@@ -67,7 +68,7 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
                 # A view takes no part in the run, so a new one changes nothing of it.
                 restarts=restarts.get(name, launch.restarts) or kind.beside,
                 may_end=kind.beside,
-                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else learn_nothing,
+                learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
             )
             if kind.beside:
                 beside.add(name)
@@ -78,6 +79,24 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     awaited = launch.participants if launch.pace.lockstep else ()
     optional = frozenset({*beside, *nodes}).difference(awaited)
     return LaunchPlan(own, nodes, optional, frozenset(beside))
+
+
+def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:
+    """The name and the job of a robot that is started on request; one of the team file keeps what else is said of it
+    there. Raises UsageError unless zteam knows the behaviour: a request must not have a module of its choice imported.
+    """
+    from zteam.robot.behaviors.registry import BEHAVIORS, behavior_names, read_params
+
+    known = behavior_names()
+    if behavior not in known:
+        raise UsageError(f"no behaviour {behavior!r}: there are {', '.join(known)}")
+    if behavior in BEHAVIORS:
+        read_params(behavior, BEHAVIORS[behavior], {})
+    entry = next((each for each in launch.team.robots if each.id == robot_id), RobotEntry(robot_id))
+    entry = msgspec.structs.replace(entry, behavior=behavior, follow=None, params={})
+    alone = msgspec.structs.replace(launch, team=msgspec.structs.replace(launch.team, robots=[entry], nodes=[]))
+    name = names.robot_name(robot_id)
+    return name, plan_team(alone).own[name]
 
 
 def with_faults(launch: TeamLaunch, plan: str, *, here: bool) -> TeamLaunch:

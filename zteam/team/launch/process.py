@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -47,8 +48,8 @@ def measure_usage(pid: int, usage: Usage) -> None:
     except OSError:
         return
     fields = stat.rpartition(")")[2].split()
-    usage.rss_mb = max(usage.rss_mb, _kilobytes(status, "VmHWM:") * 1024 / 1e6)
-    usage.pss_mb = max(usage.pss_mb, _kilobytes(rollup, "Pss:") * 1024 / 1e6)
+    usage.rss_mb = max(usage.rss_mb, _megabytes(status, "VmHWM"))
+    usage.pss_mb = max(usage.pss_mb, _megabytes(rollup, "Pss"))
     # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
     usage.cpu_seconds = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -59,11 +60,9 @@ def _read(path: str) -> str:
         return file.read()
 
 
-def _kilobytes(text: str, label: str) -> int:
-    for line in text.splitlines():
-        if line.startswith(label):
-            return int(line.split()[1])
-    return 0
+def _megabytes(text: str, label: str) -> float:
+    found = re.search(rf"^{label}:\s*(\d+)", text, re.MULTILINE)
+    return int(found[1]) * 1024 / 1e6 if found else 0.0
 
 
 def zteam_command(command: str, *arguments: str) -> list[str]:

@@ -53,17 +53,16 @@ def after_failure(before: int, ran_for: float) -> Again:
 
 
 class Restarts:
-    """Starts processes again, each after its delay, until `end`."""
+    """Starts processes again, each after its delay."""
 
     def __init__(self, start: Callable[[str], None]) -> None:
-        """`start(name)` is called on a thread of its own, never after `cancel` or `end`."""
+        """`start(name)` is called on a thread of its own, never after `cancel`."""
         self._start = start
         self._lock = threading.Lock()
         self._in_row: dict[str, int] = {}
         """The failures in a row of each process that is started again."""
         self._begun: dict[str, float] = {}
         self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
-        self._ended = False
         self.counts: dict[str, int] = {}
         """How often each process was started again."""
 
@@ -76,7 +75,7 @@ class Restarts:
     def take_failure(self, name: str) -> Again:
         """The process has failed: whether and when it is started again."""
         with self._lock:
-            if name not in self._in_row or self._ended:
+            if name not in self._in_row:
                 return Again()
             again = after_failure(self._in_row[name], monotonic() - self._begun[name])
             self._in_row[name] = again.in_row
@@ -104,12 +103,6 @@ class Restarts:
                 if timer is not None:
                     timer.cancel()
 
-    def end(self) -> None:
-        """Start nothing any more."""
-        with self._lock:
-            self._ended = True
-        self.cancel([*self._in_row])
-
 
 def log_failure(name: str, code: int | None, again: Again) -> None:
     """Say that a process has failed, and whether and when it is started again."""
@@ -120,10 +113,6 @@ def log_failure(name: str, code: int | None, again: Again) -> None:
         log.error("%s; it is not started again: it has failed %d times in a row", told, again.in_row)
     else:
         log.error("%s; it is not started again", told)
-
-
-def learn_nothing(_job: "Job", _report: Report) -> "Job | None":
-    return None
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -140,7 +129,7 @@ class Job(msgspec.Struct, frozen=True):
     """Whether it is started again when it has failed."""
     may_end: bool = False
     """Whether it may end by itself, with exit code 0."""
-    learn: "Callable[[Job, Report], Job | None]" = learn_nothing
+    learn: "Callable[[Job, Report], Job | None] | None" = None
     """`learn(job, report)` is asked for each report of the process: the job that follows when this one has failed, such
     as one with the port that the process has found; None = the same as before."""
 
@@ -181,7 +170,7 @@ class Supervisor:
         self._start_child = start_child
         self.members: dict[str, Member] = {}
         self.changed = threading.Condition()
-        """Notified when a process writes a line or a report, and when a member ends."""
+        """Notified when a process writes a line or a report, and when a member is started or ends."""
         self.failures: list[Member] = []
         """Those that ended without being asked to, and are not started again."""
         self.ended: set[str] = set()
@@ -228,6 +217,7 @@ class Supervisor:
         member = begin()
         with self.changed:
             self.members[name] = member
+            self.changed.notify_all()
         return member
 
     def _spawn(self, name: str) -> Process:
@@ -280,8 +270,7 @@ class Supervisor:
 
     def _take_report(self, process: Process, report: Report) -> None:
         job = self._jobs[process.name]
-        learned = job.learn(job, report)
-        if learned is not None:
+        if job.learn is not None and (learned := job.learn(job, report)) is not None:
             self._jobs[process.name] = learned
             self.restarts.note_start(process.name, learned.restarts)
         self._notify()
@@ -333,7 +322,7 @@ class Supervisor:
 
     def close(self) -> None:
         """Kill every process that still runs."""
-        self.restarts.end()
+        self.restarts.cancel([*self.members])
         for member in self.members.values():
             member.stopping = True
             if member.running:

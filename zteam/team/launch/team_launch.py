@@ -120,12 +120,6 @@ def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
     return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
 
 
-def _monitor(launch: TeamLaunch) -> dict[str, MonitorOptions]:
-    """One monitor, which gives GO when all these robots are ready."""
-    ids = tuple(robot.id for robot in launch.team.robots)
-    return {names.MONITOR: MonitorOptions(len(ids), ids)}
-
-
 def _robots(launch: TeamLaunch) -> dict[str, RobotOptions]:
     """One process per robot. The module of a user's behaviour may lie beside the team file and what it includes."""
     own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
@@ -156,7 +150,9 @@ OPTIONS: dict[str, Callable[[TeamLaunch], Mapping[str, ProcessOptions]]] = {
         {names.MAP_SERVER: MapOptions(launch.folder / file)} if (file := launch.team.team.map) else {}
     ),
     names.AGGREGATOR: lambda launch: {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)},
-    names.MONITOR: _monitor,
+    names.MONITOR: lambda launch: {
+        names.MONITOR: MonitorOptions(len(launch.team.robots), tuple(robot.id for robot in launch.team.robots))
+    },
     kinds.NAVIGATION: _navigation,
     kinds.ROBOT: _robots,
     names.VIEW: lambda launch: {names.VIEW: launch.view} if launch.view else {},

@@ -20,7 +20,7 @@ from typing import IO
 
 import msgspec
 
-from zteam.clock import HOST_FACTOR, pause
+from zteam.clock import HOST_FACTOR
 from zteam.team.launch.fork_server import MAX_MESSAGE, Order, Reply, StartChild
 from zteam.team.launch.process import Child, environment_of, runs_zteam, spawn
 
@@ -146,22 +146,14 @@ class ForkedChild:
         with self._lock:
             if self.returncode is None and _wait_for(self._descriptor, 0):
                 self.returncode = self._server.collect(self.pid)
-                os.close(self._descriptor)
         return self.returncode
 
     def wait(self) -> int:
-        """Wait until it has ended; the warm parent ends the rest of its group and releases its process id."""
-        descriptor = None
-        with self._lock, contextlib.suppress(OSError):
-            if self.returncode is None:
-                # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
-                descriptor = os.dup(self._descriptor)
-        if descriptor is not None:
-            _wait_for(descriptor, None)
-            os.close(descriptor)
-        while (code := self.poll()) is None:
-            # There was no descriptor left for the copy.
-            pause(0.1)
+        """Wait until it has ended; the warm parent ends the rest of its group and releases its process id. Once."""
+        _wait_for(self._descriptor, None)
+        code = self.poll()
+        os.close(self._descriptor)
+        assert code is not None
         return code
 
     def send_signal(self, sig: int) -> None:

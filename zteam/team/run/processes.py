@@ -9,9 +9,10 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.options import DEFAULT_ENDPOINT, FROM_STDIN, LEASE, TLS_VARIABLES, RouterOptions
-from zteam.clock import HOST_FACTOR
-from zteam.errors import BusError, ZteamError
+from zteam.bus.options import DEFAULT_ENDPOINT, FROM_STDIN, TLS_VARIABLES, RouterOptions
+from zteam.bus.presence import Claim, ProcessInfo, find_processes
+from zteam.clock import HOST_FACTOR, local_time_text
+from zteam.errors import BusError, DuplicateNameError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
@@ -22,9 +23,7 @@ from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
-from zteam.team.run.namespace import refuse_second_team
 from zteam.team.security.access import OPERATOR, Rights, rights_of
-from zteam.team.security.certificates import ACCESS, files_of, prepare
 
 log = logging.getLogger("zteam")
 
@@ -60,45 +59,36 @@ def node_environment(endpoint: str, bus: BusOptions) -> dict[str, str]:
     }
 
 
-def start_router(
-    supervisor: Supervisor,
-    listen: str = ANY_PORT,
-    lease: float = LEASE,
-    certificates: Path | None = None,
-    *,
-    restarts: bool = False,
-    only_there: bool = False,
-) -> Process:
-    """Start a router that reports its endpoint when it listens; clients bear `lease` host seconds of its silence.
+def claim_namespace(bus: Bus, stop: Stop) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
 
-    It listens at `listen`, which a router on demand gives up, or else at any port; at no other with `only_there`. With
-    a folder of certificates it listens over TLS, and lets in those that are valid. With `restarts` it is started again
-    at its endpoint, when it has failed after that.
+    Requests the stop if a healed network shows an older launcher.
     """
-    options = RouterOptions((listen,), lease=lease, for_team="" if only_there else "starts")
-    if certificates is not None:
-        options = msgspec.structs.replace(
-            options,
-            listen=(f"tls/{listen.partition('/')[2]}",),
-            tls=files_of(certificates, ROUTER),
-            config=str(certificates.resolve() / ACCESS),
-        )
 
-    def learn(job: Job, report: Report) -> Job | None:
-        if not (restarts and report.listening):
-            return None
-        again = msgspec.structs.replace(options, listen=(report.listening,), for_team="returns")
-        return msgspec.structs.replace(job, words=to_line(ROUTER, again), restarts=True)
+    def on_rival(info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        stop.request("another team holds the namespace")
 
-    return supervisor.start_job(ROUTER, Job(MEMBER, words=to_line(ROUTER, options), learn=learn))
+    claim = Claim(bus, names.LAUNCHER)
+    try:
+        claim.win(on_rival)
+    except DuplicateNameError:
+        refuse_second_team(bus, ())
+        raise
+    return claim
 
 
-def wait_for_endpoint(
-    supervisor: Supervisor, router: Process, timeout: float, stopped: Callable[[], bool] = lambda: False
-) -> str:
-    """The endpoint that the router reports; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
-    supervisor.wait(lambda: stopped() or not router.running or bool(router.report.listening), timeout)
-    return router.report.listening
+def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
+    """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
+    found = {info.name: info for info in find_processes(bus)}
+    for name in (names.LAUNCHER, *needed):
+        if name in found:
+            info = found[name]
+            what = "a team" if name == names.LAUNCHER else name
+            raise BusError(
+                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
+                "stop it, or use --namespace"
+            )
 
 
 class Processes:
@@ -123,6 +113,8 @@ class Processes:
         """
         self.supervisor = Supervisor(on_line, start_child=warm.start)
         self.bus: Bus | None = None
+        self.tools_bus: Bus | None = None
+        """The session by which tools reach this process: the same."""
         # A process that hangs ends with HUNG, and the watch of a test finds where.
         self.hung, self.hangs = set[str](), dict[str, str]()
         self.endpoint = options.connect or (
@@ -135,11 +127,6 @@ class Processes:
         self._options, self._warm, self._name, self._listen, self._added = options, warm, name, listen, environment
         self._stop = stop or Stop()
         self._rights: Mapping[str, Rights] = {}
-
-    @property
-    def tools_bus(self) -> Bus | None:
-        """The session by which tools reach this process."""
-        return self.bus
 
     @property
     def pids(self) -> dict[str, int]:
@@ -162,7 +149,7 @@ class Processes:
     def open(self) -> None:
         """Have a router and a session."""
         if not self.endpoint:
-            self._wait_for_router(self._start_router())
+            self._wait_for_router(self._start_router(restarts=False))
         self._connect()
 
     def start(self, connected: Callable[[], None]) -> None:
@@ -193,25 +180,47 @@ class Processes:
             job = jobs[name]
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 
-    def _start_router(self, *, restarts: bool = False) -> Process:
-        return start_router(
-            self.supervisor,
-            self._listen or DEFAULT_ENDPOINT,
-            self.lease,
-            self.certificates,
-            restarts=restarts,
-            only_there=self._listen is not None,
-        )
+    def _start_router(self, *, restarts: bool) -> Process:
+        """Start a router that reports its endpoint when it listens. A router on demand gives up the default endpoint.
+
+        With certificates it listens over TLS, and lets in those that are valid. With `restarts` it is started again at
+        its endpoint, when it has failed after that.
+        """
+        listen = self._listen or DEFAULT_ENDPOINT
+        options = RouterOptions((listen,), lease=self.lease, for_team="starts" if self._listen is None else "")
+        if self.certificates is not None:
+            from zteam.team.security.certificates import ACCESS, files_of
+
+            options = msgspec.structs.replace(
+                options,
+                listen=(f"tls/{listen.partition('/')[2]}",),
+                tls=files_of(self.certificates, ROUTER),
+                config=str(self.certificates.resolve() / ACCESS),
+            )
+
+        def learn(job: Job, report: Report) -> Job | None:
+            if not (restarts and report.listening):
+                return None
+            again = msgspec.structs.replace(options, listen=(report.listening,), for_team="returns")
+            return msgspec.structs.replace(job, words=to_line(ROUTER, again), restarts=True)
+
+        return self.supervisor.start_job(ROUTER, Job(MEMBER, words=to_line(ROUTER, options), learn=learn))
 
     def _issue(self, processes: Iterable[str]) -> None:
+        from zteam.team.security.certificates import prepare
+
         assert self.certificates is not None
         team, namespace = str(self._launch.team_file or ""), self._options.namespace or ""
         for warning in prepare(self.certificates, team, self._rights, namespace, [*processes]):
             log.warning("%s", warning)
 
     def _options_of(self, name: str) -> BusOptions:
-        tls = self._options.tls if self.certificates is None else files_of(self.certificates, name)
-        return msgspec.structs.replace(self._options, tls=tls, lease=self.lease)
+        options = msgspec.structs.replace(self._options, lease=self.lease)
+        if self.certificates is None:
+            return options
+        from zteam.team.security.certificates import files_of
+
+        return msgspec.structs.replace(options, tls=files_of(self.certificates, name))
 
     def _endpoint_for(self, name: str) -> str:
         # A tool has no link of its own.
@@ -233,13 +242,16 @@ class Processes:
 
     def _connect(self) -> None:
         options = msgspec.structs.replace(self._options_of(self._name), connect=self.endpoint)
-        self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
+        self.bus = self.tools_bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
         if self.links is not None:
             self.links.serve(self.bus)
 
     def _wait_for_router(self, router: Process) -> None:
         """Learn the endpoint of the team's own router. Raises BusError if it does not listen."""
-        self.endpoint = wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
+        self.supervisor.wait(
+            lambda: self._stop.requested or not router.running or bool(router.report.listening), ROUTER_DEADLINE
+        )
+        self.endpoint = router.report.listening
         if not self.endpoint:
             # Its last line may still be on its way.
             router.join(1.0)

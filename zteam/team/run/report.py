@@ -5,6 +5,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -21,6 +22,8 @@ from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
 from zteam.team.chaos.run import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
+
+S = TypeVar("S")
 
 
 class ProcessReport(msgspec.Struct):
@@ -83,10 +86,17 @@ def read_report(bus: Bus) -> RunReport:
     """What every process counted; `complete` adds the rest. Raises BusError when the simulator does not answer."""
     simulator = read_sim_report(bus)
     report = RunReport(**{name: getattr(simulator, name) for name in RunFigures.__struct_fields__})
-    report.dropped, report.safety_stops = read_dropped(bus), read_safety_stops(bus)
+    report.dropped = read_dropped(bus)
+    report.safety_stops = {name: reply.stops for name, reply in _read_all(bus, SAFETY, SafetyReply)}
     if simulator.lockstep:
-        report.rounds = read_rounds(bus)
+        report.rounds = dict(_read_all(bus, "timing", RoundTiming))
     return report
+
+
+def _read_all(bus: Bus, service: str, kind: type[S]) -> list[tuple[str, S]]:
+    """The answers of every process that answers, with its name."""
+    answers = bus.query(names.service_key("*", service), kind, timeout=_ANSWER_LIMIT)
+    return [(key.partition("/")[0], answer) for key, answer in answers]
 
 
 def complete(
@@ -107,18 +117,6 @@ def complete(
     report.processes, report.restarts = processes, dict(restarts)
     report.recovery_seconds = {name: round(seconds, 3) for name, seconds in recovery_seconds.items()}
     report.hung = list(dict.fromkeys((*report.hung, *hung)))
-
-
-def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
-    """Every participant's own timing."""
-    answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_ANSWER_LIMIT)
-    return {key.partition("/")[0]: timing for key, timing in answers}
-
-
-def read_safety_stops(bus: Bus) -> dict[str, int]:
-    """How often the safety layer of each robot that answers stopped or slowed it."""
-    answers = bus.query(names.service_key("*", SAFETY), SafetyReply, timeout=_ANSWER_LIMIT)
-    return {key.partition("/")[0]: reply.stops for key, reply in answers}
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:

@@ -21,7 +21,7 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import Body, Threads, open_outside
+from zteam.team.run.threads import Body, NodeThread, Threads, open_outside
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
@@ -92,8 +92,9 @@ def run_team(
         report = members.beside_simulator(carry_out)
     for text in members.hangs.values():
         raise ZteamError(text)
-    for node in members.failures:
-        raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
+    for node in members.supervisor.failures:
+        if isinstance(node, NodeThread):
+            raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
     if report is None:
         raise KeyboardInterrupt
     return report

@@ -6,28 +6,32 @@
 
 import logging
 import signal
+import threading
 from collections.abc import Callable
 from contextlib import ExitStack
-from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
+import msgspec
+
 from zteam import names
-from zteam.errors import ZteamError
+from zteam.bus import Bus, Deferred
+from zteam.bus.presence import find_processes
+from zteam.errors import BusError, ZteamError
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
+from zteam.robot.client import StartRequest
 from zteam.team.chaos.means import Means
 from zteam.team.chaos.run import ChaosReport, ChaosThread
 from zteam.team.chaos.signals import Signals
-from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
+from zteam.team.launch.plan import LaunchPlan, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
-from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
-from zteam.team.launch.recovery import Recoveries
-from zteam.team.launch.starts import RobotStarts
+from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
 from zteam.team.launch.team_launch import TeamLaunch
-from zteam.team.run.namespace import claim_namespace
+from zteam.team.run.processes import claim_namespace
 from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
 
 if TYPE_CHECKING:
@@ -38,24 +42,6 @@ log = logging.getLogger("zteam")
 
 _LAST_WORDS = 1.0
 """Host seconds to wait for the output of a process that has ended."""
-
-
-class RunState(Enum):
-    """How far a run is."""
-
-    NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
-
-
-_NEXT = {
-    RunState.NEW: {RunState.OPEN, RunState.STARTING, RunState.STOPPING},
-    RunState.OPEN: {RunState.STARTING, RunState.STOPPING},
-    RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
-    RunState.RUNNING: {RunState.STOPPING},
-    # `finish` stops the members, and leaving the context once more what is left.
-    RunState.STOPPING: {RunState.STOPPING},
-    RunState.ENDED: set[RunState](),
-}
-"""The states that may follow each state."""
 
 
 class TeamRun:
@@ -84,14 +70,14 @@ class TeamRun:
         """How the team took the faults of the launch, after `finish`; None if it has none."""
         self._stop, self._is_launcher, self._since_start = stop or Stop(), is_launcher, since_start
         self._on_end = on_end
-        self.state = RunState.NEW
         self._hurry = False
         self._progress: Progress | None = None
         """None before there is a bus, and in a test."""
         self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
         self._faults: ChaosThread | None = None
-        self._starts: RobotStarts | None = None
+        self._stopping, self._start_lock = False, threading.Lock()
+        """Held while a robot is started on request."""
         self._hung: set[str] = set()
         self._ends = ExitStack()
         """Of what it holds on the bus, and then of the members."""
@@ -100,10 +86,6 @@ class TeamRun:
         self._stop.on_request(self._wake)
         if launch is not None:
             self.plan_for(launch)
-
-    def _enter(self, state: RunState) -> None:
-        assert state in _NEXT[self.state], f"{self.state} -> {state}"
-        self.state = state
 
     def plan_for(self, launch: TeamLaunch) -> None:
         """Choose the team that `start` starts."""
@@ -114,35 +96,28 @@ class TeamRun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.state is RunState.ENDED:
-            return
-        try:
+        with self._ends:
             self._stop_all()
-        finally:
-            self.state = RunState.ENDED
-            self._ends.close()
 
     def open(self) -> None:
         """Have a router and a session, before there are members."""
         self.members.open()
         self._connected()
-        self._enter(RunState.OPEN)
 
     def reconnect(self) -> None:
         """Have a new session in place of the one before."""
         assert self.members.bus is not None
         self.members.bus.close()
-        self.members.open()
-        self._connected()
+        self.open()
 
     def start(self) -> None:
         """Start the members."""
-        self._enter(RunState.STARTING)
         self.members.start(self._connected)
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
-            new = self.members.environment_of_new
-            self._starts = RobotStarts(self.launch, self.plan, self.supervisor, tools, new)
+            key = names.service_key(names.LAUNCHER, names.START)
+            # A fork, and the question which process holds the name, take their time.
+            tools.serve(key, StartRequest, lambda request: Deferred(partial(self._start_robot, tools, request)))
         if self.launch.faults:
             # The simulator of lock-step knows its own already.
             self._faults = ChaosThread(
@@ -153,9 +128,25 @@ class TeamRun:
                 lockstep=self.launch.pace.lockstep,
             )
             self._ends.callback(self._faults.stop)
-        self._enter(RunState.RUNNING)
         if self._stop.requested:
             self._wake()
+
+    def _start_robot(self, tools: Bus, request: StartRequest) -> str:
+        """Start a robot's process, which the team does not need, as the team's own were started; its name."""
+        name, job = robot_job(self.launch, request.robot, request.behavior)
+        with self._start_lock:
+            if self._stopping:
+                raise BusError("the team is stopping")
+            member = self.supervisor.members.get(name)
+            if (member is not None and member.running) or find_processes(tools, name):
+                raise BusError(f"{name} has a process already: end it first")
+            job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
+            log.info("%s is started on request, with behaviour %s", name, request.behavior)
+            if name not in self.plan.jobs:
+                self.plan.beside |= {name}
+                self.plan.optional |= {name}
+            self.supervisor.start_job(name, job)
+        return name
 
     def _connected(self) -> None:
         """There is a session now. Raises BusError if another team is there."""
@@ -260,9 +251,8 @@ class TeamRun:
         return report
 
     def _stop_all(self) -> None:
-        self._enter(RunState.STOPPING)
-        if self._starts is not None:
-            self._starts.end()
+        with self._start_lock:
+            self._stopping = True
         self._hung |= self.members.hung
         running = [member for member in self.supervisor.members.values() if member.running]
         for group in stop_order(self.supervisor.members):

@@ -36,9 +36,8 @@ from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan
 from zteam.team.launch.supervisor import Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
-from zteam.team.parts import Part, part_of, printing_monitor, robot_part
-from zteam.team.run.namespace import refuse_second_team
-from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment
+from zteam.team.parts import Part, monitor_part, part_of, robot_part
+from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 
 log = logging.getLogger("zteam")
 
@@ -49,7 +48,7 @@ R = TypeVar("R")
 
 def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[str], None]) -> Part:
     if isinstance(options, MonitorOptions):
-        return printing_monitor(options, say)
+        return monitor_part(options, say)
     if isinstance(options, RobotOptions):
         # Not in the nodes' threads: pytest parses what is imported, which two threads of Python 3.11 cannot do at once.
         import zteam.robot.process.node  # noqa: F401
@@ -124,25 +123,22 @@ class NodeThread:
 
     def run(self) -> None:
         """Run the node in this thread."""
-        with working_for(self.name):
-            self._run()
-
-    def _run(self) -> None:
         name, part, code = self.name, self._part, 1
-        if name == names.SIMULATOR:
-            self._sessions.delivery.deliver_in_this_thread()
-        try:
-            code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
-        except SystemExit as error:
-            code = error.code if isinstance(error.code, int) else int(error.code is not None)
-        except BaseException as error:
-            # Such as that of a debugger whose user quits.
-            log.error("ended by %s", type(error).__name__)
-        finally:
-            self.exit_code = code
-            # First: what `join` waits for has an end that is known.
-            self._on_end(self)
-            self._ended.set()
+        with working_for(name):
+            if name == names.SIMULATOR:
+                self._sessions.delivery.deliver_in_this_thread()
+            try:
+                code = run_body(name, lambda: self._sessions.bus(name), self._body, self._stop, part.clock, part.make)
+            except SystemExit as error:
+                code = error.code if isinstance(error.code, int) else int(error.code is not None)
+            except BaseException as error:
+                # Such as that of a debugger whose user quits.
+                log.error("ended by %s", type(error).__name__)
+            finally:
+                self.exit_code = code
+                # First: what `join` waits for has an end that is known.
+                self._on_end(self)
+                self._ended.set()
 
     def _body(self, node: ProcessNode) -> None:
         try:
@@ -215,38 +211,22 @@ class Threads:
         self.supervisor = Supervisor(on_line)
         self.endpoint = "" if outside is None else outside.endpoint
         self.bus: Bus | None = None
+        self.tools_bus = None if outside is None else outside.bus
+        self.pids = {name: os.getpid()}
         self._name, self._nodes, self._outside, self._on_line = name, nodes, outside, on_line
         self._ends_calls, self._prefix_log = ends_calls, prefix_log
-        self.calls: CallWatch | None = None
+        self._calls: CallWatch | None = None
         """None before there is a team."""
+        self.hangs: dict[str, str] = {}
+        """Where nodes were whose calls lasted too long, in words."""
         self._ends = ExitStack()
 
     change_link = staticmethod(no_link)
 
     @property
-    def tools_bus(self) -> Bus | None:
-        """The session outside."""
-        return None if self._outside is None else self._outside.bus
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """This process."""
-        return {self._name: os.getpid()}
-
-    @property
     def hung(self) -> set[str]:
         """The nodes whose step does not return, or was ended."""
-        return set() if self.calls is None else self.calls.hung
-
-    @property
-    def hangs(self) -> dict[str, str]:
-        """Where nodes were whose calls lasted too long, in words."""
-        return {} if self.calls is None else self.calls.hangs
-
-    @property
-    def failures(self) -> list[NodeThread]:
-        """The nodes of this process that ended for good without being asked to."""
-        return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
+        return set() if self._calls is None else self._calls.hung
 
     def plan_for(self, launch: TeamLaunch, plan: LaunchPlan) -> None:
         """Make what the nodes do. Raises what a mistake in their files raises."""
@@ -254,9 +234,10 @@ class Threads:
         self.parts = parts_of(launch, self._on_line, self._nodes)
         self.sessions = NodeSessions(None if self._outside is None else self._outside.bus)
         self._ends.callback(self.sessions.close)
-        self.calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
+        self._calls = CallWatch(launch.pace, in_real_time=self._ends_calls)
+        self.hangs = self._calls.hangs
         self._ends.enter_context(KEEPER.naming_nodes(names.LAUNCHER, prefix=self._prefix_log))
-        self._ends.callback(self.calls.start())
+        self._ends.callback(self._calls.start())
 
     def open(self) -> None:
         """Have a session. Raises BusError if the team runs outside already."""

@@ -6,36 +6,30 @@ interruption leaves a certificate that the index knows and the folder lacks, whi
 """
 
 import fcntl
+import ipaddress
 import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta  # noqa: TID251 - of certificates; the time itself is the clock's
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey, EllipticCurvePublicKey
+from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from zteam.bus.options import TlsFiles
 from zteam.clock import wall_ns
 from zteam.errors import UsageError, ZteamError, did_you_mean
+from zteam.monitor.doctor.examination import check_certificate
 from zteam.names import name_problem
 from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
-from zteam.team.security.signing import (
-    key_bytes,
-    load_certificate,
-    name_in,
-    new_key,
-    places_of,
-    sign_authority,
-    sign_process,
-    unreadable,
-)
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate
 
 FOLDER = "certs"
 DAYS = 365
@@ -85,6 +79,109 @@ class Index(msgspec.Struct):
         """The newest certificate of this name."""
         found = self.certificates.get(name)
         return found[-1] if found else None
+
+
+def unreadable(path: Path, error: OSError) -> ZteamError:
+    """The error of a file that cannot be read."""
+    return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
+
+
+def new_key() -> EllipticCurvePrivateKey:
+    """Of an authority or a process."""
+    return ec.generate_private_key(ec.SECP256R1())
+
+
+def key_bytes(key: EllipticCurvePrivateKey) -> bytes:
+    """PEM, without a password."""
+    encoding, kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+    return key.private_bytes(encoding, kind, serialization.NoEncryption())
+
+
+def sign_process(
+    common_name: str,
+    key: EllipticCurvePrivateKey,
+    expires: datetime,
+    issuer: tuple[EllipticCurvePrivateKey, Certificate],
+    places: Sequence[GeneralName],
+) -> bytes:
+    """The certificate of a process, which is a client, PEM. With `places` it may also be a server there: clients check
+    both."""
+    issuer_key, own = issuer
+    builder, uses = _builder(common_name, key, expires, own), [ExtendedKeyUsageOID.CLIENT_AUTH]
+    if places:
+        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+        builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(places)), critical=False)
+    return _signed(builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False), issuer_key)
+
+
+def _builder(
+    common_name: str, key: EllipticCurvePrivateKey, expires: datetime, issuer: Certificate | None = None
+) -> CertificateBuilder:
+    """What all certificates have. Without `issuer` it is that of an authority."""
+
+    def named(text: str) -> x509.Name:
+        return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+    is_authority, public = issuer is None, key.public_key()
+    signer = public if issuer is None else issuer.public_key()
+    assert isinstance(signer, EllipticCurvePublicKey)
+    usage = x509.KeyUsage(
+        digital_signature=not is_authority,
+        key_cert_sign=is_authority,
+        crl_sign=is_authority,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+    return (
+        x509.CertificateBuilder()
+        .subject_name(named(common_name))
+        .issuer_name(named(common_name if issuer is None else name_in(issuer)))
+        .public_key(public)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now() - _MARGIN)
+        .not_valid_after(expires)
+        .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
+        .add_extension(usage, critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer), critical=False)
+    )
+
+
+def places_of(hosts: Iterable[str]) -> list[GeneralName]:
+    """Names and addresses of machines as a certificate has them. Raises UsageError."""
+    found: list[GeneralName] = []
+    for host in hosts:
+        try:
+            found.append(x509.IPAddress(ipaddress.ip_address(host)))
+        except ValueError:
+            if not host or not host.isascii() or any(c.isspace() or c in "/:*" for c in host):
+                raise UsageError(f"host {host!r}: give the name or the IP address of a machine") from None
+            found.append(x509.DNSName(host))
+    return found
+
+
+def _signed(builder: CertificateBuilder, key: EllipticCurvePrivateKey) -> bytes:
+    return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+
+def load_certificate(path: Path) -> Certificate:
+    """The one in a PEM file. Raises ZteamError."""
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise unreadable(path, error) from None
+    except ValueError:
+        raise ZteamError(f"{path}: this is no certificate in PEM form: restore it, or issue the next one") from None
+
+
+def name_in(certificate: Certificate) -> str:
+    """Its common name; empty if it has none."""
+    found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(found[0].value) if found else ""
 
 
 def now() -> datetime:
@@ -153,7 +250,7 @@ class Authority:
         key, expires = new_key(), now() + timedelta(days=MAX_DAYS)
         name = f"zteam {secrets.token_hex(4)}"
         self._write(CA_KEY, key_bytes(key))
-        self._write(CA, sign_authority(name, key, (now() - _MARGIN, expires)))
+        self._write(CA, _signed(_builder(name, key, expires), key))
         self._save_index()
         return expires
 
@@ -179,8 +276,8 @@ class Authority:
         # Before the files: a certificate in the folder is one that the index knows.
         self._save_index()
         for name, issued in zip(names, found, strict=True):
-            key, span = new_key(), (now() - _MARGIN, expires)
-            content = sign_process(f"{name}.{issued.serial}", key, span, own, places if name == ROUTER else ())
+            key = new_key()
+            content = sign_process(f"{name}.{issued.serial}", key, expires, own, places if name == ROUTER else ())
             self._write(f"{name}.key", key_bytes(key))
             self._write(f"{name}.pem", content)
         return found
@@ -221,10 +318,7 @@ class Authority:
         if len(name) > _MAX_NAME:
             raise UsageError(f"{name}: the name of a certificate has {_MAX_NAME} characters at most")
 
-    def _load_authority(self) -> "tuple[EllipticCurvePrivateKey, Certificate]":
-        from cryptography.hazmat.primitives import serialization
-        from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-
+    def _load_authority(self) -> tuple[EllipticCurvePrivateKey, Certificate]:
         path = self.folder / CA_KEY
         if not path.exists():
             raise ZteamError(f"{path}: no such file: issue certificates where 'zteam certs init' made the authority")
@@ -306,9 +400,6 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
     Where the authority is elsewhere, and the folder holds copies only, nothing is made. Raises ZteamError if a process
     has no certificate that is valid.
     """
-    # Only a team with certificates pays for this import.
-    from zteam.monitor.doctor.examination import check_certificate
-
     names = list(dict.fromkeys(names))
     if (folder / CA).exists() and not (folder / CA_KEY).exists():
         missing = [name for name in names if not _has_files(folder, name)]

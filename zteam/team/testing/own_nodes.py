@@ -9,7 +9,7 @@ from zteam.node.process_options import NodeOptions, to_line
 from zteam.team.launch.own_behaviors import Inquiry, Question
 from zteam.team.launch.plan import MEMBER
 from zteam.team.launch.supervisor import Job
-from zteam.team.own_code import find_body, other_file
+from zteam.team.own_code import find_body
 from zteam.team.run.threads import Body
 
 
@@ -44,7 +44,7 @@ def own_nodes(call: str, nodes: "Mapping[str, Body | str]", folders: Sequence[st
     if here:
         functions = {name: body for name, body in nodes.items() if not isinstance(body, str)}
         return OwnNodes({**functions, **{name: find_body(name, text) for name, text in texts.items()}})
-    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders, other_file) as inquiry:
+    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders, ()) as inquiry:
         if refused := [answered.refused for answered in inquiry.answers() if answered.refused]:
             raise UsageError("\n".join(refused))
     options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}

@@ -46,9 +46,9 @@ from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import GRACE, Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
-from zteam.team.own_code import other_file, other_file_unless_in, search_folders
+from zteam.team.own_code import search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
-from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Body, Threads, in_thread
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
@@ -119,7 +119,7 @@ class TeamFixture:
         All calls that look at the team come here, so they fail for a process that has failed.
         """
         self._watch.check()
-        if self._run.state is RunState.NEW:
+        if self._run.members.bus is None:
             self._run.open()
             self._observe()
 
@@ -315,7 +315,7 @@ class TeamFixture:
         of_file = () if in_process else file.team.folders
         file.team = structs.replace(file.team, folders=(*file.team.folders, *self._folders))
         replaced = find_world(world).resolve() if world is not None else None
-        chosen = check_team(file, replaced, other_file=other_file_unless_in(of_file))
+        chosen = check_team(file, replaced, right=of_file)
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
@@ -359,7 +359,7 @@ class TeamFixture:
         file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
             look_in([*file.team.folders, ""])
-        chosen = check_team(file, find_world(world).resolve(), here=in_process, other_file=other_file)
+        chosen = check_team(file, find_world(world).resolve(), here=in_process, right=())
         own = own_nodes("team.start", nodes or {}, file.team.folders, here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
         self._give_links(chaos, in_process)
@@ -405,7 +405,7 @@ class TeamFixture:
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
-        if self._run.state is not RunState.NEW:
+        if self._run.members.bus is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         # As a process of the team logs.
         self._ends.callback(log.setLevel, log.level)
@@ -569,7 +569,7 @@ class TeamFixture:
 
     def _need_team(self, call: str) -> None:
         """Raise UsageError before anything was opened: nothing would ever happen."""
-        if self._run.state is RunState.NEW:
+        if self._run.members.bus is None:
             raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
 
     def wait_for_go(self) -> None:

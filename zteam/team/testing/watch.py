@@ -19,7 +19,7 @@ from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.process import exit_text
-from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import in_thread
 from zteam.team.testing.errors import TeamFailure, TeamTimeout
 from zteam.team.testing.hangs import LOOK, Stacks, Wait
@@ -260,7 +260,7 @@ class Watch:
 
     def _check_at_end(self) -> None:
         self.check()
-        if self.run.state is RunState.NEW or (not self.is_in_process and not self.member(ROUTER).running):
+        if self.run.members.bus is None or (not self.is_in_process and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         self.wait_for_silent()

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from studies.bare_zenoh import START_LIMIT
+from studies.router import start_router
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.errors import ZteamError
@@ -16,7 +17,6 @@ from zteam.messages import Clock, Twist, Vector3
 from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import Process, Usage, zteam_command
 from zteam.team.launch.supervisor import Supervisor
-from zteam.team.run.processes import start_router, wait_for_endpoint
 
 TOKEN = "bench"
 SPACING = 2.0
@@ -109,10 +109,7 @@ def team(name: str) -> Iterator[Stage]:
 def processes() -> Iterator[tuple[Supervisor, str]]:
     """A set of processes with a router, and its endpoint; all end in the end."""
     with closing(Supervisor(lambda _name, _line: None, lambda _process, _again: None)) as supervisor:
-        router = start_router(supervisor)
-        endpoint = wait_for_endpoint(supervisor, router, START_LIMIT)
-        if not endpoint:
-            raise ZteamError(f"the router did not start: {list(router.lines)[-1:]}")
+        endpoint = start_router(supervisor)
         try:
             yield supervisor, endpoint
         finally:

@@ -16,7 +16,7 @@ from zteam.monitor.process.display import Poses
 from zteam.node.launcher import Restarted
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
-from zteam.team.launch.recovery import Recoveries
+from zteam.team.launch.progress import Recoveries
 from zteam.transforms.client import Lookup, LookupReply, LookupRequest
 
 

@@ -1,6 +1,8 @@
 """The user's behaviours, imported in a process of their own."""
 
 import os
+import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -44,14 +46,16 @@ def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
         os.kill(pid, 0)
 
 
-def test_a_module_of_another_file_is_refused(tmp_path: Path) -> None:
+def test_a_module_of_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also one that a behaviour or a node only imports; what is asked beside it is answered."""
     (tmp_path / "near.py").touch()
     (tmp_path / "user.py").write_text("import near\ndef main(node): pass")
     (tmp_path / "alone.py").write_text("def main(node): pass")
     questions = [Question("alone:main", {}, node="a"), Question("user:main", {}, node="b"), Question("user:Robot", {})]
-    others = {"near": "/far/near.py"}
-    with Inquiry(questions, [str(tmp_path)], lambda module, _file: others.get(module)) as inquiry:
+    near = types.ModuleType("near")
+    near.__file__ = "/far/near.py"
+    monkeypatch.setitem(sys.modules, "near", near)
+    with Inquiry(questions, [str(tmp_path)], ()) as inquiry:
         first, second, third = inquiry.answers()
     assert first.refused == ""
     text = f"module near is /far/near.py here, but the team's processes import {tmp_path / 'near.py'}"

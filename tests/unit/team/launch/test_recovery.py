@@ -10,8 +10,8 @@ from zteam.messages import RobotState, RobotStatus
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Restarted, restarts_text
-from zteam.team.launch import recovery
-from zteam.team.launch.recovery import Recoveries
+from zteam.team.launch import progress
+from zteam.team.launch.progress import Recoveries
 
 
 class Watched:
@@ -19,7 +19,7 @@ class Watched:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
-        monkeypatch.setattr(recovery, "monotonic", lambda: self.now)
+        monkeypatch.setattr(progress, "monotonic", lambda: self.now)
         self.counts: dict[str, int] = {}
         hub = MemoryHub()
         bus, self.link = cut_bus(hub)

@@ -6,8 +6,11 @@ import signal
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from msgspec import structs
@@ -17,7 +20,7 @@ from support.transports import wait_until_true
 from zteam.node.launcher import Report
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.process import Process
-from zteam.team.launch.supervisor import Again, Job, Supervisor
+from zteam.team.launch.supervisor import Again, Job, Member, Supervisor
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 """A child that ends only when it gets a signal."""
@@ -334,6 +337,21 @@ def test_what_a_process_reports_may_change_how_it_is_started_again(monkeypatch: 
         assert [line for name, line in supervisor.heard if name == "early"] == ["no more"]
         said = [line for name, line in supervisor.heard if name == "router"]
         assert said == ["no more", "port 3", "no more", "port 3", "no more"]
+
+
+def test_a_wait_notices_a_new_member() -> None:
+    """What waits for a process to be replaced goes on at once, though the process writes nothing."""
+    looked = threading.Event()
+
+    def is_there() -> bool:
+        looked.set()
+        return "a" in supervisor.members
+
+    with closing(Watched()) as supervisor, ThreadPoolExecutor(1) as pool:
+        found = pool.submit(supervisor.wait, is_there, LIMIT)
+        assert looked.wait(LIMIT)
+        supervisor.start_member("a", lambda: cast(Member, SimpleNamespace(running=False)))
+        assert found.result(LIMIT / 2)
 
 
 def test_a_usage_error_is_final(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
 from zteam.node.shutdown import Stop
-from zteam.team.run.namespace import claim_namespace, refuse_second_team
+from zteam.team.run.processes import claim_namespace, refuse_second_team
 
 
 def test_a_process_of_the_team_is_named(hub: MemoryHub) -> None:

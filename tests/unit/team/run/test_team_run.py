@@ -20,6 +20,7 @@ from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, RouterOptions
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
+from zteam.node.launcher import start_robot
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
@@ -262,3 +263,20 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     bus = BusOptions(connect="tcp/127.0.0.1:5")
     with pretend.run(bus=bus) as run, pytest.raises(BusError, match="already running here"):
         run.start()
+
+
+def test_a_robot_is_started_on_request(pretend: Pretend) -> None:
+    """Once: a second process of its name is refused. The team does not need it, and ends it with the others."""
+    with pretend.run() as run:
+        run.start()
+        asking = pretend.hub.bus()
+        start_robot(asking, 5, "wander")
+        started = run.supervisor.processes["robot_5"]
+        assert started.running
+        with pytest.raises(BusError, match="robot_5 has a process already"):
+            start_robot(asking, 5, "wander")
+        started.kill()
+        assert run.supervisor.wait(lambda: "robot_5" in run.supervisor.ended, LIMIT)
+        assert run.failed == set()
+        start_robot(asking, 5, "wander")
+    assert not any(p.running for p in run.supervisor.processes.values())

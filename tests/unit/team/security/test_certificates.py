@@ -25,12 +25,13 @@ from zteam.team.security.certificates import (
     INDEX,
     MAX_DAYS,
     files_of,
+    load_certificate,
+    name_in,
     now,
     open_authority,
     prepare,
     read_index,
 )
-from zteam.team.security.signing import load_certificate, name_in
 
 RIGHTS = {name: Rights(publishes=(f"{name}/**",)) for name in ("router", "robot_1", "robot_2", "operator")}
 DAY_NS = 86_400 * 10**9
