@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from support.examples import examples
 from zteam.errors import WorldError
 from zteam.geometry import convex_hull, signed_area
-from zteam.simulator.world.bodies import Block, fit_blocks, is_simple
-from zteam.simulator.world.images import rectangles
+from zteam.simulator.world.bodies import Block, fit_blocks, is_simple, rectangles
 from zteam.simulator.world.parser import Entity, Property, parse_text
 from zteam.simulator.world.properties import Size3
 from zteam.simulator.world.text import Remarks, TextPlace

@@ -18,7 +18,7 @@ from zteam.messages import Duration, Header, PoseStamped, PoseWithCovariance, Po
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
-from zteam.simulator.team_clock import team_clock
+from zteam.simulator.client import team_clock
 
 log = logging.getLogger("zteam")
 

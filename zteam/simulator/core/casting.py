@@ -8,7 +8,6 @@ stored mirrored, so that every ray runs towards larger columns and rows.
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -206,21 +205,9 @@ class SensedWorld:
     def __init__(self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], plans: Plans) -> None:
         self.robots, self.models = robots, movers_of(robots, obstacles)
         self._plans, self._groups = plans, group_shapes(robots, obstacles)
-        self._casters: list[Caster] = []
+        self.visible = self.caster(lambda surface: surface.ranger_return >= 0.0)
+        """Moved once a tick, before all devices sense."""
 
-    @cached_property
-    def visible(self) -> Caster:
-        return self._caster(lambda surface: surface.ranger_return >= 0.0)
-
-    @cached_property
-    def solid(self) -> Caster:
-        return self._caster(lambda surface: surface.obstacle)
-
-    def move(self, poses: Floats) -> None:
-        """Bring the movers to `poses` (movers; x, y, yaw in `map`), for the casters that are in use."""
-        for caster in self._casters:
-            caster.move(poses)
-
-    def _caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
-        self._casters.append(Caster(self._plans, self._groups, sees))
-        return self._casters[-1]
+    def caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
+        """A further caster, which the caller has to move."""
+        return Caster(self._plans, self._groups, sees)

@@ -31,7 +31,7 @@ _SPACING = 0.02
 
 
 Sense = Callable[[Floats], Sequence[Any]]
-"""What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
+"""What all devices of one kind detect with the movers at `poses`, one value each; `visible` is there already."""
 
 
 class Sensor(NamedTuple):
@@ -125,9 +125,10 @@ def prepare_bumpers(scene: SensedWorld, owned: Sequence[tuple[int, BumperPiece]]
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
     at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])
-    solid = scene.solid
+    solid = scene.caster(lambda surface: surface.obstacle)
 
     def sense(poses: Floats) -> list[bool]:
+        solid.move(poses)
         ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
         hit = ranges[:, 0] < _BEHIND + _TOUCH
         return [bool(part.any()) for part in np.split(hit, ends[:-1])]
@@ -170,7 +171,7 @@ class Devices:
                 self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:
-        """What every robot with devices detects, by the robot's index; the scene has been moved to `poses`."""
+        """What every robot with devices detects, by the robot's index; `visible` has been moved to `poses`."""
         found: dict[int, dict[str, tuple[Any, ...]]] = {}
         for topic, owners, sense in self._senses:
             for i, detected in zip(owners, sense(poses), strict=True):

@@ -114,7 +114,7 @@ class RobotArrays:
         """What all robots sense at `now` (ns), or only what their bases sense."""
         poses = self.bodies.poses
         if not bases_only:
-            self._scene.move(poses)
+            self._scene.visible.move(poses)
         snapshot = Snapshot(
             robots=self._robots,
             scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),

@@ -9,16 +9,60 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_floor_map
+from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_channels, read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import Box, occupied_box, read_bitmap, rectangles
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.parser import Entity
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
 from zteam.simulator.world.text import Remarks, TextPlace, find_file
+
+DARK = 127
+"""A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
+
+Box = tuple[int, int, int, int]
+
+
+def read_bitmap(path: Path) -> Grid:
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
+
+    Raises WorldError, as `read_channels` does.
+    """
+    return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
+
+
+def occupied_box(occupied: Grid) -> Box | None:
+    """Smallest box around the occupied cells, half open: (first row, end row, first column, end column)."""
+    rows = np.flatnonzero(occupied.any(axis=1))
+    if rows.size == 0:
+        return None
+    columns = np.flatnonzero(occupied.any(axis=0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above.
+
+    None if there are more than `limit`.
+    """
+    steps = np.diff(occupied, axis=1, prepend=False, append=False)
+    rows, columns = np.nonzero(steps)
+    if rows.size > 2 * limit * len(occupied):
+        return None
+    runs_of: list[set[tuple[int, int]]] = [set() for _ in range(len(occupied) + 1)]
+    for row, start, end in zip(rows[::2].tolist(), columns[::2].tolist(), columns[1::2].tolist(), strict=True):
+        runs_of[row].add((start, end))
+    done: list[Box] = []
+    growing: dict[tuple[int, int], int] = {}
+    for row, runs in enumerate(runs_of):
+        done.extend((growing.pop(run), row, *run) for run in growing.keys() - runs)
+        growing.update(dict.fromkeys(runs - growing.keys(), row))
+        if len(done) > limit:
+            return None
+    return sorted(done)
+
 
 BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
@@ -90,8 +134,7 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
         corners = block.points if signed_area(block.points) > 0 else block.points[::-1]
         points = tuple((owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y) for x, y in corners)
         if signed_area(points) > LEAST_AREA:
-            heights = z + block.z_min, z + block.z_max
-            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle, surface.color))
+            shapes.append(Shape(points, z + block.z_min, z + block.z_max, *surface))
     return tuple(shapes)
 
 
@@ -251,17 +294,9 @@ def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float,
     rows, columns = occupied.shape
     map_from_body = map_from_model.compose(body.origin.planar)
     foot = z + body.origin.z
-    return Floorplan(
-        name=name,
-        occupied=occupied,
-        cell=(body.size.x / columns, body.size.y / rows),
-        pose=map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
-        z_min=foot,
-        z_max=foot + body.size.z,
-        ranger_return=body.surface.ranger_return,
-        obstacle=body.surface.obstacle,
-        color=body.surface.color,
-    )
+    pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
+    cell = body.size.x / columns, body.size.y / rows
+    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
 
 
 def _read_surface(reader: Reader) -> Surface:
