@@ -95,24 +95,18 @@ def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
     """All blocks of a model scaled together: their bounding box becomes `size`, centred; heights rise from 0.
 
     The rule is Stage's: x and y are stretched from the box of all points, z from 0 to the highest block; blocks that
-    do not rise above 0 are flat. Raises ValueError if the blocks have no extent along x or y.
+    do not rise above 0 are flat. Each block has an area.
     """
     xs = [x for block in blocks for x, _ in block.points]
     ys = [y for block in blocks for _, y in block.points]
     left, bottom, top = min(xs), min(ys), max(block.z_max for block in blocks)
     width, depth = max(xs) - left, max(ys) - bottom
-    if not (width > 0 and depth > 0):
-        raise ValueError("the blocks of a model must have an extent along x and y")
-    return [
-        Block(
-            tuple(
-                (((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in block.points
-            ),
-            block.z_min / top * size.z if top > 0 else 0.0,
-            block.z_max / top * size.z if top > 0 else 0.0,
-        )
-        for block in blocks
-    ]
+    fitted = []
+    for points, *heights in blocks:
+        corners = [(((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in points]
+        z_min, z_max = (height / top * size.z if top > 0 else 0.0 for height in heights)
+        fitted.append(Block(tuple(corners), z_min, z_max))
+    return fitted
 
 
 def boundary_slabs(size: Size3) -> list[Block]:
@@ -209,12 +203,6 @@ class Settings(msgspec.Struct, frozen=True):
         return Reader(entity, self.units, self.remarks)
 
 
-def _has_body(kind: str) -> bool:
-    """Whether a model of this type is a box unless it has blocks."""
-    sensing = device_models().get(kind)
-    return kind not in BODILESS if sensing is None else sensing.has_body
-
-
 class Body(NamedTuple):
     """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
 
@@ -246,8 +234,10 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
-    elif not blocks and _has_body(entity.type) and not reader.flag("noblocks", False):
-        blocks = [UNIT_BOX]
+    elif not blocks:
+        sensing = device_models().get(entity.type)
+        has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
+        blocks = [UNIT_BOX] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
         if min(size.x, size.y) < MIN_EXTENT:
@@ -255,11 +245,10 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             blocks, slabs, bitmap = [], [], None
         elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
             reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
-    try:
-        fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
-    except ValueError as error:
-        raise entity.place.error(str(error)) from None
-    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
+    origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
+    surface = Surface(intensity, reader.flag("obstacle_return", True), _read_color(reader))
+    fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
+    return Body(size, origin, surface, fitted, tuple(slabs), bitmap, home)
 
 
 def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
@@ -297,11 +286,6 @@ def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float,
     pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
     cell = body.size.x / columns, body.size.y / rows
     return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
-
-
-def _read_surface(reader: Reader) -> Surface:
-    old = reader.number("laser_return", 1.0)
-    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True), _read_color(reader))
 
 
 def _read_color(reader: Reader) -> str:
@@ -345,8 +329,8 @@ def _cells(path: Path, reading: str) -> Grid:
     occupied = read_bitmap(path)
     if reading == "whole":
         return occupied
-    box = occupied_box(occupied) or (0, 0, 0, 0)
-    return occupied[box[0] : box[1], box[2] : box[3]].copy()
+    bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
+    return occupied[bottom:top, left:right].copy()
 
 
 def _read_block(entity: Entity, settings: Settings) -> Block | None:
