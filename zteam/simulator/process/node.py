@@ -16,7 +16,7 @@ from zteam.config.simulation_options import SimOptions
 from zteam.messages import OccupancyGrid, Twist
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.process.queries import Queries, serve_shapes
+from zteam.simulator.process.queries import serve_queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Robot, World
 
@@ -49,7 +49,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
     """A simulation with its queries and its latched messages: every robot's fixed frames, and the map."""
     simulation = Simulation(node, world, robots, options)
     serve_shapes(node.bus, world, simulation.engine)
-    Queries(node.bus, simulation)
+    serve_queries(node.bus, simulation)
     simulation.match_robots()
     if options.has_map:
         grid = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)

@@ -1,7 +1,7 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, Publisher
@@ -13,13 +13,8 @@ from zteam.simulator.world.model import base_info
 M = TypeVar("M", bound=Message)
 
 
-class _Output(NamedTuple):
-    """One key, and what builds its messages."""
-
-    publisher: Publisher[Any]
-    build: Callable[[Observation, int, int], Message]
-    number: int
-    """Of the device among those of its kind."""
+_Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
+"""One key: its publisher, what builds its messages, and the number of the device among those of its kind."""
 
 
 class RobotOutputs:
@@ -41,7 +36,7 @@ class RobotOutputs:
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
             topic: [
-                _Output(publisher(kind.key(robot_id, i), kind.message, latched=kind.latched), build, i)
+                (publisher(kind.key(robot_id, i), kind.message, latched=kind.latched), build, i)
                 for i in range(kind.count(robot))
             ]
             for topic, (kind, build, _) in to_messages.SENSORS.items()

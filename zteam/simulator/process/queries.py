@@ -37,63 +37,58 @@ _DIGITS = 4
 """Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""
 
 
-class Queries:
-    """Serves `sim/…`. A bus thread runs each query; the main loop makes the changes, between two ticks."""
+def serve_queries(bus: Bus, simulation: Simulation) -> None:
+    """Serve `sim/…`. A bus thread runs each query; the main loop makes the changes, between two ticks."""
+    pacer, boundary = simulation.pacer, simulation.boundary
 
-    def __init__(self, bus: Bus, simulation: Simulation) -> None:
-        self._bus, self._simulation, self._boundary = bus, simulation, simulation.boundary
-        pacer, boundary = simulation.pacer, simulation.boundary
-        self._serve("status", NoRequest, lambda _: simulation.status())
-        self._serve("report", NoRequest, lambda _: simulation.report())
-        self._serve("pause", Change, lambda _: self._set_pace(pacer.pause))
-        self._serve("resume", Change, lambda _: self._set_pace(pacer.resume))
-        self._serve("speed", SpeedRequest, lambda request: self._set_pace(lambda: pacer.set_speed(request.speed)))
-        self._serve("step", StepRequest, self._step)
-        self._serve("stand", WaitRequest, lambda request: Deferred(lambda: self._stand(request.timeout)))
-        self._serve(
-            "finish", WaitRequest,
-            lambda request: Deferred(lambda: FinishReply(boundary.wait_until_finished(request.timeout))),
-        )  # fmt: skip
-        self._serve_change("repeat", Change, lambda _: simulation.repeat())
-        # Nothing changes, but only between two ticks does what was sent stay as it is.
-        self._serve_change("scans", ScansRequest, lambda request: simulation.scans(request.robots))
-        self._serve_change("reset", ResetRequest, lambda request: simulation.reset(anew=request.anew))
-        self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
-        self._serve_change("remove", RemoveRequest, lambda request: simulation.remove(request.id))
-        self._serve_change("fault", FaultRequest, lambda request: simulation.add_fault(request))
-        self._serve_change("move", MoveRequest, simulation.move)
+    def serve(service: str, request_type: Any, answer: Callable[[Any], Any]) -> None:
+        bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
 
-    def _serve(self, service: str, request_type: Any, answer: Callable[[Any], Any]) -> None:
-        self._bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
-
-    def _serve_change(self, service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
+    def serve_change(service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
         """Answer with what `make` returns, or with the status afterwards."""
 
         def answer(request: Any) -> Deferred:
-            future = self._boundary.submit(lambda: make(request) or self._simulation.status())
+            future = boundary.submit(lambda: make(request) or simulation.status())
             return Deferred(lambda: _result_of(future))
 
-        self._serve(service, request_type, answer)
+        serve(service, request_type, answer)
 
-    def _set_pace(self, change: Callable[[], None]) -> SimStatus:
-        self._boundary.set_pace(change)
-        return self._simulation.status()
+    def set_pace(change: Callable[[], None]) -> SimStatus:
+        boundary.set_pace(change)
+        return simulation.status()
 
-    def _step(self, request: StepRequest) -> SimStatus | Deferred:
-        if self._boundary.finished:
+    def step(request: StepRequest) -> SimStatus | Deferred:
+        def stand_still() -> SimStatus:
+            boundary.wait_for_steps()
+            return simulation.status()
+
+        if boundary.finished:
             raise BusError("the run is over: 'zteam sim reset' starts it again")
-        status = self._set_pace(lambda: self._simulation.pacer.step(request.ticks))
-        if not request.wait:
-            return status
+        status = set_pace(lambda: pacer.step(request.ticks))
+        return Deferred(stand_still) if request.wait else status
 
-        def stand() -> SimStatus:
-            self._boundary.wait_for_steps()
-            return self._simulation.status()
+    def stand(request: WaitRequest) -> Deferred:
+        return Deferred(lambda: StandReply(boundary.wait_until_standing(request.timeout), simulation.status()))
 
-        return Deferred(stand)
+    def finish(request: WaitRequest) -> Deferred:
+        return Deferred(lambda: FinishReply(boundary.wait_until_finished(request.timeout)))
 
-    def _stand(self, timeout: float) -> StandReply:
-        return StandReply(self._boundary.wait_until_standing(timeout), self._simulation.status())
+    serve("status", NoRequest, lambda _: simulation.status())
+    serve("report", NoRequest, lambda _: simulation.report())
+    serve("pause", Change, lambda _: set_pace(pacer.pause))
+    serve("resume", Change, lambda _: set_pace(pacer.resume))
+    serve("speed", SpeedRequest, lambda request: set_pace(lambda: pacer.set_speed(request.speed)))
+    serve("step", StepRequest, step)
+    serve("stand", WaitRequest, stand)
+    serve("finish", WaitRequest, finish)
+    serve_change("repeat", Change, lambda _: simulation.repeat())
+    # Nothing changes, but only between two ticks does what was sent stay as it is.
+    serve_change("scans", ScansRequest, lambda request: simulation.scans(request.robots))
+    serve_change("reset", ResetRequest, lambda request: simulation.reset(anew=request.anew))
+    serve_change("spawn", SpawnRequest, lambda request: SpawnReply(simulation.spawn(request)))
+    serve_change("remove", RemoveRequest, lambda request: simulation.remove(request.id))
+    serve_change("fault", FaultRequest, lambda request: simulation.add_fault(request))
+    serve_change("move", MoveRequest, simulation.move)
 
 
 def _result_of(change: Future[T]) -> T:
