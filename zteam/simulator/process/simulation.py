@@ -76,7 +76,9 @@ class Simulation:
         self._send_inputs()
         if self.lockstep is None:
             # The rest wakes every process, and no robot's next command depends on it: the robots' commands come first.
-            self.commands.wait_for_answers(ANSWER_SHARE * self._tick_seconds)
+            speed = None if self.pacer.paused else self.pacer.speed
+            tick_seconds = 0.0 if speed is None else self.world.interval / NS_PER_S / speed
+            self.commands.wait_for_answers(ANSWER_SHARE * tick_seconds)
             self.profile.end("wait")
 
     def send_rest(self) -> None:
@@ -121,12 +123,6 @@ class Simulation:
     def was_held(self) -> bool:
         """Whether the log has named a participant that the newest tick waited for."""
         return self.lockstep is not None and self.lockstep.was_held
-
-    @property
-    def _tick_seconds(self) -> float:
-        """Host seconds of a tick at the speed that was asked for; 0 as fast as possible."""
-        speed = None if self.pacer.paused else self.pacer.speed
-        return 0.0 if speed is None else self.world.interval / NS_PER_S / speed
 
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""

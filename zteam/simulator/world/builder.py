@@ -132,13 +132,6 @@ class Mount(NamedTuple):
 GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
 
 
-class Template(msgspec.Struct, frozen=True):
-    """A robot macro, from which further robots are made."""
-
-    document: Document
-    settings: Settings
-
-
 class Builder:
     """Collects the entities of a world; models come in file order, a parent before its children."""
 
@@ -309,9 +302,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         robots=tuple(chassis.robot() for chassis in builder.robots),
         physics=reader.choice("physics", "dynamic", PHYSICS),
         warnings=remarks.all(),
-        templates={
-            name: Template(document, settings) for name in document.macros if document.type_of(name) == "position"
-        },
+        templates={name: (document, settings) for name in document.macros if document.type_of(name) == "position"},
     )
 
 
@@ -321,14 +312,14 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    built_in = Template(parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Units(), Path(), Remarks()))
-    templates = {"erratic": built_in, **world.templates}
+    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Units(), Path(), Remarks())
+    templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
     if model not in templates:
         known = ", ".join(sorted(templates))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
-    template, remarks = templates[model], Remarks()
-    builder = Builder(msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()))
-    entity = template.document.expand(model)
+    (document, settings), remarks = templates[model], Remarks()
+    builder = Builder(msgspec.structs.replace(settings, remarks=remarks, bounds=Bounds()))
+    entity = document.expand(model)
     entity.properties["name"] = Property("name", (name,), entity.place, (name,))
     builder.add_model(entity, GROUND)
     if len(builder.robots) != 1:

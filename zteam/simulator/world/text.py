@@ -192,14 +192,9 @@ MAX_CHARACTERS = 32 * 2**20
 MAX_INCLUDE_DEPTH = 16
 
 
-def read_world_tokens(text: str, file: str, remarks: Remarks, path: Path | None = None) -> list[Token]:
-    """The tokens of `text`, EOF last; `path` is its file, if it has one. Raises WorldError."""
-    splicer = _Splicer(path.parent if path else Path(), remarks)
-    splicer.read(text, file, path)
-    return splicer.tokens
+class Splicer:
+    """The tokens of a world file, with those of its includes; their names are relative to `folder`."""
 
-
-class _Splicer:
     def __init__(self, folder: Path, remarks: Remarks) -> None:
         self.tokens: list[Token] = []
         self._folder = folder
@@ -207,8 +202,11 @@ class _Splicer:
         self._open_files: list[Path] = []
         self._files = self._characters = 0
 
-    def read(self, text: str, file: str, path: Path | None) -> None:
-        """Append the tokens of a file; EOF only if it is the top file."""
+    def read(self, text: str, file: str, path: Path | None) -> list[Token]:
+        """Append the tokens of a text, EOF only of the top file, and return all. `path` is its file, if it has one.
+
+        Raises WorldError.
+        """
         self._files += 1
         is_top = not self._open_files
         self._open_files.append(path.resolve() if path else Path(file))
@@ -219,6 +217,7 @@ class _Splicer:
             elif token.kind is not TokenKind.EOF or is_top:
                 self._add(token)
         self._open_files.pop()
+        return self.tokens
 
     def _add(self, token: Token) -> None:
         if len(self.tokens) >= MAX_TOKENS:
