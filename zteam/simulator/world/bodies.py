@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -165,25 +166,6 @@ MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
-class Bounds:
-    """Limits for all models of a world together: a small file must not take long or fill the memory."""
-
-    def __init__(self) -> None:
-        self._points = self._pixels = 0
-
-    def add_points(self, count: int, place: TextPlace) -> None:
-        """Count corners of blocks; raises WorldError when they are too many."""
-        self._points += count
-        if self._points > MAX_ALL_POINTS:
-            raise place.error(f"the blocks of this world have more than {MAX_ALL_POINTS} points: it is refused")
-
-    def add_pixels(self, count: int, place: TextPlace) -> None:
-        """Count cells of bitmaps, each bitmap once; raises WorldError when they are too many."""
-        self._pixels += count
-        if self._pixels > MAX_PIXELS:
-            raise place.error(f"the bitmaps of this world have more than {MAX_PIXELS} pixels together: it is refused")
-
-
 class Settings(msgspec.Struct, frozen=True):
     """Settings of a whole file."""
 
@@ -197,10 +179,17 @@ class Settings(msgspec.Struct, frozen=True):
     """Bitmaps read so far, by file and reading: many models may share one."""
     boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
     """Rectangles of bitmaps on robots, by the bitmap's identity."""
-    bounds: Bounds = msgspec.field(default_factory=Bounds)
+    counts: Counter[str] = msgspec.field(default_factory=Counter)
+    """Of what a small file must not make so much that it takes long or fills the memory."""
 
     def reader(self, entity: Entity) -> Reader:
         return Reader(entity, self.units, self.remarks)
+
+    def count(self, what: str, number: int, most: int, place: TextPlace) -> None:
+        """Count what all models of a world have together; raises WorldError when it is too much."""
+        self.counts[what] += number
+        if self.counts[what] > most:
+            raise place.error(f"this world has more than {most} {what}: it is refused")
 
 
 class Body(NamedTuple):
@@ -264,7 +253,7 @@ def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block
         text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
         settings.remarks.add(place, text)
         boxes = [(0, rows, 0, columns)]
-    settings.bounds.add_points(4 * len(boxes), place)
+    settings.count("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
     for bottom, top, left, right in boxes:
         x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
@@ -315,7 +304,7 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
         except WorldError as error:
             reader.fail("bitmap", str(error))
         grid = found.occupied if isinstance(found, FloorMap) else found
-        settings.bounds.add_pixels(grid.size, reader.place("bitmap"))
+        settings.count("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
         settings.bitmaps[key] = found
     found = settings.bitmaps[key]
     if isinstance(found, FloorMap) or found.size:
@@ -342,7 +331,7 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
-    settings.bounds.add_points(count, entity.place)
+    settings.count("points of blocks", count, MAX_ALL_POINTS, entity.place)
     z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:

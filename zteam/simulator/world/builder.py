@@ -4,6 +4,7 @@ A model's pose is in its parent's frame; its foot stands on its parent's top (`s
 bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
@@ -318,7 +319,7 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
         known = ", ".join(sorted(templates))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
     (document, settings), remarks = templates[model], Remarks()
-    builder = Builder(msgspec.structs.replace(settings, remarks=remarks, bounds=Bounds()))
+    builder = Builder(msgspec.structs.replace(settings, remarks=remarks, counts=Counter()))
     entity = document.expand(model)
     entity.properties["name"] = Property("name", (name,), entity.place, (name,))
     builder.add_model(entity, GROUND)
