@@ -59,14 +59,15 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
 
 def run_ticks(simulation: Simulation) -> None:
     """Tick until the process is asked to stop."""
-    profile, pacer, behind, woke = simulation.profile, simulation.pacer, Every(5.0), FREEZES.look()
+    profile, pacer, lockstep = simulation.profile, simulation.pacer, simulation.lockstep
+    behind, woke = Every(5.0), FREEZES.look()
     commands: dict[int, Twist] = {}
     while True:
         simulation.tick(commands)
         # Before the clock: a process that hears the last tick's clock may ask for the report at once.
         simulation.count()
         simulation.send_rest()
-        if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat):
+        if lockstep is not None and not lockstep.wait(simulation.repeat):
             return
         profile.end("wait")
         if not simulation.is_counting:
@@ -77,7 +78,7 @@ def run_ticks(simulation: Simulation) -> None:
         profile.end("idle")
         commands = simulation.take_commands()
         profile.end_tick()
-        if (latest := FREEZES.look()) > woke or simulation.was_held:
+        if (latest := FREEZES.look()) > woke or (lockstep is not None and lockstep.was_held):
             woke = latest
             pacer.start_anew()
         elif pacer.behind and not FREEZES.has_just_woken() and behind.due():

@@ -1,6 +1,6 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from zteam import names
@@ -97,13 +97,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
             if scans:
                 on_scan(robot_id)
             _send(scans, observation, robot_id, again)
-
-    def make_scans(self, robot_ids: Iterable[int], observation: Observation) -> Iterator[tuple[str, Message]]:
-        """The key and the message of every scan of those of these robots that were observed."""
-        for robot_id in robot_ids:
-            if robot_id in self and robot_id in observation.robots:
-                for _, build, number in self[robot_id].scans:
-                    yield names.scan_key(robot_id, number), build(observation, robot_id, number)
 
     def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
         """Send what no robot's next command depends on."""

@@ -119,11 +119,6 @@ class Simulation:
             self._announced = list(self.outputs)
             self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
 
-    @property
-    def was_held(self) -> bool:
-        """Whether the log has named a participant that the newest tick waited for."""
-        return self.lockstep is not None and self.lockstep.was_held
-
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""
         commands = self.commands.take()
@@ -176,10 +171,17 @@ class Simulation:
 
     def scans(self, robot_ids: Iterable[int]) -> client.ScansReply:
         """What the lasers of these robots saw in the last tick."""
-        if self._observation is None:
+        observation, outputs = self._observation, self.outputs
+        if observation is None:
             return client.ScansReply([])
-        made = self.outputs.make_scans(robot_ids, self._observation)
-        return client.ScansReply([client.SensedScan(key, encode(scan)) for key, scan in made])
+        return client.ScansReply(
+            [
+                client.SensedScan(names.scan_key(robot_id, number), encode(build(observation, robot_id, number)))
+                for robot_id in robot_ids
+                if robot_id in outputs and robot_id in observation.robots
+                for _, build, number in outputs[robot_id].scans
+            ]
+        )
 
     def repeat(self, participants: Sequence[str] = ()) -> None:
         """Send the last tick's data again, for processes that have not received it.
