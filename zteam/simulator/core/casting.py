@@ -100,18 +100,17 @@ ConvexParts = Callable[[Sequence[tuple[float, float]]], list[list[tuple[float, f
 
 def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
-    solid = [group._replace(shapes=_convex_solids(group.shapes, convex_parts)) for group in groups]
-    return [group for group in solid if group.shapes]
-
-
-def _convex_solids(shapes: Sequence[Shape], convex_parts: ConvexParts) -> list[Shape]:
-    parts = []
-    for shape in shapes:
-        if shape.obstacle and is_convex(shape.points):
-            parts.append(shape)
-        elif shape.obstacle:
-            parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
-    return parts
+    solid = []
+    for group in groups:
+        parts: list[Shape] = []
+        for shape in group.shapes:
+            if shape.obstacle and is_convex(shape.points):
+                parts.append(shape)
+            elif shape.obstacle:
+                parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+        if parts:
+            solid.append(group._replace(shapes=parts))
+    return solid
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:

@@ -35,10 +35,7 @@ class RobotOutputs:
         # In real time the robot itself publishes its command.
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
-            topic: [
-                (publisher(kind.key(robot_id, i), kind.message, latched=kind.latched), build, i)
-                for i in range(kind.count(robot))
-            ]
+            topic: [(publisher(kind.key(robot_id, i), kind.message), build, i) for i in range(kind.count(robot))]
             for topic, (kind, build, _) in to_messages.SENSORS.items()
         }
         # Robots compute their next command from these: they are published first.

@@ -10,7 +10,7 @@ from zteam.errors import BusError
 from zteam.simulator import client
 from zteam.simulator.core import Engine
 from zteam.simulator.process.simulation import Simulation
-from zteam.simulator.world import Obstacle, Robot, Shape, World
+from zteam.simulator.world import Robot, Shape, World
 
 T = TypeVar("T")
 
@@ -89,7 +89,12 @@ def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
         return client.ShapesReply(robots, sorted({*world.templates, "erratic"}))
 
     def obstacles(_: NoRequest) -> client.ObstaclesReply:
-        return client.ObstaclesReply([_obstacle_shape(obstacle) for obstacle in engine.obstacles()])
+        return client.ObstaclesReply(
+            [
+                client.ObstacleShape(thing.name, *thing.pose, _outline(thing.shapes), thing.mass is not None)
+                for thing in engine.obstacles()
+            ]
+        )
 
     bus.serve(names.service_key(names.SIMULATOR, "shapes"), NoRequest, shapes)
     bus.serve(names.service_key(names.SIMULATOR, "obstacles"), NoRequest, obstacles)
@@ -100,12 +105,6 @@ def _robot_shape(robot: Robot) -> client.RobotShape:
     shapes = sorted(robot.shapes, key=lambda shape: shape.z_max)
     lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
     return client.RobotShape(robot.model, _outline(shapes), lasers)
-
-
-def _obstacle_shape(obstacle: Obstacle) -> client.ObstacleShape:
-    pose = obstacle.pose
-    movable = obstacle.mass is not None
-    return client.ObstacleShape(obstacle.name, pose.x, pose.y, pose.yaw, _outline(obstacle.shapes), movable)
 
 
 def _outline(shapes: Sequence[Shape]) -> list[list[tuple[float, float]]]:

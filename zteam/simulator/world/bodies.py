@@ -300,9 +300,12 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
-            found = read_floor_map(path) if is_floor_map(path) else _cells(path, reading)
+            found = read_floor_map(path) if is_floor_map(path) else read_bitmap(path)
         except WorldError as error:
             reader.fail("bitmap", str(error))
+        if reading == "crop" and not isinstance(found, FloorMap):
+            bottom, top, left, right = occupied_box(found) or (0, 0, 0, 0)
+            found = found[bottom:top, left:right].copy()
         grid = found.occupied if isinstance(found, FloorMap) else found
         settings.count("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
         settings.bitmaps[key] = found
@@ -311,15 +314,6 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
         return found
     reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
     return None
-
-
-def _cells(path: Path, reading: str) -> Grid:
-    """A bitmap's cells; none if there is no box to crop to."""
-    occupied = read_bitmap(path)
-    if reading == "whole":
-        return occupied
-    bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
-    return occupied[bottom:top, left:right].copy()
 
 
 def _read_block(entity: Entity, settings: Settings) -> Block | None:
