@@ -126,7 +126,9 @@ class Lasers:
         arrays = [self._measure(batch, poses, tick) for batch in self._batches]
         if self._options.dazzle != "off":
             self._dazzle(arrays, tick)
-        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+        for array in itertools.chain(*arrays):
+            array.setflags(write=False)
+        return Scans(arrays, self._rows)
 
     def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
         place_mounts(batch.at, poses, batch.rays)
@@ -168,11 +170,6 @@ class Lasers:
                 ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
             else:
                 ranges[struck] = np.nan
-
-
-def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    array.flags.writeable = False
-    return array
 
 
 def _jitter(batch: _Batch, noise: _Noise, tick: int) -> None:

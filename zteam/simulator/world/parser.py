@@ -121,8 +121,6 @@ class _Parser:
         self._replay_macros(entity, 1)
         return entity
 
-    # Tokens.
-
     @property
     def _token(self) -> Token:
         return self._tokens[self._at]
@@ -144,8 +142,6 @@ class _Parser:
         if self._token.kind is not kind:
             raise self._token.place.error(f"expected {purpose}, found {self._token}")
         return self._advance()
-
-    # Entities.
 
     def _parse_define(self) -> None:
         self._skip_lines()
