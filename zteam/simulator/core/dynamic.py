@@ -123,14 +123,7 @@ class Cores:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
         solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
-        self._polygons = make_polygons(
-            [
-                group
-                if group.owner == NO_MOVER
-                else group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
-                for group in solid
-            ]
-        )
+        self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
@@ -329,6 +322,11 @@ def _edges(points: Sequence[Point2]) -> list[tuple[Point2, Point2]]:
 def _distance(a: Point2, b: Point2, c: Point2) -> float:
     """Of point c from the line through a and b, positive on its left."""
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
+
+
+def _with_cores(group: Group, rim: float) -> Group:
+    shapes = group.shapes if group.owner == NO_MOVER else [_core(shape, rim) for shape in group.shapes]
+    return group._replace(shapes=shapes)
 
 
 def _core(shape: Shape, rim: float) -> Shape:
