@@ -8,7 +8,7 @@ from support.recordings import SHARED, stage
 from support.small_worlds import is_occupied
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
-from zteam.simulator.world.images import occupied_box, read_bitmap
+from zteam.simulator.world.bodies import occupied_box, read_bitmap
 from zteam.world import Ranger, Robot, add_robot, load_world
 
 if not SHARED.is_dir():

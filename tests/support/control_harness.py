@@ -14,7 +14,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
 from zteam.simulator.process.pacing import Pacer, TickBoundary
-from zteam.simulator.process.queries import Queries
+from zteam.simulator.process.queries import serve_queries
 
 TICK = 1_000_000
 """Simulated nanoseconds."""
@@ -109,7 +109,7 @@ class ControlHarness:
         self.node = ProcessNode(names.SIMULATOR, self.hub.bus(), self.stop)
         self.boundary = TickBoundary(self.node, pacer)
         self.world = ScriptedSimulation(self.boundary, pacer, self.node.bus.instance)
-        Queries(self.node.bus, self.world)
+        serve_queries(self.node.bus, self.world)
         self.free = threading.Event()
         """While it is cleared, the open tick does not end."""
         self.free.set()

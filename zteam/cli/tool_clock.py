@@ -9,7 +9,7 @@ from zteam.cli.listening import Waiter
 from zteam.cli.output import print_line
 from zteam.clock import AutoClock, Every, Ticker, to_seconds
 from zteam.node.process_node import ClockMode
-from zteam.simulator.team_clock import ask_time, follow_clock, team_clock
+from zteam.simulator.client import ask_time, follow_clock, team_clock
 
 
 def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:

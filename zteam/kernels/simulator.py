@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, ffi, lib, memory
 
 
+def _memories(kind: np.dtype[Any], *shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
+    """The memory of arrays of one type and shape, by the names that they have in C."""
+    return {name: memory(name, array, kind, *shape) for name, array in arrays.items()}
+
+
 class Bitmap(NamedTuple):
-    """A bitmap that rays and bodies meet."""
+    """A bitmap that rays and bodies meet; the fields are those in C."""
 
     sides: NDArray[np.uint8]
     """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`simulator.core.casting`)."""
@@ -33,19 +38,15 @@ class Bitmaps:
 
     def __init__(self, maps: Sequence[Bitmap]) -> None:
         self.count = len(maps)
-        self.data = ffi.new("bitmap[]", self.count)
         self._kept = []
-        for made, one in zip(self.data, maps, strict=True):
-            sides, *numbers = one
+        for one in maps:
             if one.rows < 0 or one.columns < 0 or 4 * (one.rows * one.columns + 1) >= 1 << 31:
                 raise ValueError(f"sides: {one.rows} x {one.columns} cells are none, or too many for 32 bits")
-            self._kept.append(memory("sides", sides, UINT8, 4, one.rows * one.columns + 1))
-            if sides[:, -1].any():
+            self._kept.append(memory("sides", one.sides, UINT8, 4, one.rows * one.columns + 1))
+            if one.sides[:, -1].any():
                 raise ValueError("sides: the last entry of each quadrant, where rays are parked, is not 0")
-            made.sides = self._kept[-1]
-            _, *names = Bitmap._fields
-            for name, number in zip(names, numbers, strict=True):
-                setattr(made, name, number)
+        filled = zip(maps, self._kept, strict=True)
+        self.data = ffi.new("bitmap[]", [one._replace(sides=sides)._asdict() for one, sides in filled])
 
 
 class BeamTable(NamedTuple):
@@ -87,17 +88,16 @@ class Fans:
         self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
         """(fans, beams): metres, and what was met."""
         self._kept = {
-            "at": memory("at", rays.at, DOUBLE, 3, count),
-            "z": memory("z", rays.z, DOUBLE, count),
-            "owner": memory("owner", rays.owner, INT64, count),
-            "cosine": memory("cos", beams.cos, DOUBLE, tables, width),
-            "sine": memory("sin", beams.sin, DOUBLE, tables, width),
-            "ranges": memory("ranges", self.ranges, DOUBLE, count, width, out=True),
-            "hits": memory("hits", self.hits, INT32, count, width, out=True),
-            "tops": memory("tops", np.empty(width // 8 + 1), DOUBLE, width // 8 + 1, out=True),
+            **_memories(DOUBLE, 3, count, at=rays.at),
+            **_memories(DOUBLE, count, z=rays.z),
+            **_memories(INT64, count, owner=rays.owner),
+            **_memories(DOUBLE, tables, width, cosine=beams.cos, sine=beams.sin),
+            **_memories(DOUBLE, count, width, ranges=self.ranges),
+            **_memories(INT32, count, width, hits=self.hits),
+            **_memories(DOUBLE, width // 8 + 1, tops=np.empty(width // 8 + 1)),
         }
-        numbers = {name: getattr(beams, name) for name in ("angle_min", "increment", "limit", "jitter")}
-        self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **numbers, **self._kept})
+        _, _, *numbers = beams._asdict().items()
+        self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **dict(numbers), **self._kept})
 
 
 class Polygons:
@@ -122,23 +122,16 @@ class Polygons:
                 raise ValueError(f"{name}: it does not rise from 0 to {count}, at each step")
         room = int(np.diff(first_vertex).max(initial=0))
         self._kept = {
-            "local_x": memory("x", x, DOUBLE, len(x)),
-            "local_y": memory("y", y, DOUBLE, len(x)),
-            "x": memory("x", x.copy(), DOUBLE, len(x), out=True),
-            "y": memory("y", y.copy(), DOUBLE, len(x), out=True),
-            "first_vertex": memory("first_vertex", first_vertex, INT32, shapes + 1),
-            "z_min": memory("z_min", z_min, DOUBLE, shapes),
-            "z_max": memory("z_max", z_max, DOUBLE, shapes),
-            "first_shape": memory("first_shape", first_shape, INT32, groups + 1),
-            "owner": memory("owner", owner, INT64, groups),
-            "local_centre": memory("centre", centre, DOUBLE, groups, 2),
-            "centre_x": memory("centre", centre[:, 0].copy(), DOUBLE, groups, out=True),
-            "centre_y": memory("centre", centre[:, 1].copy(), DOUBLE, groups, out=True),
-            "radius": memory("radius", radius, DOUBLE, groups),
-            "in_bin": memory("in_bin", np.empty(groups, np.int32), INT32, groups, out=True),
-            "bin_start": memory("bin_start", np.empty(64 * 64 + 2, np.int32), INT32, 64 * 64 + 2, out=True),
-            "corner_x": memory("corner_x", np.empty(room), DOUBLE, room, out=True),
-            "corner_y": memory("corner_y", np.empty(room), DOUBLE, room, out=True),
+            **_memories(DOUBLE, len(x), local_x=x, local_y=y, x=x.copy(), y=y.copy()),
+            **_memories(INT32, shapes + 1, first_vertex=first_vertex),
+            **_memories(DOUBLE, shapes, z_min=z_min, z_max=z_max),
+            **_memories(INT32, groups + 1, first_shape=first_shape),
+            **_memories(INT64, groups, owner=owner),
+            **_memories(DOUBLE, groups, 2, local_centre=centre),
+            **_memories(DOUBLE, groups, centre_x=centre[:, 0].copy(), centre_y=centre[:, 1].copy(), radius=radius),
+            **_memories(INT32, groups, in_bin=np.empty(groups, np.int32)),
+            **_memories(INT32, 64 * 64 + 2, bin_start=np.empty(64 * 64 + 2, np.int32)),
+            **_memories(DOUBLE, room, corner_x=np.empty(room), corner_y=np.empty(room)),
         }
         counts = {"shapes": shapes, "groups": groups, "movers": self.movers}
         self.data = ffi.new("polygons *", {**counts, **self._kept})
@@ -270,16 +263,15 @@ class Bases:
         self.start, self.is_car = start, is_car
         self.angles, self.rates = np.zeros((2, wheels))
         """(wheels): rad since the start, and rad/s."""
-        of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True), start=start)
-        of_robots |= {"setpoint": self.setpoint, "velocity": self.velocity, "odom": self.odom}
+        low, high, slow, fast = limits
         self._kept = {
-            **{name: memory(name, array, DOUBLE, robots, 3) for name, array in of_robots.items()},
-            "is_car": memory("is_car", is_car, BOOL, robots),
-            "wheelbase": memory("wheelbase", wheelbase, DOUBLE, robots),
-            "wheel_owner": memory("wheel_owner", wheel_owner, INT64, wheels),
-            "wheel_rows": memory("wheel_rows", wheel_rows, DOUBLE, wheels, 3),
-            "angles": memory("angles", self.angles, DOUBLE, wheels, out=True),
-            "rates": memory("rates", self.rates, DOUBLE, wheels, out=True),
+            **_memories(DOUBLE, robots, 3, low=low, high=high, slow=slow, fast=fast, start=start),
+            **_memories(DOUBLE, robots, 3, setpoint=self.setpoint, velocity=self.velocity, odom=self.odom),
+            **_memories(BOOL, robots, is_car=is_car),
+            **_memories(DOUBLE, robots, wheelbase=wheelbase),
+            **_memories(INT64, wheels, wheel_owner=wheel_owner),
+            **_memories(DOUBLE, wheels, 3, wheel_rows=wheel_rows),
+            **_memories(DOUBLE, wheels, angles=self.angles, rates=self.rates),
         }
         self._robots = robots
         self._data = ffi.new("bases *", {"robots": robots, "wheels": wheels, **self._kept})

@@ -16,7 +16,7 @@ from zteam.geometry import Pose2
 from zteam.navigation.client import NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.navigation.maps import is_finite
 from zteam.node.node import Node
-from zteam.simulator.team_clock import team_clock
+from zteam.simulator.client import team_clock
 
 log = logging.getLogger("zteam")
 

@@ -1,4 +1,5 @@
-"""The simulator's queries (`sim/status`, `sim/step`, …): requests and replies, and both as calls for programs.
+"""The simulator's queries (`sim/status`, `sim/step`, …): requests and replies, both as calls for programs, and its time
+for those that are no nodes.
 
 A request that is refused is answered with an error that says why.
 """
@@ -10,10 +11,12 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, Change
+from zteam.bus.transport import Closeable
+from zteam.clock import AutoClock
 from zteam.config.fault import Fault
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
-from zteam.messages import MapMetaData
+from zteam.messages import Clock, MapMetaData, ns_from_time
 from zteam.messages.planar import pose2_of
 from zteam.names import MAX_ROBOT_ID
 
@@ -477,3 +480,41 @@ def absence_text(robot_id: int, robots: Sequence[int]) -> str:
     has = format_robot_ids(robots) or "no robot"
     spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
     return f"not in the world; it has {has} ({spawn})"
+
+
+def ask_time(bus: Bus) -> int | None:
+    """The simulator's time in ns; None without a simulator, 0 if it does not answer."""
+    try:
+        status = read_status(bus)
+    except BusError:
+        return 0  # it runs, but is busy or frozen
+    return status.now if status else None
+
+
+def follow_clock(bus: Bus, clock: AutoClock, on_time: Callable[[], None] = lambda: None) -> Closeable:
+    """Set `clock` to simulated time as it goes on, and call `on_time()` then."""
+
+    def take(_key: str, message: Clock) -> None:
+        clock.sim.set(ns_from_time(message.clock))
+        on_time()
+
+    return bus.subscribe(names.CLOCK, Clock, take)
+
+
+def team_clock(bus: Bus) -> AutoClock:
+    """A decided clock: simulated time if a simulator runs, else the host's.
+
+    The simulator itself is asked: a program that has just started has received no `clock` message yet, and receives
+    none while the world is paused.
+    """
+    clock = AutoClock()
+    subscription = follow_clock(bus, clock)
+    now = ask_time(bus)
+    if now is None:
+        subscription.close()
+        clock.use_wall()
+        return clock
+    clock.use_simulated()
+    if now > clock.now():
+        clock.sim.set(now)
+    return clock

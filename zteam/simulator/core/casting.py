@@ -7,7 +7,6 @@ stored mirrored, so that every ray runs towards larger columns and rows.
 
 import itertools
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,21 +14,11 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, is_convex
-from zteam.kernels.simulator import (
-    Bitmap,
-    Bitmaps,
-    Fans,
-    Polygons,
-    Rays,
-    cast_edges,
-    cast_squares,
-    fill_squares,
-    place_mounts,
-)
+from zteam.kernels import simulator as kernels
 from zteam.simulator.world.model import Device, Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
-Plans = Sequence[tuple[Floorplan, Bitmap]]
+Plans = Sequence[tuple[Floorplan, kernels.Bitmap]]
 """Floor plans, each with its bitmap for kernels."""
 
 NO_MOVER = -1
@@ -46,14 +35,14 @@ def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     for quadrant in range(4):
         view = occupied[:, ::-1] if quadrant & 1 else occupied
         view = view[::-1] if quadrant & 2 else view
-        fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
+        kernels.fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
     return sides
 
 
-def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> Bitmap:
+def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> kernels.Bitmap:
     """A floor plan as kernels take it, with the fields of its bitmap."""
     rows, columns = plan.occupied.shape
-    return Bitmap(fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max)
+    return kernels.Bitmap(fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max)
 
 
 def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
@@ -64,8 +53,8 @@ def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
     return [(plan, bitmap_of(plan, fields[id(plan.occupied)])) for plan in floorplans]
 
 
-def solid_bitmaps(plans: Plans) -> Bitmaps:
-    return Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
+def solid_bitmaps(plans: Plans) -> kernels.Bitmaps:
+    return kernels.Bitmaps([bitmap for plan, bitmap in plans if plan.obstacle])
 
 
 class Group(NamedTuple):
@@ -102,18 +91,17 @@ ConvexParts = Callable[[Sequence[tuple[float, float]]], list[list[tuple[float, f
 
 def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
-    solid = [group._replace(shapes=_convex_solids(group.shapes, convex_parts)) for group in groups]
-    return [group for group in solid if group.shapes]
-
-
-def _convex_solids(shapes: Sequence[Shape], convex_parts: ConvexParts) -> list[Shape]:
-    parts = []
-    for shape in shapes:
-        if shape.obstacle and is_convex(shape.points):
-            parts.append(shape)
-        elif shape.obstacle:
-            parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
-    return parts
+    solid = []
+    for group in groups:
+        parts: list[Shape] = []
+        for shape in group.shapes:
+            if shape.obstacle and is_convex(shape.points):
+                parts.append(shape)
+            elif shape.obstacle:
+                parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+        if parts:
+            solid.append(group._replace(shapes=parts))
+    return solid
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:
@@ -121,7 +109,7 @@ def place_shape(pose: Pose2, shape: Shape) -> Shape:
     return replace(shape, points=tuple(pose.compose(Pose2(x, y, 0.0))[:2] for x, y in shape.points))
 
 
-def make_polygons(groups: Sequence[Group]) -> Polygons:
+def make_polygons(groups: Sequence[Group]) -> kernels.Polygons:
     """Arrays of the groups' shapes; groups without shapes are left out."""
     groups = [group for group in groups if group.shapes]
     shapes = [shape for group in groups for shape in group.shapes]
@@ -132,7 +120,7 @@ def make_polygons(groups: Sequence[Group]) -> Polygons:
         centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         centres.append(centre)
         radii.append(float(np.hypot(*(corners - centre).T).max()))
-    return Polygons(
+    return kernels.Polygons(
         x=points[:, 0].copy(),
         y=points[:, 1].copy(),
         first_vertex=_starts([len(shape.points) for shape in shapes]),
@@ -149,16 +137,16 @@ def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
     return np.cumsum([0, *counts], dtype=np.int32)
 
 
-def mount_devices(owned: Sequence[tuple[int, Device]]) -> Rays:
+def mount_devices(owned: Sequence[tuple[int, Device]]) -> kernels.Rays:
     """Where the robots' devices are mounted in the base frames, by the robots' indexes."""
     x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T
-    return Rays(np.stack((x, y, yaw)), z.copy(), np.array([owner for owner, _ in owned], np.int64))
+    return kernels.Rays(np.stack((x, y, yaw)), z.copy(), np.array([owner for owner, _ in owned], np.int64))
 
 
-def rays_of(poses: Floats, mounts: Rays) -> Rays:
+def rays_of(poses: Floats, mounts: kernels.Rays) -> kernels.Rays:
     """The devices' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
     rays = mounts._replace(at=np.empty_like(mounts.at))
-    place_mounts(mounts, poses, rays)
+    kernels.place_mounts(mounts, poses, rays)
     return rays
 
 
@@ -169,7 +157,7 @@ class Caster:
         seen = [group._replace(shapes=[shape for shape in group.shapes if sees(shape)]) for group in groups]
         shapes = [(group, shape) for group in seen for shape in group.shapes]
         plans = [(plan, bitmap) for plan, bitmap in plans if sees(plan)]
-        self._bitmaps = Bitmaps([bitmap for _, bitmap in plans])
+        self._bitmaps = kernels.Bitmaps([bitmap for _, bitmap in plans])
         self._polygons = make_polygons(seen)
         self.nothing = len(shapes)
         self.surfaces: list[Floorplan | Shape | None] = [*(shape for _, shape in shapes), None, *(p for p, _ in plans)]
@@ -181,13 +169,13 @@ class Caster:
         """Bring all movers to `poses` (movers; x, y, yaw in `map`)."""
         self._polygons.move(poses)
 
-    def cast(self, fans: Fans) -> tuple[Floats, NDArray[np.int32]]:
+    def cast(self, fans: kernels.Fans) -> tuple[Floats, NDArray[np.int32]]:
         """The ranges in metres, and hits, (fans, beams); a ray that hits nothing is `limit` long."""
         fans.ranges.fill(fans.beams.limit)
         fans.hits.fill(self.nothing)
         for index in range(self._bitmaps.count):
-            cast_squares(self._bitmaps, index, fans, self.nothing + 1 + index)
-        cast_edges(self._polygons, fans)
+            kernels.cast_squares(self._bitmaps, index, fans, self.nothing + 1 + index)
+        kernels.cast_edges(self._polygons, fans)
         return fans.ranges, fans.hits
 
 
@@ -197,21 +185,9 @@ class SensedWorld:
     def __init__(self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], plans: Plans) -> None:
         self.robots, self.models = robots, movers_of(robots, obstacles)
         self._plans, self._groups = plans, group_shapes(robots, obstacles)
-        self._casters: list[Caster] = []
+        self.visible = self.caster(lambda surface: surface.ranger_return >= 0.0)
+        """Moved once a tick, before all devices sense."""
 
-    @cached_property
-    def visible(self) -> Caster:
-        return self._caster(lambda surface: surface.ranger_return >= 0.0)
-
-    @cached_property
-    def solid(self) -> Caster:
-        return self._caster(lambda surface: surface.obstacle)
-
-    def move(self, poses: Floats) -> None:
-        """Bring the movers to `poses` (movers; x, y, yaw in `map`), for the casters that are in use."""
-        for caster in self._casters:
-            caster.move(poses)
-
-    def _caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
-        self._casters.append(Caster(self._plans, self._groups, sees))
-        return self._casters[-1]
+    def caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
+        """A further caster, which the caller has to move."""
+        return Caster(self._plans, self._groups, sees)

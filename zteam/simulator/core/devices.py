@@ -31,7 +31,7 @@ _SPACING = 0.02
 
 
 Sense = Callable[[Floats], Sequence[Any]]
-"""What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
+"""What all devices of one kind detect with the movers at `poses`, one value each; `visible` is there already."""
 
 
 class Sensor(NamedTuple):
@@ -68,29 +68,17 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
     return Rays(np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64))
 
 
-class FiducialFinders:
-    """All fiducial finders of all robots."""
+def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> Sense:
+    visible, at = scene.visible, mount_devices(owned)
+    targets = [
+        _Target(marker, source, mover, model.pose)
+        for source, (mover, model) in enumerate(scene.models)
+        for marker in model.markers
+    ]
+    sources = np.array([target.source for target in targets], np.int64)
+    keys = np.array([target.marker.key for target in targets], np.int64)
 
-    def __init__(self, scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> None:
-        self._visible = scene.visible
-        self._finders = owned
-        self._at = mount_devices(owned)
-        self._targets = [
-            _Target(marker, source, mover, model.pose)
-            for source, (mover, model) in enumerate(scene.models)
-            for marker in model.markers
-        ]
-        self._sources = np.array([target.source for target in self._targets], np.int64)
-        self._keys = np.array([target.marker.key for target in self._targets], np.int64)
-
-    def __call__(self, poses: Floats) -> list[tuple[Fiducial, ...]]:
-        at = rays_of(poses, self._at).at.T.tolist()
-        places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
-        return [
-            self._find(i, Pose2(*here), finder, places) for (i, finder), here in zip(self._finders, at, strict=True)
-        ]
-
-    def _find(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
+    def find(i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
         """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
 
         `places` are the targets' poses in `map`.
@@ -98,7 +86,7 @@ class FiducialFinders:
         dx, dy = places[:, 0] - here.x, places[:, 1] - here.y
         far = np.hypot(dx, dy)
         bearing = np.remainder(np.arctan2(dy, dx) - here.yaw + math.pi, math.tau) - math.pi
-        near = (self._sources != i) & (self._keys == finder.key)
+        near = (sources != i) & (keys == finder.key)
         near &= (far >= finder.range_min) & (far <= finder.range_max) & (np.abs(bearing) <= finder.fov / 2 + 1e-12)
         chosen = np.flatnonzero(near)
         count = len(chosen)
@@ -106,13 +94,13 @@ class FiducialFinders:
             return ()
         towards = np.stack((np.full(count, here.x), np.full(count, here.y), here.yaw + bearing[chosen]))
         rays = Rays(towards, np.full(count, finder.z), np.full(count, i, np.int64))
-        ranges, hit = self._visible.cast(Fans(rays, BeamTable.ahead(finder.range_max)))
-        seen = self._visible.source_of[hit[:, 0]] == self._sources[chosen]
+        ranges, hit = visible.cast(Fans(rays, BeamTable.ahead(finder.range_max)))
+        seen = visible.source_of[hit[:, 0]] == sources[chosen]
         if finder.ignore_zloc:
             seen |= ranges[:, 0] >= far[chosen]
         return tuple(
             Fiducial(
-                self._targets[k].marker.id if far[k] <= finder.range_max_id else 0,
+                targets[k].marker.id if far[k] <= finder.range_max_id else 0,
                 float(far[k]),
                 float(bearing[k]),
                 normalize_angle(float(places[k, 2]) - here.yaw),
@@ -120,14 +108,22 @@ class FiducialFinders:
             for k in chosen[seen].tolist()
         )
 
+    def sense(poses: Floats) -> list[tuple[Fiducial, ...]]:
+        here = rays_of(poses, at).at.T.tolist()
+        places = np.array([target.place(poses) for target in targets], float).reshape(-1, 3)
+        return [find(i, Pose2(*pose), finder, places) for (i, finder), pose in zip(owned, here, strict=True)]
+
+    return sense
+
 
 def prepare_bumpers(scene: SensedWorld, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
     at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])
-    solid = scene.solid
+    solid = scene.caster(lambda surface: surface.obstacle)
 
     def sense(poses: Floats) -> list[bool]:
+        solid.move(poses)
         ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
         hit = ranges[:, 0] < _BEHIND + _TOUCH
         return [bool(part.any()) for part in np.split(hit, ends[:-1])]
@@ -170,7 +166,7 @@ class Devices:
                 self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:
-        """What every robot with devices detects, by the robot's index; the scene has been moved to `poses`."""
+        """What every robot with devices detects, by the robot's index; `visible` has been moved to `poses`."""
         found: dict[int, dict[str, tuple[Any, ...]]] = {}
         for topic, owners, sense in self._senses:
             for i, detected in zip(owners, sense(poses), strict=True):

@@ -6,7 +6,6 @@ sense at its end. The same world, seed and commands give the same bytes.
 
 import math
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -32,16 +31,6 @@ Floats = NDArray[np.float64]
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
-
-
-class Standing(NamedTuple):
-    """How all robots stand, in the order of their ids. The arrays are the engine's own: they change with it."""
-
-    ids: Collection[int]
-    poses: Floats
-    """(robots, 3): x, y, yaw in `map`; yaws are not wrapped."""
-    stalled: NDArray[np.bool_]
-    """Whether each is blocked."""
 
 
 class RobotArrays:
@@ -114,7 +103,7 @@ class RobotArrays:
         """What all robots sense at `now` (ns), or only what their bases sense."""
         poses = self.bodies.poses
         if not bases_only:
-            self._scene.move(poses)
+            self._scene.visible.move(poses)
         snapshot = Snapshot(
             robots=self._robots,
             scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),
@@ -191,9 +180,13 @@ class Engine:
         """A robot's pose in `map`."""
         return pose_of(self._assembled().bodies.poses[self._index(robot_id)].tolist())
 
-    def standing(self) -> Standing:
+    def standing(self) -> tuple[Collection[int], Floats, NDArray[np.bool_]]:
+        """The robots' ids, their poses (robots, 3: x, y, yaw in `map`, not wrapped), and whether each is blocked.
+
+        The arrays are the engine's own: they change with it.
+        """
         arrays = self._assembled()
-        return Standing(arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled)
+        return arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Those of the world, where they are now; for any thread."""

@@ -42,35 +42,47 @@ class _Mount(NamedTuple):
     """States of its streams of randomness, by kind."""
 
 
-class _Noise(NamedTuple):
-    """Of one batch, each (scans, 1)."""
+class _Noise:
+    """Of one batch, each (scans, 1).
 
-    sigma: Floats
-    """Metres."""
-    proportional: Floats
-    """Standard deviation by range."""
-    uniform: Floats
-    """Half width by range (Stage)."""
-    angular: Floats
-    """Half width in increments (Stage)."""
-    states: NDArray[np.uint64]
-    """(kinds, scans)"""
+    Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths.
+    """
+
+    def __init__(self, mounts: Sequence[_Mount], options: Options) -> None:
+        triples = np.array([m.ranger.noise for m in mounts], float)
+        self.sigma = np.sqrt(triples[:, :1] + options.gaussian_noise**2)
+        """Metres."""
+        self.proportional = np.full((len(mounts), 1), options.proportional_noise)
+        """Standard deviation by range."""
+        self.uniform, self.angular = triples[:, 1:2], 0.5 * triples[:, 2:3]
+        """Half widths by range, and in increments."""
+        self.states = np.array([m.states for m in mounts], np.uint64).T
+        """(kinds, scans)"""
+        self.is_none = not triples.any() and not (options.gaussian_noise or options.proportional_noise)
 
 
-class _Batch(NamedTuple):
+class _Batch:
     """Rangers of one kind: they share beams and range, so one kernel call serves them."""
 
-    mounts: list[_Mount]
-    at: Rays
-    """In the robots' base frames."""
-    beams: BeamTable
-    angles: Floats
-    range_min: NDArray[np.float32]
-    """(scans, 1)"""
-    noise: _Noise | None
-    rays: Rays
-    """Where the sensors are at present."""
-    fans: Fans
+    def __init__(self, mounts: list[_Mount], options: Options) -> None:
+        self.mounts = mounts
+        ranger, noise = mounts[0].ranger, _Noise(mounts, options)
+        self.noise = None if noise.is_none else noise
+        # A single ray looks straight ahead; several fill the field of view, its ends included.
+        angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
+        self.angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
+        jitter = float(noise.angular.max())
+        # Beams that jitter are others in each scan.
+        directions = np.tile(self.angles, (len(mounts) if jitter else 1, 1))
+        self.beams = BeamTable(
+            np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
+        )
+        self.range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
+        self.at = mount_devices([(m.robot, m.ranger) for m in mounts])
+        """In the robots' base frames."""
+        self.rays = self.at._replace(at=np.empty_like(self.at.at))
+        """Where the sensors are at present."""
+        self.fans = Fans(self.rays, self.beams)
 
 
 class Scans(NamedTuple):
@@ -95,7 +107,13 @@ class Lasers:
     ) -> None:
         self._caster = caster
         self._options = options
-        self._batches = _make_batches(robots, ids, options, seed)
+        kinds: dict[tuple[int, float, float], list[_Mount]] = {}
+        for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
+            for place, ranger in enumerate(robot.rangers):
+                states = tuple(stream(seed, robot_id, place, kind) for kind in range(5))
+                kind = ranger.samples, ranger.fov, ranger.range_max
+                kinds.setdefault(kind, []).append(_Mount(i, place, ranger, states))
+        self._batches = [_Batch(mounts, options) for _, mounts in sorted(kinds.items())]
         self._rows = {
             (mount.robot, mount.place): (number, row)
             for number, batch in enumerate(self._batches)
@@ -108,7 +126,9 @@ class Lasers:
         arrays = [self._measure(batch, poses, tick) for batch in self._batches]
         if self._options.dazzle != "off":
             self._dazzle(arrays, tick)
-        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+        for array in itertools.chain(*arrays):
+            array.setflags(write=False)
+        return Scans(arrays, self._rows)
 
     def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
         place_mounts(batch.at, poses, batch.rays)
@@ -152,11 +172,6 @@ class Lasers:
                 ranges[struck] = np.nan
 
 
-def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    array.flags.writeable = False
-    return array
-
-
 def _jitter(batch: _Batch, noise: _Noise, tick: int) -> None:
     """Turn each beam by its own share of an increment."""
     beams = batch.beams
@@ -178,49 +193,6 @@ def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
         draws = uniforms(streams(noise.states[_UNIFORM_NOISE], tick), count)
         wrong += (2.0 * draws - 1.0) * noise.uniform * ranges
     return wrong
-
-
-def _make_batches(robots: Sequence[Robot], ids: Sequence[int], options: Options, seed: int) -> list[_Batch]:
-    kinds: dict[tuple[int, float, float], list[_Mount]] = {}
-    for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
-        for place, ranger in enumerate(robot.rangers):
-            states = tuple(stream(seed, robot_id, place, kind) for kind in range(5))
-            kind = ranger.samples, ranger.fov, ranger.range_max
-            kinds.setdefault(kind, []).append(_Mount(i, place, ranger, states))
-    return [_make_batch(mounts, options) for _, mounts in sorted(kinds.items())]
-
-
-def _make_batch(mounts: list[_Mount], options: Options) -> _Batch:
-    ranger = mounts[0].ranger
-    # A single ray looks straight ahead; several fill the field of view, its ends included.
-    angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
-    angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
-    noise = _make_noise(mounts, options)
-    jitter = 0.0 if noise is None else float(noise.angular.max())
-    # Beams that jitter are others in each scan.
-    directions = np.tile(angles, (len(mounts) if jitter else 1, 1))
-    beams = BeamTable(
-        np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
-    )
-    at = mount_devices([(m.robot, m.ranger) for m in mounts])
-    range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    rays = at._replace(at=np.empty_like(at.at))
-    return _Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
-
-
-def _make_noise(mounts: Sequence[_Mount], options: Options) -> _Noise | None:
-    """Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths."""
-    triples = np.array([m.ranger.noise for m in mounts], float)
-    common = options.gaussian_noise, options.proportional_noise
-    if not triples.any() and not any(common):
-        return None
-    return _Noise(
-        sigma=np.sqrt(triples[:, :1] + common[0] ** 2),
-        proportional=np.full((len(mounts), 1), common[1]),
-        uniform=triples[:, 1:2],
-        angular=0.5 * triples[:, 2:3],
-        states=np.array([m.states for m in mounts], np.uint64).T,
-    )
 
 
 class _Laser(NamedTuple):

@@ -25,7 +25,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.planar import pose_message
-from zteam.simulator.core.devices import FiducialFinders, Sensor, prepare_blobfinders, prepare_bumpers
+from zteam.simulator.core.devices import Sensor, prepare_blobfinders, prepare_bumpers, prepare_fiducials
 from zteam.simulator.core.observation import Observation, RobotObservation
 from zteam.simulator.world.devices import KINDS, DeviceKind
 from zteam.simulator.world.model import Robot
@@ -137,7 +137,7 @@ SENSORS: dict[str, Sensor] = {
         Sensor(KINDS[names.STALL], stall_message),
         Sensor(KINDS[names.JOINT_STATES], joint_message),
         Sensor(KINDS[names.SONAR], range_message),
-        Sensor(KINDS[names.FIDUCIALS], fiducials_message, FiducialFinders),
+        Sensor(KINDS[names.FIDUCIALS], fiducials_message, prepare_fiducials),
         Sensor(KINDS[names.BUMPER], bumper_message, prepare_bumpers),
         Sensor(KINDS[names.BLOBS], blobs_message, prepare_blobfinders),
     )

@@ -16,7 +16,7 @@ from zteam.config.simulation_options import SimOptions
 from zteam.messages import OccupancyGrid, Twist
 from zteam.node.process_node import ProcessNode
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.process.queries import Queries, serve_shapes
+from zteam.simulator.process.queries import serve_queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Robot, World
 
@@ -49,7 +49,7 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
     """A simulation with its queries and its latched messages: every robot's fixed frames, and the map."""
     simulation = Simulation(node, world, robots, options)
     serve_shapes(node.bus, world, simulation.engine)
-    Queries(node.bus, simulation)
+    serve_queries(node.bus, simulation)
     simulation.match_robots()
     if options.has_map:
         grid = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
@@ -59,14 +59,15 @@ def open_simulation(node: ProcessNode, world: World, robots: Mapping[int, Robot]
 
 def run_ticks(simulation: Simulation) -> None:
     """Tick until the process is asked to stop."""
-    profile, pacer, behind, woke = simulation.profile, simulation.pacer, Every(5.0), FREEZES.look()
+    profile, pacer, lockstep = simulation.profile, simulation.pacer, simulation.lockstep
+    behind, woke = Every(5.0), FREEZES.look()
     commands: dict[int, Twist] = {}
     while True:
         simulation.tick(commands)
         # Before the clock: a process that hears the last tick's clock may ask for the report at once.
         simulation.count()
         simulation.send_rest()
-        if simulation.lockstep is not None and not simulation.lockstep.wait(simulation.repeat):
+        if lockstep is not None and not lockstep.wait(simulation.repeat):
             return
         profile.end("wait")
         if not simulation.is_counting:
@@ -77,7 +78,7 @@ def run_ticks(simulation: Simulation) -> None:
         profile.end("idle")
         commands = simulation.take_commands()
         profile.end_tick()
-        if (latest := FREEZES.look()) > woke or simulation.was_held:
+        if (latest := FREEZES.look()) > woke or (lockstep is not None and lockstep.was_held):
             woke = latest
             pacer.start_anew()
         elif pacer.behind and not FREEZES.has_just_woken() and behind.due():

@@ -1,7 +1,7 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, Publisher
@@ -13,13 +13,8 @@ from zteam.simulator.world.model import base_info
 M = TypeVar("M", bound=Message)
 
 
-class _Output(NamedTuple):
-    """One key, and what builds its messages."""
-
-    publisher: Publisher[Any]
-    build: Callable[[Observation, int, int], Message]
-    number: int
-    """Of the device among those of its kind."""
+_Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
+"""One key: its publisher, what builds its messages, and the number of the device among those of its kind."""
 
 
 class RobotOutputs:
@@ -40,10 +35,7 @@ class RobotOutputs:
         # In real time the robot itself publishes its command.
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
-            topic: [
-                _Output(publisher(kind.key(robot_id, i), kind.message, latched=kind.latched), build, i)
-                for i in range(kind.count(robot))
-            ]
+            topic: [(publisher(kind.key(robot_id, i), kind.message), build, i) for i in range(kind.count(robot))]
             for topic, (kind, build, _) in to_messages.SENSORS.items()
         }
         # Robots compute their next command from these: they are published first.
@@ -102,13 +94,6 @@ class TeamOutputs(dict[int, RobotOutputs]):
             if scans:
                 on_scan(robot_id)
             _send(scans, observation, robot_id, again)
-
-    def make_scans(self, robot_ids: Iterable[int], observation: Observation) -> Iterator[tuple[str, Message]]:
-        """The key and the message of every scan of those of these robots that were observed."""
-        for robot_id in robot_ids:
-            if robot_id in self and robot_id in observation.robots:
-                for _, build, number in self[robot_id].scans:
-                    yield names.scan_key(robot_id, number), build(observation, robot_id, number)
 
     def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
         """Send what no robot's next command depends on."""

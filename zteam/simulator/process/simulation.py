@@ -14,16 +14,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Clock, TeamState, TeamStatus, Twist, encode, ns_from_time, time_from_ns
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import SimOptions
-from zteam.simulator.client import (
-    FaultRequest,
-    MoveRequest,
-    ScansReply,
-    SensedScan,
-    SimReport,
-    SimStatus,
-    SpawnRequest,
-    map_info,
-)
+from zteam.simulator import client
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_metadata
 from zteam.simulator.faults import FaultPlan, is_simulated
@@ -49,7 +40,7 @@ class Simulation:
 
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
         self.world, self._options, self._instance = world, options, node.bus.instance
-        self._map = map_info(map_metadata(world, options.map_resolution))
+        self._map = client.map_info(map_metadata(world, options.map_resolution))
         self.engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self.pacer = Pacer(world.interval, options.speed, paused=options.paused)
         self.boundary = TickBoundary(node, self.pacer)
@@ -85,7 +76,9 @@ class Simulation:
         self._send_inputs()
         if self.lockstep is None:
             # The rest wakes every process, and no robot's next command depends on it: the robots' commands come first.
-            self.commands.wait_for_answers(ANSWER_SHARE * self._tick_seconds)
+            speed = None if self.pacer.paused else self.pacer.speed
+            tick_seconds = 0.0 if speed is None else self.world.interval / NS_PER_S / speed
+            self.commands.wait_for_answers(ANSWER_SHARE * tick_seconds)
             self.profile.end("wait")
 
     def send_rest(self) -> None:
@@ -125,17 +118,6 @@ class Simulation:
         if self.lockstep is not None:
             self._announced = list(self.outputs)
             self.lockstep.open(self.engine.now, self.engine.tick, self._announced, self.faults.absent(self.since_go))
-
-    @property
-    def was_held(self) -> bool:
-        """Whether the log has named a participant that the newest tick waited for."""
-        return self.lockstep is not None and self.lockstep.was_held
-
-    @property
-    def _tick_seconds(self) -> float:
-        """Host seconds of a tick at the speed that was asked for; 0 as fast as possible."""
-        speed = None if self.pacer.paused else self.pacer.speed
-        return 0.0 if speed is None else self.world.interval / NS_PER_S / speed
 
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""
@@ -187,12 +169,19 @@ class Simulation:
             trajectory = "" if self.lockstep is None else f"; trajectory {self.statistics.trajectory_sha256}"
             log.info("%s: the world stands still%s", end, trajectory)
 
-    def scans(self, robot_ids: Iterable[int]) -> ScansReply:
+    def scans(self, robot_ids: Iterable[int]) -> client.ScansReply:
         """What the lasers of these robots saw in the last tick."""
-        if self._observation is None:
-            return ScansReply([])
-        made = self.outputs.make_scans(robot_ids, self._observation)
-        return ScansReply([SensedScan(key, encode(scan)) for key, scan in made])
+        observation, outputs = self._observation, self.outputs
+        if observation is None:
+            return client.ScansReply([])
+        return client.ScansReply(
+            [
+                client.SensedScan(names.scan_key(robot_id, number), encode(build(observation, robot_id, number)))
+                for robot_id in robot_ids
+                if robot_id in outputs and robot_id in observation.robots
+                for _, build, number in outputs[robot_id].scans
+            ]
+        )
 
     def repeat(self, participants: Sequence[str] = ()) -> None:
         """Send the last tick's data again, for processes that have not received it.
@@ -239,7 +228,7 @@ class Simulation:
         self.outputs.match_robots()
         self.holds.match_robots(self.outputs.keys())
 
-    def spawn(self, request: SpawnRequest) -> int:
+    def spawn(self, request: client.SpawnRequest) -> int:
         """Add a robot and return its id. Raises UsageError."""
         robots = self.engine.robots
         free = next(i for i in range(names.MAX_ROBOT_ID + 1) if i not in robots)
@@ -256,14 +245,14 @@ class Simulation:
         self.match_robots()
         self.statistics.add_external_command()
 
-    def move(self, request: MoveRequest) -> None:
+    def move(self, request: client.MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""
         self.engine.place(request.id, _pose(request), checked=not request.force)
         self.statistics.set_down(request.id, _pose(request))
         self.outputs.put_statics(request.id)
         self.statistics.add_external_command()
 
-    def add_fault(self, request: FaultRequest) -> None:
+    def add_fault(self, request: client.FaultRequest) -> None:
         """Carry out a fault from the next tick on (lock-step). Raises UsageError."""
         if self.lockstep is None or self._go is None:
             raise UsageError("the simulator carries out faults in lock-step alone, and after GO")
@@ -274,9 +263,9 @@ class Simulation:
         self.faults.add(fault)
         self.statistics.add_external_command()
 
-    def status(self) -> SimStatus:
+    def status(self) -> client.SimStatus:
         lockstep = self.lockstep
-        return SimStatus(
+        return client.SimStatus(
             world=self.world.name,
             robots=sorted(self.engine.robots),
             interval=self.world.interval,
@@ -299,11 +288,11 @@ class Simulation:
             map=self._map,
         )
 
-    def report(self) -> SimReport:
+    def report(self) -> client.SimReport:
         lockstep, run = self.lockstep, self.statistics
         go_stamp, ticks, wall = run.go_stamp, run.ticks, run.wall_seconds
         elapsed = (ticks - 1) * self.world.interval / NS_PER_S
-        return SimReport(
+        return client.SimReport(
             sim_seconds=0.0 if go_stamp is None else max(0, self.engine.now - go_stamp) / NS_PER_S,
             seed=self._options.seed,
             external_commands=run.external_commands,
@@ -322,5 +311,5 @@ class Simulation:
         )
 
 
-def _pose(request: SpawnRequest | MoveRequest) -> Pose2:
+def _pose(request: client.SpawnRequest | client.MoveRequest) -> Pose2:
     return Pose2(request.x, request.y, request.yaw)

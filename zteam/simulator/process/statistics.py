@@ -28,19 +28,13 @@ _FIRST_LATE_TICK = 2
 """Ticks after that of GO from which on a missing command is late. GO may arrive after the scans of two ticks, so
 before that a robot may rightly have sent no command."""
 
+_COUNTS = ("stalls", "scans", "late_steps", "late_commands")
 _SUMS = np.dtype(
     [
         ("pose", "<f8", 3),
-        ("distance", "<f8"),
-        ("stalls", "<i8"),
         ("stalled", "?"),
-        ("scans", "<i8"),
-        ("late_steps", "<i8"),
-        ("late_commands", "<i8"),
-        ("gap_sum", "<f8"),
-        ("gap_max", "<f8"),
-        ("gap_end", "<f8"),
-        ("gap_count", "<i8"),
+        *((name, "<f8") for name in ("distance_m", "gap_sum", "gap_max", "gap_end")),
+        *((name, "<i8") for name in (*_COUNTS, "gap_count")),
     ]
 )
 """One robot's pose (x, y, yaw), and its sums; the distance is that of its path in ticks."""
@@ -116,7 +110,7 @@ class RunStatistics:
             self._trajectory.update(poses.tobytes())
             sums, at = self._sums, self._at
             x, y, _ = (poses - sums["pose"][at]).T
-            sums["distance"][at] += np.hypot(x, y)
+            sums["distance_m"][at] += np.hypot(x, y)
             sums["stalls"][at] += stalled & ~sums["stalled"][at]
             sums["scans"][at] += [scans.get(robot_id, 0) for robot_id in ids]
             sums["pose"][at], sums["stalled"][at] = poses, stalled
@@ -174,12 +168,9 @@ class RunStatistics:
                 id=robot_id,
                 follow=self._follows.get(robot_id),
                 pose=Pose2(*own["pose"].tolist()),
-                distance_m=float(own["distance"]),
-                stalls=int(own["stalls"]),
+                distance_m=float(own["distance_m"]),
                 gap_m=_gap(own),
-                scans=int(own["scans"]),
-                late_steps=int(own["late_steps"]),
-                late_commands=int(own["late_commands"]),
+                **{name: int(own[name]) for name in _COUNTS},
             )
             for robot_id, own in ((robot_id, sums[row]) for robot_id, row in rows)
         ]

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -9,16 +10,60 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_floor_map
+from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_channels, read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
-from zteam.simulator.world.images import Box, occupied_box, read_bitmap, rectangles
 from zteam.simulator.world.model import Floorplan, Shape
 from zteam.simulator.world.parser import Entity
 from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
 from zteam.simulator.world.text import Remarks, TextPlace, find_file
+
+DARK = 127
+"""A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
+
+Box = tuple[int, int, int, int]
+
+
+def read_bitmap(path: Path) -> Grid:
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
+
+    Raises WorldError, as `read_channels` does.
+    """
+    return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
+
+
+def occupied_box(occupied: Grid) -> Box | None:
+    """Smallest box around the occupied cells, half open: (first row, end row, first column, end column)."""
+    rows = np.flatnonzero(occupied.any(axis=1))
+    if rows.size == 0:
+        return None
+    columns = np.flatnonzero(occupied.any(axis=0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above.
+
+    None if there are more than `limit`.
+    """
+    steps = np.diff(occupied, axis=1, prepend=False, append=False)
+    rows, columns = np.nonzero(steps)
+    if rows.size > 2 * limit * len(occupied):
+        return None
+    runs_of: list[set[tuple[int, int]]] = [set() for _ in range(len(occupied) + 1)]
+    for row, start, end in zip(rows[::2].tolist(), columns[::2].tolist(), columns[1::2].tolist(), strict=True):
+        runs_of[row].add((start, end))
+    done: list[Box] = []
+    growing: dict[tuple[int, int], int] = {}
+    for row, runs in enumerate(runs_of):
+        done.extend((growing.pop(run), row, *run) for run in growing.keys() - runs)
+        growing.update(dict.fromkeys(runs - growing.keys(), row))
+        if len(done) > limit:
+            return None
+    return sorted(done)
+
 
 BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
@@ -51,24 +96,18 @@ def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
     """All blocks of a model scaled together: their bounding box becomes `size`, centred; heights rise from 0.
 
     The rule is Stage's: x and y are stretched from the box of all points, z from 0 to the highest block; blocks that
-    do not rise above 0 are flat. Raises ValueError if the blocks have no extent along x or y.
+    do not rise above 0 are flat. Each block has an area.
     """
     xs = [x for block in blocks for x, _ in block.points]
     ys = [y for block in blocks for _, y in block.points]
     left, bottom, top = min(xs), min(ys), max(block.z_max for block in blocks)
     width, depth = max(xs) - left, max(ys) - bottom
-    if not (width > 0 and depth > 0):
-        raise ValueError("the blocks of a model must have an extent along x and y")
-    return [
-        Block(
-            tuple(
-                (((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in block.points
-            ),
-            block.z_min / top * size.z if top > 0 else 0.0,
-            block.z_max / top * size.z if top > 0 else 0.0,
-        )
-        for block in blocks
-    ]
+    fitted = []
+    for points, *heights in blocks:
+        corners = [(((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in points]
+        z_min, z_max = (height / top * size.z if top > 0 else 0.0 for height in heights)
+        fitted.append(Block(tuple(corners), z_min, z_max))
+    return fitted
 
 
 def boundary_slabs(size: Size3) -> list[Block]:
@@ -90,8 +129,7 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
         corners = block.points if signed_area(block.points) > 0 else block.points[::-1]
         points = tuple((owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y) for x, y in corners)
         if signed_area(points) > LEAST_AREA:
-            heights = z + block.z_min, z + block.z_max
-            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle, surface.color))
+            shapes.append(Shape(points, z + block.z_min, z + block.z_max, *surface))
     return tuple(shapes)
 
 
@@ -128,25 +166,6 @@ MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
-class Bounds:
-    """Limits for all models of a world together: a small file must not take long or fill the memory."""
-
-    def __init__(self) -> None:
-        self._points = self._pixels = 0
-
-    def add_points(self, count: int, place: TextPlace) -> None:
-        """Count corners of blocks; raises WorldError when they are too many."""
-        self._points += count
-        if self._points > MAX_ALL_POINTS:
-            raise place.error(f"the blocks of this world have more than {MAX_ALL_POINTS} points: it is refused")
-
-    def add_pixels(self, count: int, place: TextPlace) -> None:
-        """Count cells of bitmaps, each bitmap once; raises WorldError when they are too many."""
-        self._pixels += count
-        if self._pixels > MAX_PIXELS:
-            raise place.error(f"the bitmaps of this world have more than {MAX_PIXELS} pixels together: it is refused")
-
-
 class Settings(msgspec.Struct, frozen=True):
     """Settings of a whole file."""
 
@@ -160,16 +179,17 @@ class Settings(msgspec.Struct, frozen=True):
     """Bitmaps read so far, by file and reading: many models may share one."""
     boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
     """Rectangles of bitmaps on robots, by the bitmap's identity."""
-    bounds: Bounds = msgspec.field(default_factory=Bounds)
+    counts: Counter[str] = msgspec.field(default_factory=Counter)
+    """Of what a small file must not make so much that it takes long or fills the memory."""
 
     def reader(self, entity: Entity) -> Reader:
         return Reader(entity, self.units, self.remarks)
 
-
-def _has_body(kind: str) -> bool:
-    """Whether a model of this type is a box unless it has blocks."""
-    sensing = device_models().get(kind)
-    return kind not in BODILESS if sensing is None else sensing.has_body
+    def count(self, what: str, number: int, most: int, place: TextPlace) -> None:
+        """Count what all models of a world have together; raises WorldError when it is too much."""
+        self.counts[what] += number
+        if self.counts[what] > most:
+            raise place.error(f"this world has more than {most} {what}: it is refused")
 
 
 class Body(NamedTuple):
@@ -203,8 +223,10 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
-    elif not blocks and _has_body(entity.type) and not reader.flag("noblocks", False):
-        blocks = [UNIT_BOX]
+    elif not blocks:
+        sensing = device_models().get(entity.type)
+        has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
+        blocks = [UNIT_BOX] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
         if min(size.x, size.y) < MIN_EXTENT:
@@ -212,11 +234,10 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             blocks, slabs, bitmap = [], [], None
         elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
             reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
-    try:
-        fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
-    except ValueError as error:
-        raise entity.place.error(str(error)) from None
-    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
+    origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
+    surface = Surface(intensity, reader.flag("obstacle_return", True), _read_color(reader))
+    fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
+    return Body(size, origin, surface, fitted, tuple(slabs), bitmap, home)
 
 
 def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
@@ -232,7 +253,7 @@ def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block
         text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
         settings.remarks.add(place, text)
         boxes = [(0, rows, 0, columns)]
-    settings.bounds.add_points(4 * len(boxes), place)
+    settings.count("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
     for bottom, top, left, right in boxes:
         x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
@@ -251,22 +272,9 @@ def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float,
     rows, columns = occupied.shape
     map_from_body = map_from_model.compose(body.origin.planar)
     foot = z + body.origin.z
-    return Floorplan(
-        name=name,
-        occupied=occupied,
-        cell=(body.size.x / columns, body.size.y / rows),
-        pose=map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
-        z_min=foot,
-        z_max=foot + body.size.z,
-        ranger_return=body.surface.ranger_return,
-        obstacle=body.surface.obstacle,
-        color=body.surface.color,
-    )
-
-
-def _read_surface(reader: Reader) -> Surface:
-    old = reader.number("laser_return", 1.0)
-    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True), _read_color(reader))
+    pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
+    cell = body.size.x / columns, body.size.y / rows
+    return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
 
 
 def _read_color(reader: Reader) -> str:
@@ -292,26 +300,20 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
-            found = read_floor_map(path) if is_floor_map(path) else _cells(path, reading)
+            found = read_floor_map(path) if is_floor_map(path) else read_bitmap(path)
         except WorldError as error:
             reader.fail("bitmap", str(error))
+        if reading == "crop" and not isinstance(found, FloorMap):
+            bottom, top, left, right = occupied_box(found) or (0, 0, 0, 0)
+            found = found[bottom:top, left:right].copy()
         grid = found.occupied if isinstance(found, FloorMap) else found
-        settings.bounds.add_pixels(grid.size, reader.place("bitmap"))
+        settings.count("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
         settings.bitmaps[key] = found
     found = settings.bitmaps[key]
     if isinstance(found, FloorMap) or found.size:
         return found
     reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
     return None
-
-
-def _cells(path: Path, reading: str) -> Grid:
-    """A bitmap's cells; none if there is no box to crop to."""
-    occupied = read_bitmap(path)
-    if reading == "whole":
-        return occupied
-    box = occupied_box(occupied) or (0, 0, 0, 0)
-    return occupied[box[0] : box[1], box[2] : box[3]].copy()
 
 
 def _read_block(entity: Entity, settings: Settings) -> Block | None:
@@ -323,7 +325,7 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
-    settings.bounds.add_points(count, entity.place)
+    settings.count("points of blocks", count, MAX_ALL_POINTS, entity.place)
     z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:

@@ -4,6 +4,7 @@ A model's pose is in its parent's frame; its foot stands on its parent's top (`s
 bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
@@ -132,39 +133,6 @@ class Mount(NamedTuple):
 GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
 
 
-class Template(msgspec.Struct, frozen=True):
-    """A robot macro, from which further robots are made."""
-
-    document: Document
-    settings: Settings
-
-
-def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
-    """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
-    units = read_units(document.root, remarks)
-    settings = Settings(units, folder, remarks, whole_bitmaps, frozenset(document.macros))
-    reader = settings.reader(document.root)
-    milliseconds = reader.number("interval_sim", 100.0)
-    if not 0 < milliseconds <= MAX_INTERVAL_MS:
-        reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
-    builder = Builder(settings)
-    reader.remark_unused("world")
-    for entity in document.root.children:
-        builder.add_model(entity, GROUND)
-    return World(
-        name=reader.text("name", default_name),
-        interval=max(1, round(milliseconds * 1e6)),
-        floorplans=tuple(builder.floorplans),
-        obstacles=(*builder.obstacles, *(thing.obstacle() for thing in builder.pushed)),
-        robots=tuple(chassis.robot() for chassis in builder.robots),
-        physics=reader.choice("physics", "dynamic", PHYSICS),
-        warnings=remarks.all(),
-        templates={
-            name: Template(document, settings) for name in document.macros if document.type_of(name) == "position"
-        },
-    )
-
-
 class Builder:
     """Collects the entities of a world; models come in file order, a parent before its children."""
 
@@ -203,7 +171,12 @@ class Builder:
         if entity.type in device_models():
             self._add_device(reader, body, owner_from_model, foot, chassis, name)
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
-        self._add_children(entity, Mount(owner_from_model, top, chassis, name + "."))
+        own = Mount(owner_from_model, top, chassis, name + ".")
+        for child in entity.children:
+            if child.type == "block":
+                self._settings.reader(child).remark_unused("block")
+            elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
+                self.add_model(child, own)
 
     def _add_chassis(self, reader: Reader, body: Body, map_from_base: Pose2, name: str) -> Chassis:
         entity = reader.entity
@@ -276,13 +249,6 @@ class Builder:
         seat = Pose3(x, y, foot + body.origin.z, yaw)
         chassis.devices.extend(device_models()[kind].read(reader, name, seat))
 
-    def _add_children(self, entity: Entity, mount: Mount) -> None:
-        for child in entity.children:
-            if child.type == "block":
-                self._settings.reader(child).remark_unused("block")
-            elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
-                self.add_model(child, mount)
-
 
 BUILT_IN = """
 # The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
@@ -319,7 +285,26 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
+    units = read_units(document.root, remarks)
+    settings = Settings(units, path.parent, remarks, whole_bitmaps, frozenset(document.macros))
+    reader = settings.reader(document.root)
+    milliseconds = reader.number("interval_sim", 100.0)
+    if not 0 < milliseconds <= MAX_INTERVAL_MS:
+        reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
+    builder = Builder(settings)
+    reader.remark_unused("world")
+    for entity in document.root.children:
+        builder.add_model(entity, GROUND)
+    return World(
+        name=reader.text("name", path.stem),
+        interval=max(1, round(milliseconds * 1e6)),
+        floorplans=tuple(builder.floorplans),
+        obstacles=(*builder.obstacles, *(thing.obstacle() for thing in builder.pushed)),
+        robots=tuple(chassis.robot() for chassis in builder.robots),
+        physics=reader.choice("physics", "dynamic", PHYSICS),
+        warnings=remarks.all(),
+        templates={name: (document, settings) for name in document.macros if document.type_of(name) == "position"},
+    )
 
 
 def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
@@ -328,16 +313,14 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    template = world.templates.get(model)
-    if template is None and model == "erratic":
-        document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
-        template = Template(document, Settings(Units(), Path(), Remarks()))
-    if template is None:
-        known = ", ".join(sorted({*world.templates, "erratic"}))
+    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Units(), Path(), Remarks())
+    templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
+    if model not in templates:
+        known = ", ".join(sorted(templates))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
-    remarks = Remarks()
-    builder = Builder(msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()))
-    entity = template.document.expand(model)
+    (document, settings), remarks = templates[model], Remarks()
+    builder = Builder(msgspec.structs.replace(settings, remarks=remarks, counts=Counter()))
+    entity = document.expand(model)
     entity.properties["name"] = Property("name", (name,), entity.place, (name,))
     builder.add_model(entity, GROUND)
     if len(builder.robots) != 1:

@@ -192,8 +192,6 @@ class DeviceKind(NamedTuple):
     """What reports call one of them; empty for what every robot measures."""
     models: Mapping[str, DeviceModel] = {}
     """By the type in world files."""
-    latched: bool = False
-    """Whether late subscribers get the last message."""
 
     @property
     def message(self) -> type[Message]:

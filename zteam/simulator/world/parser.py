@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.simulator.world.text import Remarks, TextPlace, Token, TokenKind, read_text, read_world_tokens
+from zteam.simulator.world.text import Remarks, Splicer, TextPlace, Token, TokenKind, read_text
 
 MAX_STEPS = 3_000_000
 """Tokens parsed, those of a macro as often as it is used."""
@@ -91,7 +91,7 @@ def parse_world(path: Path, remarks: Remarks) -> Document:
 
 def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None) -> Document:
     """Parse the text of a world, of the file at `path`, or with includes relative to the working directory."""
-    tokens = read_world_tokens(text, file, remarks, path)
+    tokens = Splicer(path.parent if path else Path(), remarks).read(text, file, path)
     macros: dict[str, Macro] = {}
     return Document(_Parser(tokens, macros, remarks).parse(file), macros, tokens)
 
@@ -111,7 +111,7 @@ class _Parser:
             if self._token.kind is TokenKind.EOF:
                 return root
             name = self._expect(TokenKind.NAME, "a property, an entity, 'include' or 'define'")
-            if name.value == "define":
+            if name.text == "define":
                 self._parse_define()
             else:
                 self._parse_item(name, root, 1)
@@ -120,8 +120,6 @@ class _Parser:
         entity = Entity(macro, macro, self._macros[macro].place)
         self._replay_macros(entity, 1)
         return entity
-
-    # Tokens.
 
     @property
     def _token(self) -> Token:
@@ -145,20 +143,18 @@ class _Parser:
             raise self._token.place.error(f"expected {purpose}, found {self._token}")
         return self._advance()
 
-    # Entities.
-
     def _parse_define(self) -> None:
         self._skip_lines()
         name = self._expect(TokenKind.NAME, "the macro's name")
         self._skip_lines()
         base = self._expect(TokenKind.NAME, f"the type or macro that {name} is made of")
         self._skip_lines()
-        macro = Macro(str(base.value), base.place, self._at)
+        macro = Macro(base.text, base.place, self._at)
         self._skip_body()
-        if str(name.value) in self._macros:
+        if name.text in self._macros:
             self._remarks.add(name.place, f"macro {name} is defined already: the first definition stays")
         else:
-            self._macros[str(name.value)] = macro
+            self._macros[name.text] = macro
 
     def _skip_body(self) -> None:
         """Like Stage, look only for the ')' that belongs to the '('."""
@@ -179,7 +175,7 @@ class _Parser:
                 raise name.place.error(f"{name} has neither a value on its line nor a body in ( )")
             owner.children.append(self._parse_entity(name, level))
         else:
-            owner.properties[str(name.value)] = self._parse_property(name)
+            owner.properties[name.text] = self._parse_property(name)
 
     def _parse_entity(self, name: Token, level: int) -> Entity:
         if level > MAX_NESTING:
@@ -187,7 +183,7 @@ class _Parser:
         self._entities += 1
         if self._entities > MAX_ENTITIES:
             raise name.place.error(f"more than {MAX_ENTITIES} entities once macros are expanded")
-        entity = Entity(str(name.value), str(name.value), name.place)
+        entity = Entity(name.text, name.text, name.place)
         self._replay_macros(entity, level)
         self._parse_body(entity, level)
         return entity
@@ -217,7 +213,7 @@ class _Parser:
             if self._token.kind is TokenKind.EOF:
                 raise opening.place.error("this '(' is never closed")
             item = self._expect(TokenKind.NAME, "a property, an entity or ')'")
-            if item.value == "define":
+            if item.text == "define":
                 raise item.place.error("'define' belongs at the top level of a file, not inside ( )")
             self._parse_item(item, entity, level + 1)
 
@@ -233,6 +229,5 @@ class _Parser:
         else:
             hint = "; text needs quotes" if self._token.kind is TokenKind.NAME else ""
             raise self._token.place.error(f"expected the value of {name}, found {self._token}{hint}")
-        values = tuple(token.value for token in tokens if token.value is not None)
-        written = tuple(token.text if token.kind is TokenKind.NUMBER else str(token.value) for token in tokens)
-        return Property(str(name.value), values, name.place, written)
+        values, written = tuple(token.value for token in tokens), tuple(token.text for token in tokens)
+        return Property(name.text, values, name.place, written)

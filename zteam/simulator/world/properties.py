@@ -9,7 +9,7 @@ with a remark (it would change what robots do). Any other property is remarked a
 
 import math
 import re
-from collections.abc import Iterable, Set
+from collections.abc import Set
 from typing import NamedTuple, NoReturn
 
 from zteam.errors import did_you_mean
@@ -78,22 +78,6 @@ REMARKED: dict[str, tuple[str, float | None]] = {
 _INDEX = re.compile(r"\[\d*\]")
 
 
-def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str] = frozenset()) -> str | None:
-    """The remark on a property of an entity of type `kind` ("world", "sensor", "block", a model's type), or None.
-
-    `also` names what a model of this type reads besides the properties of every model.
-    """
-    plain = _INDEX.sub("[]", name)
-    read = READ.get(kind, _MODEL) | also
-    if plain in read or plain in SILENT.get(kind, _DISPLAY):
-        return None
-    if plain in REMARKED:
-        reason, harmless = REMARKED[plain]
-        is_harmless = harmless is not None and set(values) <= {harmless}
-        return None if is_harmless else f"{name} is ignored: {reason}"
-    return f"unknown property {name!r:.60} is ignored{did_you_mean(plain, sorted(read), form=MEANT)}"
-
-
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
 
@@ -139,13 +123,22 @@ class Reader:
         return Reader(entity, self._units, self._remarks)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
-        """Note the properties that do nothing here; `kind` is as in `remark_on`, and so is `also`."""
-        for found in self.entity.properties.values():
+        """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type.
+
+        `also` names what a model of this type reads besides the properties of every model.
+        """
+        read, silent = READ.get(kind, _MODEL) | also, SILENT.get(kind, _DISPLAY)
+        for name, found in self.entity.properties.items():
+            plain = _INDEX.sub("[]", name)
             if self._remarks.is_full:
                 return
-            text = remark_on(kind, found.name, found.values, also)
-            if text is not None:
-                self._remarks.add(found.place, text)
+            if plain in REMARKED:
+                reason, harmless = REMARKED[plain]
+                if harmless is None or not set(found.values) <= {harmless}:
+                    self._remarks.add(found.place, f"{name} is ignored: {reason}")
+            elif plain not in read and plain not in silent:
+                hint = did_you_mean(plain, sorted(read), form=MEANT)
+                self._remarks.add(found.place, f"unknown property {name!r:.60} is ignored{hint}")
 
     def has(self, name: str) -> bool:
         return name in self.entity.properties

@@ -99,16 +99,16 @@ class TokenKind(enum.Enum):
 
 
 class Token(NamedTuple):
-    """One token. `value` is a name or string's text, a number, or None; `text` is a number as written."""
+    """One token. `text` is as written, without quotes; `value` is the same, but of a number what it is."""
 
     kind: TokenKind
-    value: str | float | None
+    text: str
     place: TextPlace
-    text: str = ""
+    value: str | float
 
     def __str__(self) -> str:
         if self.kind in (TokenKind.NAME, TokenKind.STRING):
-            return f"{self.value!r:.60}"
+            return f"{self.text!r:.60}"
         return f"{self.value:g}" if self.kind is TokenKind.NUMBER else self.kind.value
 
 
@@ -116,15 +116,14 @@ class Token(NamedTuple):
 _TOKEN = re.compile(
     r"""
     (?P<skip>[ \t\f\v]+|\#[^\r\n]*)
-  | (?P<eol>\r?\n|\r)
-  | (?P<name>[A-Za-z][A-Za-z0-9._\-\[\]]*)
-  | (?P<number>[-+.0-9][-+.\w]*)
-  | "(?P<string>[^"\r\n]*)"
-  | (?P<mark>[()\[\]])
+  | (?P<EOL>\r?\n|\r)
+  | (?P<NAME>[A-Za-z][A-Za-z0-9._\-\[\]]*)
+  | (?P<NUMBER>[-+.0-9][-+.\w]*)
+  | "(?P<STRING>[^"\r\n]*)"
+  | (?P<OPEN>\() | (?P<CLOSE>\)) | (?P<OPEN_TUPLE>\[) | (?P<CLOSE_TUPLE>\])
     """,
     re.VERBOSE | re.ASCII,
 )
-_MARKS = {"(": TokenKind.OPEN, ")": TokenKind.CLOSE, "[": TokenKind.OPEN_TUPLE, "]": TokenKind.CLOSE_TUPLE}
 _REST_OF_LINE = re.compile(r"[^\r\n]*")
 _ATOF = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 _STAGES_NUMBER = re.compile(r"[-+.0-9]+")
@@ -137,27 +136,19 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
     while position < len(text):
         match = _TOKEN.match(text, position)
         place = TextPlace(file, line, position - line_start + 1)
-        if match is None:
+        if match is None or match.lastgroup is None:
             raise _no_token(text, position, place)
         position = match.end()
-        kind = match.lastgroup
-        if kind == "skip":
+        if match.lastgroup == "skip":
             continue
-        if kind == "eol":
-            yield Token(TokenKind.EOL, None, place)
+        kind, written = TokenKind[match.lastgroup], match[match.lastgroup]
+        yield Token(kind, written, place, _number(written, place, remarks) if kind is TokenKind.NUMBER else written)
+        if kind is TokenKind.EOL:
             line, line_start = line + 1, position
-        elif kind == "name":
-            yield Token(TokenKind.NAME, match["name"], place)
-        elif kind == "number":
-            yield Token(TokenKind.NUMBER, _number(match["number"], place, remarks), place, match["number"])
-        elif kind == "string":
-            yield Token(TokenKind.STRING, match["string"], place)
-            if including:
-                position = _skip_line(text, position, TextPlace(file, line, position - line_start + 1), remarks)
-        else:
-            yield Token(_MARKS[match["mark"]], None, place)
-        including = match["name"] == "include"
-    yield Token(TokenKind.EOF, None, TextPlace(file, line, position - line_start + 1))
+        elif kind is TokenKind.STRING and including:
+            position = _skip_line(text, position, TextPlace(file, line, position - line_start + 1), remarks)
+        including = kind is TokenKind.NAME and written == "include"
+    yield Token(TokenKind.EOF, "", TextPlace(file, line, position - line_start + 1), "")
 
 
 def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
@@ -201,14 +192,9 @@ MAX_CHARACTERS = 32 * 2**20
 MAX_INCLUDE_DEPTH = 16
 
 
-def read_world_tokens(text: str, file: str, remarks: Remarks, path: Path | None = None) -> list[Token]:
-    """The tokens of `text`, EOF last; `path` is its file, if it has one. Raises WorldError."""
-    splicer = _Splicer(path.parent if path else Path(), remarks)
-    splicer.read(text, file, path)
-    return splicer.tokens
+class Splicer:
+    """The tokens of a world file, with those of its includes; their names are relative to `folder`."""
 
-
-class _Splicer:
     def __init__(self, folder: Path, remarks: Remarks) -> None:
         self.tokens: list[Token] = []
         self._folder = folder
@@ -216,18 +202,22 @@ class _Splicer:
         self._open_files: list[Path] = []
         self._files = self._characters = 0
 
-    def read(self, text: str, file: str, path: Path | None) -> None:
-        """Append the tokens of a file; EOF only if it is the top file."""
+    def read(self, text: str, file: str, path: Path | None) -> list[Token]:
+        """Append the tokens of a text, EOF only of the top file, and return all. `path` is its file, if it has one.
+
+        Raises WorldError.
+        """
         self._files += 1
         is_top = not self._open_files
         self._open_files.append(path.resolve() if path else Path(file))
         tokens = read_tokens(text, file, self._remarks)
         for token in tokens:
-            if token.kind is TokenKind.NAME and token.value == "include":
+            if token.kind is TokenKind.NAME and token.text == "include":
                 self._include(token.place, next(tokens))
             elif token.kind is not TokenKind.EOF or is_top:
                 self._add(token)
         self._open_files.pop()
+        return self.tokens
 
     def _add(self, token: Token) -> None:
         if len(self.tokens) >= MAX_TOKENS:
@@ -236,13 +226,12 @@ class _Splicer:
 
     def _include(self, place: TextPlace, name: Token) -> None:
         if name.kind is not TokenKind.STRING:
-            text = f'expected the name of the file to include, such as "map.inc", found {name}'
-            raise name.place.error(text)
-        path = find_file(str(name.value), self._folder)
+            raise name.place.error(f'expected the name of the file to include, such as "map.inc", found {name}')
+        path = find_file(name.text, self._folder)
         if path is None:
             raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
         if path.resolve() in self._open_files:
-            raise name.place.error(f"{str(name.value)!r} includes itself")
+            raise name.place.error(f"{name.text!r} includes itself")
         if len(self._open_files) > MAX_INCLUDE_DEPTH:
             raise name.place.error(f"includes nest deeper than {MAX_INCLUDE_DEPTH}")
         if self._files >= MAX_FILES:
@@ -256,4 +245,4 @@ class _Splicer:
             raise place.error(f"more than {MAX_CHARACTERS} characters in included files: this world is refused")
         self.read(text, str(path), path)
         # The last line of the file may lack its end, and an include ends its own line.
-        self._add(Token(TokenKind.EOL, None, name.place))
+        self._add(Token(TokenKind.EOL, "", name.place, ""))

@@ -29,7 +29,6 @@ from zteam.simulator.client import (
     StepRequest,
     WaitRequest,
 )
-from zteam.simulator.process import queries
 from zteam.simulator.process.pacing import Pacer
 from zteam.simulator.process.queries import serve_shapes
 
@@ -216,7 +215,7 @@ def test_what_cannot_be_done_comes_back_as_text(make: Make) -> None:
 
 def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     """When the open tick does not end, the error names the command that shows why."""
-    monkeypatch.setattr(queries, "BOUNDARY_LIMIT", 0.05)
+    monkeypatch.setattr("zteam.simulator.client.BOUNDARY_LIMIT", 0.05)
     harness = make()
     harness.free.clear()
     harness.ask_aside("step", SimStatus, StepRequest(1))

@@ -43,10 +43,8 @@ def test_blocks_of_a_model_are_fitted_together() -> None:
     assert [(block.z_min, block.z_max) for block in fitted] == [(0.25, 0.5), (0.5, 1)]
 
 
-def test_blocks_without_an_extent_cannot_be_fitted() -> None:
-    """A line cannot be stretched to a size; blocks without a height are flat."""
-    with pytest.raises(ValueError, match="extent"):
-        fit_blocks([Block(((0, 0), (1, 0), (2, 0)), 0, 1)], Size3(1, 1, 1))
+def test_a_block_without_a_height_stays_flat() -> None:
+    """The size's height is not theirs."""
     (flat,) = fit_blocks([UNIT_BOX._replace(z_max=0)], Size3(1, 1, 1))
     assert (flat.z_min, flat.z_max) == (0, 0)
 

@@ -62,7 +62,7 @@ def test_bitmaps_are_bounded_together(tmp_path: Path, monkeypatch: pytest.Monkey
     path = tmp_path / "often.world"
     path.write_text(often + ROBOT)
     assert len(load_world(path).floorplans) == 7
-    assert "8:9: the bitmaps of this world have more" in refusal(tmp_path, often + 'model ( bitmap "c.png" )\n' + ROBOT)
+    assert "8:9: this world has more than 250 pixels" in refusal(tmp_path, often + 'model ( bitmap "c.png" )\n' + ROBOT)
 
 
 def test_floors_of_one_bitmap_share_its_cells() -> None:

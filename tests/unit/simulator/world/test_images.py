@@ -15,7 +15,7 @@ from zteam.config.map_files import read_floor_map
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.simulator.world.images import occupied_box, read_bitmap, rectangles
+from zteam.simulator.world.bodies import occupied_box, read_bitmap, rectangles
 from zteam.world import add_robot, load_world
 
 CELLS = np.array([[0, 127, 128], [205, 255, 1]], np.uint8)
