@@ -10,7 +10,6 @@ from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
 from zteam.messages import RobotState, RobotStatus, ns_from_time
 from zteam.monitor.followers import FollowProblem, follow_problems
-from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
@@ -19,7 +18,6 @@ NAMED = 8
 """Robots that the text of what GO waits for names at most."""
 _SETTLED = 1.0
 """Host seconds until all processes and statuses that are there are known."""
-_DOUBTS = 2
 _WALL = to_ns(1e8)
 """Stamps beyond are of the host's clock, and no time of a run."""
 
@@ -77,19 +75,15 @@ class KnownRobot(msgspec.Struct):
     """Whether a process holds the robot's name."""
     status: RobotStatus | None = None
     heard: float = 0.0
-    """Host time of the last status; before the first one, from when on one is due."""
+    """Host time of the last status."""
     moved: float = 0.0
     """Host time of the last status with another stamp than the one before."""
-    doubts: int = 0
-    """Statuses with a new stamp until it is known that the robot gets data again."""
     was_ready: bool = False
     was_lost: bool = False
     told_go: bool = False
     came_late: bool = False
     """Whether its process came after GO."""
     silent: bool = False
-    mute: bool = False
-    """Whether its process publishes no status at all, as a teleop or a node without a gate."""
     stopped: bool = False
     """Whether it said that it stops before it went."""
     absence: str = ""
@@ -114,8 +108,6 @@ class KnownRobot(msgspec.Struct):
             return "its process is gone" if self.was_lost else "no process yet"
         if self.silent:
             return "does not answer"
-        if self.mute:
-            return "its process publishes no status (zteam teleop, or a node without a gate)"
         if self.status is None:
             return "no status yet"
         text = short(self.status.text) or "not ready yet"
@@ -133,7 +125,6 @@ class WatchedTeam:
         self.members: dict[int, KnownRobot] = {}
         """By the robot's id."""
         self._events: list[Event] = []
-        self._tokens = TokenSet()
         self.follow_problems: list[FollowProblem] = []
         """Robots that cannot follow, as of the last look."""
         self._cannot_follow: dict[FollowProblem, float] = {}
@@ -170,25 +161,17 @@ class WatchedTeam:
     def take_world(self, robots: Sequence[int] | None) -> None:
         """The simulator has these robots; None if there is no simulator."""
 
-    def take_simulator(self, session: str) -> None:
-        """The simulator of this session is there."""
+    def take_simulator(self, sessions: frozenset[str]) -> None:
+        """The simulator is there, in these sessions."""
 
     def take_tick(self, tick: int, now: float) -> None:
         """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
         if tick != self._tick:
             self._tick, self._ticked = tick, now
-            for member in self.members.values():
-                member.doubts = 0
 
     def ticks(self, now: float) -> bool:
         """Whether the simulator was seen at another tick of late."""
         return now - self._ticked <= SILENT_AFTER
-
-    def lose_data(self) -> None:
-        """What brings the robots their data is gone: a status may be on its way, and a later one may repeat it."""
-        self._ticked = 0.0
-        for member in self.members.values():
-            member.doubts = _DOUBTS
 
     def lack_of_data(self, member: KnownRobot, now: float) -> str:
         """That a robot which drives gets no data any more, in words; empty while it does."""
@@ -196,7 +179,7 @@ class WatchedTeam:
         if status is None or status.state != RobotState.RUNNING:
             return ""
         quiet = now - member.moved
-        if not member.doubts and (quiet <= SILENT_AFTER or self.ticks(now)):
+        if quiet <= SILENT_AFTER or self.ticks(now):
             return ""
         stamp = ns_from_time(status.header.stamp)
         return f"no data since {to_seconds(stamp):.1f} s" if stamp < _WALL else f"no data for {quiet:.0f} s"
@@ -226,18 +209,16 @@ class WatchedTeam:
         """Ids of robots that were there and are gone."""
         return sorted(i for i, member in self.members.items() if member.was_lost)
 
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
+    def take_token(self, robot_id: int, alive: bool) -> None:
+        """A process took the name `robot_N`, or its last holder lost it."""
         member = self.get(robot_id)
-        if not self._tokens.take(names.robot_name(robot_id), instance, alive):
+        if member.alive == alive:
             return
         member.alive = alive
         if not alive:
             self._lose(robot_id, member)
             return
         member.came_late = self.gone
-        if member.status is None:
-            member.heard = 0.0
         if member.was_lost:
             member.was_lost = member.told_go = False
             self.tell("back", robot_id, "is back")
@@ -246,7 +227,7 @@ class WatchedTeam:
         member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
         # A process that comes later under this name speaks for itself.
         member.status = None
-        member.was_ready = member.silent = member.mute = False
+        member.was_ready = member.silent = False
         member.was_lost = True
         kind = "stopped" if member.stopped else "lost"
         self.tell(kind, robot_id, kind)
@@ -260,18 +241,13 @@ class WatchedTeam:
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now
         if before is None or before.header.stamp != status.header.stamp:
-            member.moved, member.doubts = now, max(0, member.doubts - 1)
-        member.mute = False
+            member.moved = now
         if member.silent:
             member.silent = False
             self.tell("answers", robot_id, "answers again")
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self.tell("fault", robot_id, f"fault: {status.text}")
         return True
-
-    def never_heard(self, now: float) -> list[int]:
-        """Ids of the robots without a status that would be told as silent now."""
-        return [robot_id for robot_id, member in self._falling_silent(now).items() if member.status is None]
 
     def check_leaders(self, now: float, *, at_once: bool = False) -> None:
         """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
@@ -300,10 +276,7 @@ class WatchedTeam:
         return {
             robot_id: member
             for robot_id, member in self.members.items()
-            if (member.status is not None or member.heard)
-            and member.alive
-            and not (member.silent or member.mute)
-            and now - member.heard > SILENT_AFTER
+            if member.status is not None and member.alive and not member.silent and now - member.heard > SILENT_AFTER
         }
 
     def has_silent(self, now: float) -> bool:
@@ -311,10 +284,7 @@ class WatchedTeam:
         return bool(self._falling_silent(now))
 
     def check_silence(self, now: float) -> None:
-        """Tell of robots that live and send no status, or no further one."""
-        for member in self.members.values():
-            if member.status is None:
-                member.heard = member.heard or now
+        """Tell of robots that live and send no further status."""
         for robot_id, member in self._falling_silent(now).items():
             member.silent = True
             member.was_ready = False

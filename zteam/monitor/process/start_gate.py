@@ -28,8 +28,8 @@ class Gate(WatchedTeam):
         self.team_size = team_size
         self.go_stamp = 0
         """Simulated time (ns) from which GO holds."""
-        self._simulator = ""
-        """The session of the newest simulator; empty before the first."""
+        self._simulators = frozenset[str]()
+        """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
         if expected is not None:
@@ -67,18 +67,18 @@ class Gate(WatchedTeam):
         for robot_id, member in self.members.items():
             member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
-    def take_simulator(self, session: str) -> None:
-        """The simulator of this session is there. Another one than before begins another world, under the GO that
+    def take_simulator(self, sessions: frozenset[str]) -> None:
+        """The simulator is there, in these sessions. Another one than before begins another world, under the GO that
         stands, which gets the next epoch."""
-        if self.gone and self._simulator not in ("", session):
+        if self.gone and self._simulators and not sessions <= self._simulators:
             self._next_epoch()
             self.tell("anew", None, f"the world begins anew in another simulator (epoch {self.epoch})")
-        self._simulator = session
+        self._simulators = sessions
 
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
+    def take_token(self, robot_id: int, alive: bool) -> None:
+        """A process took the name `robot_N`, or its last holder lost it."""
         was_alive = self.get(robot_id).alive
-        super().take_token(robot_id, instance, alive)
+        super().take_token(robot_id, alive)
         self._adopt(robot_id)
         if alive and not was_alive:
             self._tell_unexpected(robot_id)

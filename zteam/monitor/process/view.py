@@ -114,8 +114,8 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
     team = FollowedTeam(options.team_size, options.ids)
-    node.subscribe(names.TEAM_STATUS, TeamStatus, lambda _key, status: team.take_team(status), latched=True)
     watch = TeamWatch(node, team)
+    watch.on(names.TEAM_STATUS, lambda _key, status: team.take_team(status))
     with showing(options) as output:
         # A table without the running monitor's robots would say nothing.
         node.wait(lambda: team.status is not None, LOOK_FOR)
