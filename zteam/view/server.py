@@ -15,8 +15,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
@@ -28,7 +28,7 @@ from zteam.view.commands import Commands
 from zteam.view.composing import Composer
 from zteam.view.connections import Connections, protocols_of, share_of_descriptors
 from zteam.view.driving import Driving
-from zteam.view.files import HEADERS, KEPT, KINDS, SCRIPTS, find_version, read_file, read_index, read_script
+from zteam.view.files import FOLDER, HEADERS, PageFiles
 from zteam.view.received import Viewer
 from zteam.view.requests import (
     MAX_BYTES,
@@ -399,20 +399,8 @@ class Guarded:
 def make_app(pages: Pages, layout: bytes) -> Starlette:
     """The routes: the page, its files, the layout that it begins with, its socket."""
 
-    shown = ""
-
     async def index(_request: Request) -> Response:
-        nonlocal shown
-        shown = find_version()
-        return read_index(shown)
-
-    async def file(request: Request) -> Response:
-        name: str = request.path_params["name"]
-        version, _, rest = name.partition("/")
-        if version == shown and rest in SCRIPTS:
-            return Response(read_script(rest), media_type=KINDS[".js"], headers=KEPT)
-        found = read_file(rest, KEPT) if version == shown else read_file(name)
-        return found or PlainTextResponse("there is no such file", 404)
+        return FileResponse(FOLDER / "index.html")
 
     async def first_layout(_request: Request) -> Response:
         return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
@@ -424,7 +412,7 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
         routes=[
             Route("/", index, methods=["GET"]),
             Route("/layout.json", first_layout, methods=["GET"]),
-            Route("/page/{name:path}", file, methods=["GET"]),
+            Mount("/page", PageFiles(directory=FOLDER)),
             WebSocketRoute("/ws", open_socket),
         ],
         middleware=[Middleware(GZipMiddleware)],
