@@ -1,6 +1,5 @@
 """The robots that the monitor knows, without a bus: their processes, their statuses, and what happened to them."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -9,15 +8,10 @@ from zteam import names
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
 from zteam.messages import RobotState, RobotStatus, ns_from_time
-from zteam.monitor.followers import FollowProblem, follow_problems
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
 time stood still for as long gets no data."""
-NAMED = 8
-"""Robots that the text of what GO waits for names at most."""
-_SETTLED = 1.0
-"""Host seconds until all processes and statuses that are there are known."""
 _WALL = to_ns(1e8)
 """Stamps beyond are of the host's clock, and no time of a run."""
 
@@ -115,7 +109,7 @@ class KnownRobot(msgspec.Struct):
 
 
 class WatchedTeam:
-    """Base: all robots that a process or a status told of, and the events to tell. The caller holds a lock."""
+    """Base: all robots that had a process or are waited for, and the events to tell. The caller holds a lock."""
 
     def __init__(self) -> None:
         self.gone = False
@@ -125,44 +119,14 @@ class WatchedTeam:
         self.members: dict[int, KnownRobot] = {}
         """By the robot's id."""
         self._events: list[Event] = []
-        self.follow_problems: list[FollowProblem] = []
-        """Robots that cannot follow, as of the last look."""
-        self._cannot_follow: dict[FollowProblem, float] = {}
-        """The host time at which each was found."""
         self._tick = -1
         """Of the simulator, when it was asked last."""
         self._ticked = 0.0
         """Host time at which the simulator was last seen at another tick."""
 
-    def waiting_for(self) -> str:
-        """What GO waits for, in words: each missing robot with the reason."""
-        raise NotImplementedError
-
-    def unready(self) -> list[int]:
-        """Ids of the known robots that GO waits for."""
-        raise NotImplementedError
-
-    def unknown(self) -> int:
-        """How many further robots GO waits for, whatever their ids are."""
-        raise NotImplementedError
-
-    def awaited(self) -> str:
-        """What GO waits for, without the reasons, which each robot's row has."""
-        unready, unknown = self.unready(), self.unknown()
-        found = [*map(names.robot_name, unready[:NAMED])]
-        found += [f"{len(unready) - NAMED} further robots"] if len(unready) > NAMED else []
-        found += [f"{unknown} more of any id"] if unknown else []
-        return ", ".join(found)
-
     def counts(self, robot_id: int) -> bool:
         """Whether GO waits for this robot, or has."""
         raise NotImplementedError
-
-    def take_world(self, robots: Sequence[int] | None) -> None:
-        """The simulator has these robots; None if there is no simulator."""
-
-    def take_simulator(self, sessions: frozenset[str]) -> None:
-        """The simulator is there, in these sessions."""
 
     def take_tick(self, tick: int, now: float) -> None:
         """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
@@ -183,11 +147,6 @@ class WatchedTeam:
             return ""
         stamp = ns_from_time(status.header.stamp)
         return f"no data since {to_seconds(stamp):.1f} s" if stamp < _WALL else f"no data for {quiet:.0f} s"
-
-    def all_running(self) -> bool:
-        """Whether every robot that counts obeys the standing GO, or is gone."""
-        there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
-        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
 
     def get(self, robot_id: int) -> KnownRobot:
         """The robot's member, which is made at its first mention."""
@@ -248,24 +207,6 @@ class WatchedTeam:
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self.tell("fault", robot_id, f"fault: {status.text}")
         return True
-
-    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
-        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
-        leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
-        found = list(follow_problems(leaders, self._may_lead))
-        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
-        for each in found:
-            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
-                self.follow_problems.append(each)
-                self.tell("follow", None, each.text)
-        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
-
-    def _may_lead(self, robot_id: int) -> bool:
-        """Whether a robot is there, was there, which is told, or is still to come."""
-        if not self.gone and (robot_id in self.unready() or self.unknown()):
-            return True
-        member = self.members.get(robot_id)
-        return member is not None and (member.alive or member.was_lost)
 
     def forgive_silence(self, now: float) -> None:
         """Nothing could be heard until `now`: silence counts from here on."""

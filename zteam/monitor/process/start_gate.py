@@ -11,9 +11,14 @@ import numpy as np
 from zteam import names
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.monitor.process.members import NAMED, KnownRobot, WatchedTeam
+from zteam.monitor.followers import FollowProblem, follow_problems
+from zteam.monitor.process.members import KnownRobot, WatchedTeam
 from zteam.simulator.client import absence_text
 
+_NAMED = 8
+"""Robots that the text of what GO waits for names at most."""
+_SETTLED = 1.0
+"""Host seconds until all processes and statuses that are there are known."""
 _LAST_EPOCH = 2**32 - 1
 """On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
 
@@ -32,6 +37,10 @@ class Gate(WatchedTeam):
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
+        self.follow_problems: list[FollowProblem] = []
+        """Robots that cannot follow, as of the last look."""
+        self._cannot_follow: dict[FollowProblem, float] = {}
+        """The host time at which each was found."""
         if expected is not None:
             self.expect(expected)
 
@@ -142,9 +151,9 @@ class Gate(WatchedTeam):
         """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
         unready, unknown = self.unready(), self.unknown()
         parts = [f"{unknown} more of any id"] if unknown else []
-        parts += [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:NAMED]]
-        if len(unready) > NAMED:
-            parts.append(f"and {len(unready) - NAMED} more robots")
+        parts += [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:_NAMED]]
+        if len(unready) > _NAMED:
+            parts.append(f"and {len(unready) - _NAMED} more robots")
         return "; ".join(parts)
 
     def unready(self) -> list[int]:
@@ -158,6 +167,37 @@ class Gate(WatchedTeam):
     def unknown(self) -> int:
         """How many further robots GO waits for, whatever their ids are."""
         return 0 if self.expected is not None else max(0, self.team_size - len(self.ready) - len(self.unready()))
+
+    def awaited(self) -> str:
+        """What GO waits for, without the reasons, which each robot's row has."""
+        unready, unknown = self.unready(), self.unknown()
+        found = [*map(names.robot_name, unready[:_NAMED])]
+        found += [f"{len(unready) - _NAMED} further robots"] if len(unready) > _NAMED else []
+        found += [f"{unknown} more of any id"] if unknown else []
+        return ", ".join(found)
+
+    def all_running(self) -> bool:
+        """Whether every robot that counts obeys the standing GO, or is gone."""
+        there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
+        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
+
+    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
+        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
+        leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
+        found = list(follow_problems(leaders, self._may_lead))
+        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
+        for each in found:
+            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
+                self.follow_problems.append(each)
+                self.tell("follow", None, each.text)
+        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
+
+    def _may_lead(self, robot_id: int) -> bool:
+        """Whether a robot is there, was there, which is told, or is still to come."""
+        if not self.gone and (robot_id in self.unready() or self.unknown()):
+            return True
+        member = self.members.get(robot_id)
+        return member is not None and (member.alive or member.was_lost)
 
     def _progress(self) -> str:
         done, awaited = f"{len(self.ready)} of {self.team_size}", self.awaited()

@@ -11,7 +11,7 @@ from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.messages.topics import has_one_writer
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
-from zteam.monitor.process.members import WatchedTeam
+from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
 from zteam.node.rivals import Writers
 from zteam.node.tokens import TokenLossFilter
@@ -50,7 +50,7 @@ class WriterWatch:
     at a time, zteam's sessions say what they publish.
     """
 
-    def __init__(self, node: ProcessNode, team: WatchedTeam, seen: TeamObserver) -> None:
+    def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
         self._node = node
         self._team = team
         self._seen = seen
@@ -149,7 +149,7 @@ class TeamWatch:
     invent any number.
     """
 
-    def __init__(self, node: ProcessNode, team: WatchedTeam) -> None:
+    def __init__(self, node: ProcessNode, team: Gate) -> None:
         self._node = node
         self._team = team
         self._seen = TeamObserver(node.bus)
@@ -171,6 +171,10 @@ class TeamWatch:
             # Their tokens may have come before the handler was there.
             for name in self._seen.process_names():
                 self._on_presence(name, True)
+
+    def sees(self, name: str) -> bool:
+        """Whether a process holds this name."""
+        return self._seen.alive(name)
 
     def on(self, event: str, handler: Callable[[Any, Any], None]) -> None:
         """Observe an event or a topic: `handler(source, news)` is called under `node.changed`."""
@@ -222,10 +226,10 @@ class TeamWatch:
         if status.robot_id != robot.id:
             key = names.robot_key(robot.id, names.STATUS)
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
-        elif robot.id in self._team.members:
-            self._team.take_status(robot.id, status, monotonic())
-        else:
+        elif robot.id not in self._team.members:
             self._strangers.setdefault(robot.id, monotonic())
+        else:
+            self._team.take_status(robot.id, status, monotonic())
 
     def look(self) -> None:
         """Look at what commands the robots, and take what has been gone for long enough to be lost."""

@@ -173,4 +173,6 @@ def test_a_monitor_of_an_older_version_names_the_missing() -> None:
     """Its status has no words for what it waits for."""
     team = FollowedTeam()
     team.take_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
-    assert team.waiting_for() == "robot_1, robot_4"
+    assert [event.text for event in team.take_events()] == [
+        "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet"
+    ]
