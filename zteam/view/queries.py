@@ -13,8 +13,7 @@ from zteam.bus.graph import Graph, ros_type_of
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import Declaration
 from zteam.clock import Every, monotonic
-from zteam.errors import BusError
-from zteam.messages import RobotStatus, TFMessage, TransformStamped
+from zteam.messages import RobotStatus
 from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import LogLine, kept_lines
 from zteam.node.process_node import ProcessNode
@@ -22,7 +21,7 @@ from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.goal_lists import find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
-from zteam.transforms.client import BundleReply, Lookup, TransformClient, find_frames
+from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
 
 
@@ -198,20 +197,9 @@ class TeamQueries:
         sim, missed = self.sim, opened != self._opened
         self._opened = opened
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
-            self._ask_transforms(sim.robots)
+            # The aggregator does not send a tick's bundle twice.
+            self.sample((), transforms=self._received.get(names.TF) is None)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
-
-    def _ask_transforms(self, robots: Iterable[int]) -> None:
-        # The aggregator does not send a tick's bundle twice.
-        frames = [(names.robot_frame(i, names.ODOM), names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
-        try:
-            found = TransformClient(self._bus).lookup_many([Lookup(*pair) for pair in frames]) if frames else []
-        except BusError as error:
-            log.debug("%s", error)
-            return
-        known = [transform for transform in found if isinstance(transform, TransformStamped)]
-        if known and self._received.get(names.TF) is None:
-            self._received.take(names.TF, TFMessage(known))
 
     def _ask_counts(self) -> None:
         answers = self._ask(names.stats_key("*"), dict[str, KeyCount])
