@@ -63,7 +63,8 @@ class Pages:
         self.numbers = itertools.count(1)
         self.news: set[asyncio.Event] = set()
         """One for each page, set when something came."""
-        self._came = self._armed = False
+        self._wakes = False
+        """Whether `_tell` is due."""
         self._loop = asyncio.get_running_loop()
         self.driving = Driving(state.node.bus)
         self.commands = Commands(state)
@@ -74,23 +75,15 @@ class Pages:
 
     def _on_news(self) -> None:
         # Waking this thread for each message of lock-step would take longer than the frames.
-        self._came = True
-        if not self._armed:
-            self._armed = True
+        if not self._wakes:
+            self._wakes = True
             with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(self._tell)
+                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER, self._tell)
 
     def _tell(self) -> None:
-        self._came = False
+        self._wakes = False
         for event in self.news:
             event.set()
-        self._loop.call_later(GATHER, self._rest)
-
-    def _rest(self) -> None:
-        self._armed = False
-        if self._came:
-            self._armed = True
-            self._tell()
 
 
 STOPS, MAX_STOPS = 8, 2
@@ -269,7 +262,7 @@ class Page:
                 await self._ready.wait()
             await self._news.wait()
             # Host time: a page gets so many frames a second of host time.
-            await asyncio.sleep(max(GATHER, viewer.sent + self._state.period - monotonic()))  # noqa: TID251
+            await asyncio.sleep(viewer.sent + self._state.period - monotonic())  # noqa: TID251
             self._news.clear()
             data = self._pages.composer.compose(viewer)
             if viewer.cut:
@@ -419,29 +412,19 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
     )
 
 
-def ports_from(port: int) -> list[int]:
-    """The ports to try in turn: this one, the 20 after it, any; 0 = any."""
-    return [*range(port, port + 21), 0] if port else [0]
-
-
 def listen(host: str, port: int) -> tuple[socket.socket, int]:
-    """A socket that listens at `host`, at `port` or where that is taken at one of the next; and its port.
-
-    Raises UsageError.
+    """A socket that listens at `host`, at `port` (0 = any) or where that is taken at one of the 20 next, or any; and
+    its port. Raises UsageError.
     """
     try:
         family, _, _, _, address = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0]
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
-    for chosen in ports_from(port):
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    for chosen in (*range(port, port + 21), 0) if port else (0,):
         try:
-            listener.bind((address[0], chosen))
-            listener.listen(BACKLOG)
+            listener = socket.create_server((address[0], chosen), family=family, backlog=BACKLOG)
         except OSError as error:
-            listener.close()
             last = error
-            continue
-        return listener, int(listener.getsockname()[1])
+        else:
+            return listener, int(listener.getsockname()[1])
     raise UsageError(f"cannot listen at {host}: {last.strerror or last}")

@@ -1,5 +1,6 @@
 """The robots that the monitor knows, without a bus: their processes, their statuses, and what happened to them."""
 
+from collections import Counter
 from typing import NamedTuple
 
 import msgspec
@@ -46,20 +47,21 @@ class EventLimit:
     """
 
     def __init__(self) -> None:
-        self._shown: dict[tuple[str, int | None], tuple[float, int]] = {}
-        """By kind and robot: the host time of the first event of a while, and how many were shown since."""
+        self._made = Counter[tuple[str, int | None]]()
+        """By kind and robot, within the while that ends at host time `_until`."""
+        self._until = 0.0
 
     def admit(self, event: Event, counts: bool, now: float) -> Event | None:
         """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
         known = event.robot is None or counts
         key, most = (event.kind, event.robot if known else _STRANGER), _MOST_EVENTS if known else _MOST_OF_STRANGERS
-        since, count = self._shown.get(key, (now, 0))
-        if now - since >= _WHILE:
-            since, count = now, 0
-        self._shown[key] = since, count + 1
-        if count + 1 == most:
+        if now >= self._until:
+            self._made.clear()
+            self._until = now + _WHILE
+        self._made[key] += 1
+        if self._made[key] == most:
             return event._replace(text=f"{event.text} (further lines of this kind are left out for {_WHILE:g} s)")
-        return event if count < most else None
+        return event if self._made[key] < most else None
 
 
 class KnownRobot(msgspec.Struct):
