@@ -23,7 +23,6 @@ from zteam.messages import (
     RobotStatus,
     TeamStatus,
     decode,
-    ns_from_time,
     type_of_encoding,
 )
 from zteam.messages.message import zeros
