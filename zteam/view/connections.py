@@ -4,13 +4,19 @@ All of it runs on the thread of that server.
 """
 
 import asyncio
+import errno
+import logging
 import resource
+from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+log = logging.getLogger("zteam")
+
 PATIENCE = 10.0
 """Host seconds for a connection to bring a whole request, the first or the next."""
+_SHORTAGE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 Address = tuple[str, int]
 
@@ -36,6 +42,7 @@ class Connections:
         self._kept: dict[asyncio.Transport, bool] = {}
         """Whether each is trusted."""
         self._by_address: dict[Address, asyncio.Transport] = {}
+        self._told = False
 
     def find(self, address: Address | None) -> asyncio.Transport | None:
         return None if address is None else self._by_address.get(address)
@@ -103,6 +110,18 @@ class Connections:
     def end(self, transport: asyncio.Transport) -> None:
         transport.abort()
         self.close(transport)
+
+    def on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error on the thread of the server: where no descriptor is left, say so once and end what waits."""
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and error.errno in _SHORTAGE):
+            loop.default_exception_handler(context)
+            return
+        for transport in [*self._timers, *self._busy]:
+            self.end(transport)
+        if not self._told:
+            self._told = True
+            log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)
 
 
 def _address(transport: asyncio.Transport) -> Address:

@@ -46,6 +46,7 @@ class Front:
             self._fail(error)
 
     async def _serve(self) -> None:
+        self._loop.set_exception_handler(self._connections.on_loop_error)
         server = await asyncio.start_server(self._let_in, sock=self._listener, backlog=MOST_CLIENTS, limit=MAX_HEAD)
         await self._closing.wait()
         server.close()

@@ -1,16 +1,19 @@
 """The connections of the view's servers: whatever clients do with theirs, the next one is served."""
 
 import asyncio
+import errno
 import logging
+import os
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, suppress
-from typing import cast
+from typing import Any, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
@@ -142,6 +145,28 @@ def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
             assert not slow.aborted
         connections._look_at(transport, 100)
         assert slow.aborted
+
+    in_a_loop(test)
+
+
+def test_a_lack_of_descriptors_is_told_once() -> None:
+    """What waits is closed, so that the next connection finds room; other errors are told as always."""
+
+    def test() -> None:
+        connections, found = Connections(MOST), [Transport(port, [0]) for port in range(3)]
+        for transport in found:
+            connections.open(cast(asyncio.Transport, transport))
+        connections.keep(cast(asyncio.Transport, found[2]), trusted=False)
+        loop, others = asyncio.get_running_loop(), list[dict[str, Any]]()
+        with captured_log() as log, pytest.MonkeyPatch().context() as patch:
+            patch.setattr(loop, "default_exception_handler", others.append)
+            for _ in range(100):
+                connections.on_loop_error(loop, {"exception": OSError(errno.EMFILE, os.strerror(errno.EMFILE))})
+            connections.on_loop_error(loop, {"exception": OSError(errno.EPIPE, "x")})
+            connections.on_loop_error(loop, {"message": "x"})
+        assert log.lines == ["a connection could not be taken: Too many open files; those that wait are closed"]
+        assert len(others) == 2
+        assert [transport.aborted for transport in found] == [True, True, False]
 
     in_a_loop(test)
 
