@@ -60,7 +60,7 @@ def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Res
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
     rows = []
     for robot_id, member in sorted(team.members.items()):
-        name, lack = names.robot_name(robot_id), team.lack_of_data(member, now)
+        name, lack = names.robot_name(robot_id), member.lack_of_data(now, ticks=team.ticks(now))
         row = Row(name, _state(member), pose=poses.get(robot_id))
         row.restarts = restarts[name].count if name in restarts else 0
         rows.append(_filled(row, member, lack, now))
