@@ -235,14 +235,16 @@ class Gate:
         if self.gone:
             self.go_stamp = stamp
 
-    def waiting_for(self) -> str:
-        """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
+    def waiting_for(self, *, reasons: bool = True) -> str:
+        """What GO waits for, in words: each missing robot, with the reason. Empty when all are ready."""
         unready, unknown = self.unready(), self.unknown()
         parts = [f"{unknown} more of any id"] if unknown else []
-        parts += [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:_NAMED]]
+        for robot_id in unready[:_NAMED]:
+            reason = f": {self.get(robot_id).why_not_ready}" if reasons else ""
+            parts.append(f"{names.robot_name(robot_id)}{reason}")
         if len(unready) > _NAMED:
             parts.append(f"and {len(unready) - _NAMED} more robots")
-        return "; ".join(parts)
+        return ("; " if reasons else ", ").join(parts)
 
     def unready(self) -> list[int]:
         """Ids of the known robots that GO waits for."""
@@ -255,14 +257,6 @@ class Gate:
     def unknown(self) -> int:
         """How many further robots GO waits for, whatever their ids are."""
         return 0 if self.expected is not None else max(0, self.team_size - len(self.ready) - len(self.unready()))
-
-    def awaited(self) -> str:
-        """What GO waits for, without the reasons, which each robot's row has."""
-        unready, unknown = self.unready(), self.unknown()
-        found = [*map(names.robot_name, unready[:_NAMED])]
-        found += [f"{len(unready) - _NAMED} further robots"] if len(unready) > _NAMED else []
-        found += [f"{unknown} more of any id"] if unknown else []
-        return ", ".join(found)
 
     def all_running(self) -> bool:
         """Whether every robot that counts obeys the standing GO, or is gone."""
@@ -288,7 +282,7 @@ class Gate:
         return member is not None and (member.alive or member.was_lost)
 
     def _progress(self) -> str:
-        done, awaited = f"{len(self.ready)} of {self.team_size}", self.awaited()
+        done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
         return f"{done}; waiting for {awaited}" if awaited else done
 
     def status(self, stamp: int) -> TeamStatus:

@@ -140,7 +140,7 @@ def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence
     told = [restarts_text(restarts)] if restarts else []
     held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
     told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
-    return ["GO is out" if team.gone else f"waiting for {team.awaited()}", *told, *problems]
+    return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
 
 
 def _print(text: str) -> None:

@@ -23,8 +23,8 @@ _OF_THE_MONITOR = frozenset({"ready", "adopted", "late", "unexpected"})
 
 
 class FollowedTeam(Gate):
-    """The gate of a running monitor, which says whom GO waits for and that it is out; the robots and their processes
-    are seen directly."""
+    """The gate of a running monitor, which decides which robots GO waits for, and when it is out. The robots and their
+    processes are observed directly."""
 
     def __init__(self, team_size: int = 0, ids: Sequence[int] | None = None) -> None:
         """The size and the ids that were asked for; 0 for none."""
@@ -53,11 +53,8 @@ class FollowedTeam(Gate):
         if kind not in _OF_THE_MONITOR:
             super().tell(kind, robot, text)
 
-    def waiting_for(self) -> str:
-        return super().waiting_for() or "the running monitor"
-
-    def awaited(self) -> str:
-        return super().awaited() or "the running monitor"
+    def waiting_for(self, *, reasons: bool = True) -> str:
+        return super().waiting_for(reasons=reasons) or "the running monitor"
 
     def _difference(self, ids: list[int]) -> str:
         """How the running monitor's team differs from the one asked for; empty if it does not."""
@@ -83,7 +80,7 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     team = FollowedTeam(options.team_size, options.ids)
     watch = TeamWatch(node, team)
     # A session that was just opened may not see the other processes yet.
-    node.wait(lambda: watch.sees(names.MONITOR), LOOK_FOR)
+    node.wait(lambda: watch.seen.alive(names.MONITOR), LOOK_FOR)
     answers = find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR)
     if not answers:
         raise UsageError(

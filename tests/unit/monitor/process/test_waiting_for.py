@@ -37,7 +37,7 @@ def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> Non
     come(gate, 0)
     come(gate, 4, state=BOOT)
     assert gate.waiting_for() == "1 more of any id; robot_4: not ready yet"
-    assert gate.awaited() == "robot_4, 1 more of any id"
+    assert gate.waiting_for(reasons=False) == "1 more of any id, robot_4"
     come(gate, 6, state=BOOT)
     assert gate.waiting_for() == "robot_4: not ready yet; robot_6: not ready yet"
 
