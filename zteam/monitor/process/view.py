@@ -13,12 +13,13 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
 from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import TeamDisplay, showing
+from zteam.monitor.process.members import KnownRobot
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 
-_OF_THE_MONITOR = frozenset({"ready", "adopted", "late", "unexpected"})
+_OF_THE_MONITOR = frozenset({"ready", "late", "unexpected"})
 """Kinds of events that the running monitor tells: here they would come a second time."""
 
 
@@ -52,6 +53,9 @@ class FollowedTeam(Gate):
     def tell(self, kind: str, robot: int | None, text: str) -> None:
         if kind not in _OF_THE_MONITOR:
             super().tell(kind, robot, text)
+
+    def _adopt(self, robot_id: int, member: KnownRobot) -> None:
+        """The running monitor reports GO."""
 
     def waiting_for(self, *, reasons: bool = True) -> str:
         return super().waiting_for(reasons=reasons) or "the running monitor"
