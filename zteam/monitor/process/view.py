@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import msgspec
 
 from zteam import names
-from zteam.bus.presence import find_processes
+from zteam.bus.presence import ProcessInfo, find_processes
+from zteam.clock import monotonic
 from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
@@ -81,16 +82,11 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     """Show the running monitor's team. Raises UsageError if none runs."""
     # It answers no query as the monitor, and its log is not the monitor's.
     node.claim.release()
-    team = FollowedTeam(options.team_size, options.ids)
-    watch = TeamWatch(node, team)
-    # A session that was just opened may not see the other processes yet.
-    node.wait(lambda: watch.seen.alive(names.MONITOR), LOOK_FOR)
-    answers = find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR)
-    if not answers:
+    info = _find_monitor(node)
+    if info is None:
         raise UsageError(
             "no monitor is running: give the number of robots to wait for (--team-size 4) or their ids (--ids 0 1 2 3)"
         )
-    info = answers[0]
     log.info(
         "a monitor is running already (process %d on %s, for %.0f s): this shows its team; Ctrl+C ends this view only",
         info.pid, info.host, info.age,
@@ -98,8 +94,22 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
+    team = FollowedTeam(options.team_size, options.ids)
+    watch = TeamWatch(node, team)
     watch.on(names.TEAM_STATUS, lambda _key, status: team.take_team(status))
     with showing(options) as output:
         # A table without the running monitor's robots would say nothing.
         node.wait(lambda: team.newest is not None, LOOK_FOR)
         TeamDisplay(node, team, watch, options, output).run()
+
+
+def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
+    end = monotonic() + LOOK_FOR
+    while not node.stopping:
+        if answers := find_processes(node.bus, names.MONITOR, timeout=LOOK_FOR):
+            return answers[0]
+        if monotonic() > end:
+            return None
+        # A session that was just opened may not reach the other processes yet.
+        node.wait(lambda: False, 0.1)
+    return None

@@ -133,7 +133,7 @@ class TeamWatch:
     def __init__(self, node: ProcessNode, team: Gate) -> None:
         self._node = node
         self._team = team
-        self.seen = TeamObserver(node.bus)
+        self._seen = TeamObserver(node.bus)
         self._losses = TokenLossFilter()
         self._strangers: dict[int, float] = {}
         """By robot without a process, which the team does not expect: the host time of its first status."""
@@ -144,13 +144,13 @@ class TeamWatch:
         self._woke = FREEZES.look()
         self.simulator_came = False
         """Whether a simulator's token has come; set back by the caller that acts on it."""
-        self.writers = WriterWatch(node, team, self.seen)
+        self.writers = WriterWatch(node, team, self._seen)
         self.on(LINK, self._on_link)
         self.on(PRESENCE, self._on_presence)
         self.on(names.STATUS, self._on_status)
         with node.changed:
             # Their tokens may have come before the handler was there.
-            for name in self.seen.process_names():
+            for name in self._seen.process_names():
                 self._on_presence(name, True)
 
     def on(self, event: str, handler: Callable[[Any, Any], None]) -> None:
@@ -161,8 +161,8 @@ class TeamWatch:
                 handler(source, news)
                 self._node.changed.look()
 
-        self.seen.on(event, handle)
-        self.seen.observe(event)
+        self._seen.on(event, handle)
+        self._seen.observe(event)
 
     def _on_link(self, _source: str, up: bool) -> None:
         self._losses.take_link(up, monotonic())
@@ -172,10 +172,10 @@ class TeamWatch:
 
     def _on_presence(self, name: str, _alive: bool) -> None:
         # One of several holders of the name may have gone.
-        alive = self.seen.alive(name)
+        alive = self._seen.alive(name)
         if name == names.SIMULATOR and alive:
             self.simulator_came = True
-            self._team.take_simulator(self.seen.instances(name))
+            self._team.take_simulator(self._seen.instances(name))
         if name in _SERVERS or names.robot_id_of(name) is not None:
             self._losses.take_token(name, alive, monotonic())
             if alive:
@@ -186,7 +186,7 @@ class TeamWatch:
         robot_id = names.robot_id_of(name)
         if robot_id is not None:
             self._team.take_token(robot_id, alive)
-            if self._strangers.pop(robot_id, None) and (status := self.seen.robot(robot_id).status):
+            if self._strangers.pop(robot_id, None) and (status := self._seen.robot(robot_id).status):
                 self._team.take_status(robot_id, status, monotonic())
         elif alive and name not in self._servers:
             self._servers.add(name)
@@ -240,7 +240,7 @@ class TeamWatch:
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""
-        found = [] if self.seen.link_up else ["the router is lost: nothing can be heard"]
+        found = [] if self._seen.link_up else ["the router is lost: nothing can be heard"]
         found += self.servers_gone.values()
         found += (each.text for each in self._team.follow_problems)
         found += self.writers.notes()
@@ -252,7 +252,7 @@ class TeamWatch:
 
     def _why_time_stands(self) -> str:
         """What a simulator that is there says of that, or that it does not answer."""
-        if names.SIMULATOR not in self._servers or not self.seen.link_up:
+        if names.SIMULATOR not in self._servers or not self._seen.link_up:
             return ""
         sim = self.writers.sim
         if sim is None:
