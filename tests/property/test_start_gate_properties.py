@@ -28,8 +28,8 @@ def test_go_needs_every_robot_and_stays(gate: Gate, steps: list[tuple[str, int, 
     for stamp, (what, robot_id, detail, flag) in enumerate(steps, start=1):
         before = gate.status(stamp)
         if what == "token":
-            gate.take_token(robot_id, str(detail), flag)
             (holders.setdefault(robot_id, set()).add if flag else holders.setdefault(robot_id, set()).discard)(detail)
+            gate.take_token(robot_id, bool(holders[robot_id]))
         else:
             assert isinstance(detail, int)
             assert gate.take_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=flag, state=detail), 0.0)

@@ -16,6 +16,7 @@ from zteam.errors import DuplicateNameError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.robot_status import Readiness
+from zteam.node.tokens import TokenSet
 
 
 class StartingTeam(ABC):
@@ -174,27 +175,27 @@ class ZteamTeam(StartingTeam):
         self._hub = MemoryHub()
         self._robots: list[_ZteamRobot] = []
         self._gate: Gate | None = None
-        self._tokens: dict[str, bool] = {}
+        self._tokens = TokenSet()
         self._hub.bus().watch_tokens([names.tokens_key()], self._on_token)
         self._now = 0
         self._said = TeamStatus()
         """Latched: the last word of the newest monitor, which ends with its process."""
 
     def _on_token(self, key: str, alive: bool) -> None:
-        self._tokens[key] = alive
-        self._pass_token(key, alive)
-
-    def _pass_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        robot_id = names.robot_id_of(token[0]) if token else None
-        if self._gate is not None and token is not None and robot_id is not None:
-            self._gate.take_token(robot_id, token[1], alive)
+        if token is not None:
+            self._tokens.take(*token, alive)
+            self._pass_name(token[0])
+
+    def _pass_name(self, name: str) -> None:
+        robot_id = names.robot_id_of(name)
+        if self._gate is not None and robot_id is not None:
+            self._gate.take_token(robot_id, name in self._tokens)
 
     def start_monitor(self) -> None:
         self._gate = Gate(self.ids, len(self.ids))
-        for key, alive in self._tokens.items():
-            if alive:
-                self._pass_token(key, True)
+        for name in self._tokens:
+            self._pass_name(name)
 
     def end_monitor(self) -> None:
         self._gate = None

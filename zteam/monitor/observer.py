@@ -112,6 +112,10 @@ class RobotView:
         self.newest[topic] = message
 
 
+def _key_of_all(topic: str) -> str:
+    return topic if type_of_key(topic) else names.all_robots_key(topic)
+
+
 class TeamObserver:
     """Subscribes once to what it is asked to observe. `changed` is notified of each message, token and change of the
     link.
@@ -156,7 +160,7 @@ class TeamObserver:
     def observe(self, *topics: str, robot_id: int | None = None) -> None:
         """Subscribe to topics of the team, of all robots, or of one robot, unless that was done."""
         for topic in topics:
-            of_all = topic if type_of_key(topic) else names.all_robots_key(topic)
+            of_all = _key_of_all(topic)
             key = of_all if robot_id is None else names.robot_key(robot_id, topic)
             kind = type_of_key(names.keys_in(key, [0])[0])
             if kind is None or not {key, of_all}.isdisjoint(self._subscriptions):
@@ -167,6 +171,15 @@ class TeamObserver:
             self._subscriptions[key] = self.bus.subscribe(key, kind, self._on_message, latched=is_latched(key))
             if robot_id is not None and topic != names.CMD_VEL:
                 self._repeat(partial(self.robot(robot_id).newest.__contains__, topic))
+
+    def ignore(self, *topics: str) -> None:
+        """End the subscriptions to topics of the team and of all robots, and forget what came."""
+        for topic in topics:
+            if (subscription := self._subscriptions.pop(_key_of_all(topic), None)) is not None:
+                subscription.close()
+            self.team_status = None if topic == names.TEAM_STATUS else self.team_status
+            for robot in [*self.robots.values()]:
+                robot.newest.pop(topic, None)
 
     def robot(self, robot_id: int) -> RobotView:
         """The view of one robot."""

@@ -43,7 +43,7 @@ class Diagnosis:
         """`options` is how to reach the team; None for a bus in memory, which no other session can join."""
         self._options, self._on_news = options, on_news
         self._lock = threading.Lock()
-        self._wanted = self._closed = False
+        self._wanted = False
         self._found = Examination()
         self._begun = float("-inf")
         """Host time of the newest run."""
@@ -61,7 +61,7 @@ class Diagnosis:
     def start(self) -> None:
         """Make it anew, unless that goes on already."""
         with self._lock:
-            if self._found.running or self._closed:
+            if self._found.running:
                 return
             if self._options is None:
                 self._found = Examination(error="the team is in one process, which no other one can look at")
@@ -80,13 +80,5 @@ class Diagnosis:
             # What it judges comes from a team, which may be hostile: the view goes on.
             log.exception("doctor")
             found.error = f"the examination failed: {error!r:.1000}"
-        with self._lock:
-            self._found = found
-            if self._closed:
-                return
+        self._found = found
         self._on_news()
-
-    def close(self) -> None:
-        """Begin no further run, and report none."""
-        with self._lock:
-            self._closed = True

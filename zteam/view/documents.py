@@ -274,13 +274,11 @@ class Documents:
     def _of_robots(self, topic: str, kind: type[S]) -> Iterator[tuple[int, S, Pose2]]:
         """Robot, newest message, and the pose in `map` of the message's frame, for each key of this topic, which may
         be a numbered one."""
-        for arrival in sorted(self._state.received.newest()):
-            target = names.split_robot_key(arrival.key)
-            is_due = target is not None and target[1].rstrip("_0123456789") == topic
-            message = arrival.read(kind) if is_due else None
+        for robot_id, own, arrival in sorted(self._state.received.of_robots()):
+            message = arrival.read(kind) if own.rstrip("_0123456789") == topic else None
             frame = message and self._state.places.pose_of(message.header.frame_id)
-            if target and message and frame:
-                yield target[0], message, frame
+            if message and frame:
+                yield robot_id, message, frame
 
     def _take_markers(self) -> None:
         keys = self._state.drawables.keys("markers")

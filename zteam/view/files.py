@@ -1,29 +1,17 @@
 """The files of the page, which lie in this package; nothing else is served."""
 
+import mimetypes
 import posixpath
 import re
 import zlib
-from collections.abc import Mapping
 from pathlib import Path
 
+from starlette.datastructures import Headers
 from starlette.responses import Response
-
-from zteam.config.resources import existing_file
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
+from starlette.types import Scope
 
 FOLDER = Path(__file__).parent / "page"
-KINDS = {
-    ".html": "text/html; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".mjs": "text/javascript; charset=utf-8",
-    ".json": "application/json",
-    ".svg": "image/svg+xml",
-    ".png": "image/png",
-    ".ico": "image/x-icon",
-    ".txt": "text/plain; charset=utf-8",
-    ".woff2": "font/woff2",
-}
-"""Media type by ending."""
 HEADERS = {
     "content-security-policy": "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
     "style-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
@@ -34,32 +22,6 @@ HEADERS = {
     "cache-control": "no-cache",
 }
 """Of every answer, unless it says otherwise."""
-KEPT = {"cache-control": "private, max-age=31536000, immutable"}
-"""Of a file whose address holds its version."""
-
-
-def read_file(name: str, headers: Mapping[str, str] | None = None, *, folder: Path = FOLDER) -> Response | None:
-    kind = KINDS.get(Path(name).suffix)
-    if kind is None or any(part in ("..", "") or part.startswith(".") for part in name.split("/")):
-        return None
-    path = existing_file(folder / name)
-    if path is None or not path.resolve().is_relative_to(folder.resolve()):
-        return None
-    return Response(path.read_bytes(), media_type=kind, headers=headers)
-
-
-def find_version(folder: Path = FOLDER) -> str:
-    """Another text after each change of a file."""
-    found = sorted((path.as_posix(), path.stat().st_size, path.stat().st_mtime_ns) for path in folder.rglob("*.*"))
-    return f"v{zlib.crc32(repr(found).encode()):08x}"
-
-
-def read_index(version: str, *, folder: Path = FOLDER) -> Response:
-    """The page itself. Its files have addresses that hold the version: a browser need not ask again for what it has."""
-    page = (folder / "index.html").read_text("utf-8").replace('"/page/', f'"/page/{version}/')
-    return Response(page.encode(), media_type=KINDS[".html"])
-
-
 SCRIPTS = {
     "js/main.js": "export const modules = {};\n",
     "js/panels/main.js": 'import { modules } from "../main.js";\n',
@@ -97,3 +59,20 @@ def read_script(name: str, *, folder: Path = FOLDER) -> str:
             break
     parts = list(modules.values())[served:]
     return f'{SCRIPTS[name]}{"".join(parts)}export const {{ {exported} }} = modules["{name}"];\n'
+
+
+mimetypes.add_type("text/javascript", ".js")
+"""Whatever the system's table says."""
+
+
+class PageFiles(StaticFiles):
+    """Serves the files of a page. A browser asks again for what it has, and is told that it has not changed."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        if path not in SCRIPTS:
+            return await super().get_response(path, scope)
+        script = read_script(path).encode()
+        headers = {"etag": f'"{zlib.crc32(script):08x}"'}
+        response = Response(script, media_type="text/javascript", headers=headers)
+        is_known = self.is_not_modified(response.headers, Headers(scope=scope))
+        return NotModifiedResponse(response.headers) if is_known else response

@@ -47,7 +47,6 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
     state = TeamView(node)
     server = WebServer(state, listener, options.host, token, layout)
     node.on_stop(server.close)
-    node.on_stop(state.diagnosis.close)
     node.stop.on_request(state.changed)
     server.start()
     url = page_url(options.public_url or address_of(options.host, port), token)

@@ -1,6 +1,7 @@
 """What a view asks the team for instead of subscribing to it: the simulator's state, presence, keys and their rates."""
 
 import logging
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -12,8 +13,7 @@ from zteam.bus.graph import Graph, ros_type_of
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import Declaration
 from zteam.clock import Every, monotonic
-from zteam.errors import BusError
-from zteam.messages import TFMessage, TransformStamped
+from zteam.messages import RobotStatus
 from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import kept_lines
 from zteam.node.logs import LogLine
@@ -22,7 +22,7 @@ from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.goal_lists import find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
-from zteam.transforms.client import BundleReply, Lookup, TransformClient, find_frames
+from zteam.transforms.client import BundleReply, find_frames
 from zteam.view.received import Received
 
 
@@ -36,23 +36,16 @@ class TopicRow(msgspec.Struct):
     subscribers: int = 0
 
 
-class Counts(msgspec.Struct, frozen=True):
-    """How many messages of each key each process has received, at a host time."""
-
-    time: float
-    received: Mapping[str, Mapping[str, int]]
-    """By process, then by key."""
+Counts = Mapping[str, Mapping[str, int]]
+"""How many messages of each key each process has received, by process, then by key."""
 
 
-def rates(before: Counts | None, after: Counts) -> dict[str, float]:
-    if before is None or after.time <= before.time:
-        return {}
-    found: dict[str, float] = {}
-    for process, counts in after.received.items():
-        earlier = before.received.get(process, {})
-        for key, count in counts.items():
-            rate = max(0, count - earlier.get(key, count)) / (after.time - before.time)
-            found[key] = max(found.get(key, 0.0), rate)
+def rates(before: Counts, after: Counts, seconds: float) -> dict[str, float]:
+    """Messages a second of each key between two looks."""
+    found = defaultdict[str, float](float)
+    for process in before.keys() & after.keys():
+        for key, count in after[process].items():
+            found[key] = max(found[key], (count - before[process].get(key, count)) / seconds)
     return found
 
 
@@ -98,7 +91,9 @@ class TeamQueries:
         """Of the other sessions."""
         self.topics: list[TopicRow] | None = None
         """None before the first look."""
-        self._counts: Counts | None = None
+        self._counts: Counts = {}
+        self._counted = 0.0
+        """Host time of these counts."""
         self.frames: dict[str, FrameInfo] = {}
         """Of the aggregator: which process says where each frame is, and in which one."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
@@ -114,6 +109,8 @@ class TeamQueries:
         """Host time at which the first page came."""
         for event in (LINK, PRESENCE):
             self.team.on(event, self._on_change)
+        for topic in (names.STATUS, names.TEAM_STATUS):
+            self.team.on(topic, lambda *_: on_news())
 
     def _on_change(self, *_: object) -> None:
         with self._node.changed:
@@ -124,6 +121,7 @@ class TeamQueries:
         """Whether some page is open."""
         if wanted and not self._is_wanted:
             self._begun = monotonic()
+        (self.team.observe if wanted else self.team.ignore)(names.STATUS, names.TEAM_STATUS)
         self._is_wanted, self.sim = wanted, self.sim if wanted else None
 
     @property
@@ -132,8 +130,14 @@ class TeamQueries:
         return self.sim is None and monotonic() < self._begun + PATIENCE
 
     def robots(self) -> set[int]:
-        """The robots that have a process."""
-        return {i for i in map(names.robot_id_of, self.names()) if i is not None}
+        """The robots that have a process, or had one of which a status came."""
+        heard = {i for i in self.team.robots.copy() if self.status_of(i) is not None}
+        return heard | {i for i in map(names.robot_id_of, self.names()) if i is not None}
+
+    def status_of(self, robot_id: int) -> RobotStatus | None:
+        """A robot's newest status; None where none came while a page was open."""
+        status = self.team.robot(robot_id).newest.get(names.STATUS)
+        return status if isinstance(status, RobotStatus) else None
 
     def processes(self) -> dict[int, list[str]]:
         """By robot: the names of its processes, which are its behaviour, its navigation and its base."""
@@ -194,27 +198,16 @@ class TeamQueries:
         sim, missed = self.sim, opened != self._opened
         self._opened = opened
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
-            self._ask_transforms(sim.robots)
+            # The aggregator does not send a tick's bundle twice.
+            self.sample((), transforms=self._received.get(names.TF) is None)
             self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
-
-    def _ask_transforms(self, robots: Iterable[int]) -> None:
-        # The aggregator does not send a tick's bundle twice.
-        frames = [(names.robot_frame(i, names.ODOM), names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
-        try:
-            found = TransformClient(self._bus).lookup_many([Lookup(*pair) for pair in frames]) if frames else []
-        except BusError as error:
-            log.debug("%s", error)
-            return
-        known = [transform for transform in found if isinstance(transform, TransformStamped)]
-        if known and self._received.get(names.TF) is None:
-            self._received.take(names.TF, TFMessage(known))
 
     def _ask_counts(self) -> None:
         answers = self._ask(names.stats_key("*"), dict[str, KeyCount])
         received = {key: {each: count.received for each, count in told.items()} for key, told in answers}
-        before, self._counts = self._counts, Counts(monotonic(), received)
+        before, self._counts, begin, self._counted = self._counts, received, self._counted, monotonic()
         robots = self.robots() | (set(self.sim.robots) if self.sim else set())
-        self.topics = topic_rows(self.declarations, rates(before, self._counts), robots)
+        self.topics = topic_rows(self.declarations, rates(before, received, self._counted - begin), robots)
 
     def _first(self, service: str, kind: type[T]) -> T | None:
         answers = self._ask(names.service_key(names.SIMULATOR, service), kind)

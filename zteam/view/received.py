@@ -131,12 +131,17 @@ class Received:
         with self._lock:
             return list(self._newest.values())
 
+    def of_robots(self) -> list[tuple[int, str, Arrival]]:
+        """Robot, topic and message of the newest of all keys of robots."""
+        split = [(names.split_robot_key(arrival.key), arrival) for arrival in self.newest()]
+        return [(*target, arrival) for target, arrival in split if target is not None]
+
     def keep_robots(self, robots: Collection[int]) -> None:
         """Forget the newest of the keys of all other robots."""
+        gone = [arrival.key for robot_id, _, arrival in self.of_robots() if robot_id not in robots]
         with self._lock:
-            gone = [k for k in self._newest if (found := names.split_robot_key(k)) and found[0] not in robots]
             for key in gone:
-                del self._newest[key]
+                self._newest.pop(key, None)
 
     def clear(self) -> None:
         with self._lock:
@@ -328,14 +333,12 @@ MAX_SCANNED = 100
 
 TEAM = (
     Topic(names.TF_STATIC, None, latched=True),
-    Topic(names.TEAM_STATUS, None, latched=True),
     Topic(names.MAP, None, latched=True),
     Topic(names.all_robots_key(names.BASE_INFO), None, latched=True),
-    Topic(names.all_robots_key(names.STATUS)),
     # It comes when a localiser has moved its estimate, not with every tick.
     Topic(names.all_robots_key(names.AMCL_POSE), None, latched=True),
 )
-"""What every page shows."""
+"""What every page shows, besides what a `TeamObserver` has: the statuses of team and robots."""
 
 
 def topics_of(

@@ -87,6 +87,14 @@ class OfRobot(Command, frozen=True):
     robot: RobotId
 
 
+class Placed(OfRobot, frozen=True):
+    """Base of the commands that say where a robot is: x, y (m), yaw (rad) in `map`."""
+
+    x: Place
+    y: Place
+    yaw: Place
+
+
 class Goal(Command, tag="goal", frozen=True):
     """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
 
@@ -116,12 +124,8 @@ class ResumeLists(Command, tag="resume_lists", frozen=True):
     """Go on with all lists of goals."""
 
 
-class InitialPose(OfRobot, tag="initialpose", frozen=True):
+class InitialPose(Placed, tag="initialpose", frozen=True):
     """Tell a robot's localisation where it is."""
-
-    x: Place
-    y: Place
-    yaw: Place
 
 
 class Take(OfRobot, tag="take", frozen=True):
@@ -180,12 +184,8 @@ class Remove(OfRobot, tag="remove", frozen=True):
     """`sim/remove`."""
 
 
-class Move(OfRobot, tag="move", frozen=True):
+class Move(Placed, tag="move", frozen=True):
     """`sim/move`."""
-
-    x: Place
-    y: Place
-    yaw: Place
 
 
 class SetParameter(OfRobot, tag="parameter", frozen=True):

@@ -239,7 +239,7 @@ def startable() -> list[str]:
 
 
 _OF_NO_BASE = (
-    names.BASE_INFO, names.STATUS, names.GOAL_POSE, names.NAVIGATION_STATUS, names.GLOBAL_COSTMAP, names.AMCL_POSE,
+    names.BASE_INFO, names.GOAL_POSE, names.NAVIGATION_STATUS, names.GLOBAL_COSTMAP, names.AMCL_POSE,
 )  # fmt: skip
 """Topics that tell nothing of whether a robot's base is there."""
 
@@ -374,29 +374,28 @@ class Scene:
         for robot_id in sorted(state.robots()):
             alive = queries.alive(names.robot_name(robot_id))
             speaks_now = alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
-            status = self._read(names.robot_key(robot_id, names.STATUS), RobotStatus)
+            status, spoke = queries.status_of(robot_id), queries.team.robot(robot_id).spoke
             base = self._read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
             rows[robot_id] = robot_row(
                 robot_id,
                 outlines,
                 present=speaks_now if sim is None else robot_id in sim.robots,
                 alive=alive,
-                status=status[1] if status else None,
-                age=now - max(status[0].time, FREEZES.look()) if status else 0.0,
+                status=status,
+                age=now - max(spoke, FREEZES.look()),
                 base=base[1] if base else None,
                 shape=shapes.robots.get(robot_id) if shapes else None,
                 lease=state.lease_of(robot_id),
             )
             amcl = self._read(names.robot_key(robot_id, names.AMCL_POSE), PoseWithCovarianceStamped)
             places = state.places.truth_of(robot_id) if sim is not None and robot_id in sim.robots else None
-            rows[robot_id].stopped = is_stopped(robot_id, sim, status[1] if status and alive else None)
+            rows[robot_id].stopped = is_stopped(robot_id, sim, status if alive else None)
             rows[robot_id].unheld = sim is None and speaks_now and not alive
             add_circumstances(rows[robot_id], sim, processes.get(robot_id, ()), amcl and amcl[1], places)
-        team = self._read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
             outlines=[msgspec.Raw(outline) for outline in outlines],
-            gate=gate_row(team[1] if team and queries.alive(names.MONITOR) else None, rows),
+            gate=gate_row(queries.team.team_status if queries.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
             router=queries.team.link_up,
             viewers=len(state.viewers),
@@ -412,10 +411,9 @@ class Scene:
     def _newest_data(self) -> dict[int, float]:
         """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
         found: dict[int, float] = {}
-        for arrival in self._state.received.newest():
-            target = names.split_robot_key(arrival.key)
-            if target is not None and target[1] not in _OF_NO_BASE:
-                found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
+        for robot_id, topic, arrival in self._state.received.of_robots():
+            if topic not in _OF_NO_BASE:
+                found[robot_id] = max(arrival.time, found.get(robot_id, arrival.time))
         return found
 
     def grid(self, key: str) -> list[Tile]:

@@ -15,8 +15,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
@@ -28,7 +28,7 @@ from zteam.view.commands import Commands
 from zteam.view.composing import Composer
 from zteam.view.connections import Connections, protocols_of, share_of_descriptors
 from zteam.view.driving import Driving
-from zteam.view.files import HEADERS, KEPT, KINDS, SCRIPTS, find_version, read_file, read_index, read_script
+from zteam.view.files import FOLDER, HEADERS, PageFiles
 from zteam.view.received import Viewer
 from zteam.view.requests import (
     MAX_BYTES,
@@ -63,7 +63,8 @@ class Pages:
         self.numbers = itertools.count(1)
         self.news: set[asyncio.Event] = set()
         """One for each page, set when something came."""
-        self._came = self._armed = False
+        self._wakes = False
+        """Whether `_tell` is due."""
         self._loop = asyncio.get_running_loop()
         self.driving = Driving(state.node.bus)
         self.commands = Commands(state)
@@ -74,23 +75,15 @@ class Pages:
 
     def _on_news(self) -> None:
         # Waking this thread for each message of lock-step would take longer than the frames.
-        self._came = True
-        if not self._armed:
-            self._armed = True
+        if not self._wakes:
+            self._wakes = True
             with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(self._tell)
+                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER, self._tell)
 
     def _tell(self) -> None:
-        self._came = False
+        self._wakes = False
         for event in self.news:
             event.set()
-        self._loop.call_later(GATHER, self._rest)
-
-    def _rest(self) -> None:
-        self._armed = False
-        if self._came:
-            self._armed = True
-            self._tell()
 
 
 STOPS, MAX_STOPS = 8, 2
@@ -269,7 +262,7 @@ class Page:
                 await self._ready.wait()
             await self._news.wait()
             # Host time: a page gets so many frames a second of host time.
-            await asyncio.sleep(max(GATHER, viewer.sent + self._state.period - monotonic()))  # noqa: TID251
+            await asyncio.sleep(viewer.sent + self._state.period - monotonic())  # noqa: TID251
             self._news.clear()
             data = self._pages.composer.compose(viewer)
             if viewer.cut:
@@ -399,20 +392,8 @@ class Guarded:
 def make_app(pages: Pages, layout: bytes) -> Starlette:
     """The routes: the page, its files, the layout that it begins with, its socket."""
 
-    shown = ""
-
     async def index(_request: Request) -> Response:
-        nonlocal shown
-        shown = find_version()
-        return read_index(shown)
-
-    async def file(request: Request) -> Response:
-        name: str = request.path_params["name"]
-        version, _, rest = name.partition("/")
-        if version == shown and rest in SCRIPTS:
-            return Response(read_script(rest), media_type=KINDS[".js"], headers=KEPT)
-        found = read_file(rest, KEPT) if version == shown else read_file(name)
-        return found or PlainTextResponse("there is no such file", 404)
+        return FileResponse(FOLDER / "index.html")
 
     async def first_layout(_request: Request) -> Response:
         return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
@@ -424,36 +405,26 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
         routes=[
             Route("/", index, methods=["GET"]),
             Route("/layout.json", first_layout, methods=["GET"]),
-            Route("/page/{name:path}", file, methods=["GET"]),
+            Mount("/page", PageFiles(directory=FOLDER)),
             WebSocketRoute("/ws", open_socket),
         ],
         middleware=[Middleware(GZipMiddleware)],
     )
 
 
-def ports_from(port: int) -> list[int]:
-    """The ports to try in turn: this one, the 20 after it, any; 0 = any."""
-    return [*range(port, port + 21), 0] if port else [0]
-
-
 def listen(host: str, port: int) -> tuple[socket.socket, int]:
-    """A socket that listens at `host`, at `port` or where that is taken at one of the next; and its port.
-
-    Raises UsageError.
+    """A socket that listens at `host`, at `port` (0 = any) or where that is taken at one of the 20 next, or any; and
+    its port. Raises UsageError.
     """
     try:
         family, _, _, _, address = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0]
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
-    for chosen in ports_from(port):
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    for chosen in (*range(port, port + 21), 0) if port else (0,):
         try:
-            listener.bind((address[0], chosen))
-            listener.listen(BACKLOG)
+            listener = socket.create_server((address[0], chosen), family=family, backlog=BACKLOG)
         except OSError as error:
-            listener.close()
             last = error
-            continue
-        return listener, int(listener.getsockname()[1])
+        else:
+            return listener, int(listener.getsockname()[1])
     raise UsageError(f"cannot listen at {host}: {last.strerror or last}")

@@ -27,7 +27,6 @@ from zteam.view.queries import ASK_PERIOD, TeamQueries
 from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,
-    Arrival,
     Drawables,
     Received,
     Subscriptions,
@@ -62,8 +61,8 @@ class Places:
         """The robots whose ground truth comes. What came before of the others tells nothing of where they are now."""
         self._compared: dict[int, tuple[Pose2, Pose2]] = {}
         """The last of `truth_of`, by robot."""
-        self._truth: dict[int, tuple[int, Pose2]] = {}
-        """By robot: the number of its newest ground truth, and its pose then."""
+        self._truth: dict[int, int] = {}
+        """By robot: the number of its newest ground truth."""
         self._truths = Buffer()
         """Where the ground truth had each robot."""
 
@@ -82,24 +81,26 @@ class Places:
     def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
         """The pose in `map` of each of these robots whose pose is known."""
         self._take_static()
-        if self._take_bundle():
-            self.from_truth = False
-        if not self._taken:
-            return self._look_at_truth(robots)
+        self._take_bundle()
         found = {}
         for robot_id in robots:
-            pose = self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+            if self._taken:
+                pose = self.pose_of(names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+            else:
+                self._take_truth(robot_id)
+                pose = self.truth_at(robot_id, 0)
             if pose is not None:
                 found[robot_id] = pose
+        self.from_truth = not self._taken and bool(found)
         return found
 
-    def _take_bundle(self) -> bool:
+    def _take_bundle(self) -> None:
         arrival = self._received.get(names.TF)
         if arrival is None or arrival.number == self._taken:
-            return False
+            return
         message = arrival.read(TFMessage)
         if message is None:
-            return False
+            return
         stamp = bases_stamp(message)
         if stamp and stamp < self.stamp:
             # Time was set back: what was known of the other time does not count.
@@ -108,7 +109,6 @@ class Places:
         self.buffer.set_transforms(message.transforms, names.TF, self.stamp)
         self._taken = self.number = arrival.number
         self.time = arrival.time
-        return True
 
     def pose_of(self, frame: str, stamp: int = 0) -> Pose2 | None:
         """The pose of a frame in `map` at `stamp` (ns), or its newest where it is not known for then."""
@@ -142,7 +142,7 @@ class Places:
         return None if origin is None else shown(origin.compose(moved))
 
     def truth_at(self, robot_id: int, stamp: int) -> Pose2 | None:
-        """The pose of a robot without transforms at `stamp` (ns); None as long as it is not known until then."""
+        """The pose of a robot without transforms at `stamp` (ns; 0 = the newest), as far as it is known until then."""
         try:
             return shown(self._truths.lookup_pose2(names.MAP_FRAME, names.robot_name(robot_id), stamp)[0])
         except TransformException:
@@ -167,34 +167,22 @@ class Places:
                         self._compared[robot_id] = truth, believed
         return self._compared.get(robot_id)
 
-    def _look_at_truth(self, robots: Iterable[int]) -> dict[int, Pose2]:
-        found = {}
-        for robot_id in robots:
-            arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
-            if arrival is None:
-                continue
-            number, pose = self._truth.get(robot_id, (0, None))
-            if number != arrival.number:
-                pose = self._take_truth(robot_id, arrival)
-            if pose is not None:
-                found[robot_id] = pose
-        self.from_truth = bool(found)
-        return found
-
-    def _take_truth(self, robot_id: int, arrival: Arrival) -> Pose2 | None:
+    def _take_truth(self, robot_id: int) -> None:
+        arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
+        if arrival is None or arrival.number == self._truth.get(robot_id):
+            return
         message = arrival.read(Odometry)
         if message is None:
-            return None
+            return
         frame, stamp, pose = names.robot_name(robot_id), ns_from_time(message.header.stamp), message.pose.pose
         if stamp <= (self._truths.latest_common_time(names.MAP_FRAME, frame) or -1):
             # Time was set back, or the robot was moved while it stood.
             self._truths.forget(frame)
         place = Transform(Vector3(pose.position.x, pose.position.y), pose.orientation)
         self._truths.set_transform(TransformStamped(Header(message.header.stamp, names.MAP_FRAME), frame, place), frame)
-        self._truth[robot_id] = arrival.number, pose2_of(pose)
+        self._truth[robot_id] = arrival.number
         if arrival.number > self.number:
             self.number, self.time, self.stamp = arrival.number, arrival.time, stamp
-        return shown(self._truth[robot_id][1])
 
 
 LOOK = 0.2
@@ -246,8 +234,7 @@ class TeamView:
         if (sim := self.queries.sim) is not None:
             # What was heard of one that was removed from the world stays with this process.
             return self._in_world(sim)
-        targets = [names.split_robot_key(arrival.key) for arrival in self.received.newest()]
-        return {target[0] for target in targets if target is not None} | self.queries.robots()
+        return {robot_id for robot_id, _, _ in self.received.of_robots()} | self.queries.robots()
 
     def _in_world(self, sim: SimStatus) -> set[int]:
         """The robots of the world, and those that have a process still."""
@@ -255,9 +242,8 @@ class TeamView:
 
     def _localised(self) -> set[int]:
         """The robots whose place a localisation estimates, and those that a page shows in detail."""
-        targets = [names.split_robot_key(arrival.key) for arrival in self.received.newest()]
         selected = {i for viewer in self.viewers.values() for i in viewer.look.selected}
-        return selected | {target[0] for target in targets if target is not None and target[1] == names.AMCL_POSE}
+        return selected | {i for i, topic, _ in self.received.of_robots() if topic == names.AMCL_POSE}
 
     def add(self, viewer: Viewer) -> None:
         with self.node.changed:

@@ -54,6 +54,16 @@ def test_nothing_is_observed_unasked(hub: MemoryHub) -> None:
     assert keys_of(hub) == [names.CLOCK, names.all_robots_key(names.STATUS)]
 
 
+def test_what_is_ignored_is_forgotten(hub: MemoryHub) -> None:
+    """Its subscription ends, and an old status is none of a later look; other topics stay."""
+    team = TeamObserver(hub.bus(), names.STATUS, names.STALL)
+    put(hub, names.robot_key(1, names.STATUS), RobotStatus(robot_id=1))
+    assert team.robot(1).status is not None
+    team.ignore(names.STATUS, names.CLOCK)
+    assert keys_of(hub) == [names.all_robots_key(names.STALL)]
+    assert names.STATUS not in team.robot(1).newest
+
+
 def test_all_robots_take_the_place_of_one(hub: MemoryHub) -> None:
     """A message counts once, whatever was observed first; other topics stay."""
     team = TeamObserver(hub.bus())

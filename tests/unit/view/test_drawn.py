@@ -29,7 +29,7 @@ from zteam.messages import (
 from zteam.messages.nav_msgs import MapMetaData
 from zteam.view.commands import make_tiles, room_in
 from zteam.view.documents import MarkerBoard, as_document, drawn_polygon, fiducials_of, sonar_of
-from zteam.view.queries import Counts, rates, topic_rows
+from zteam.view.queries import rates, topic_rows
 from zteam.view.received import Drawables, Received, Topic
 
 ONE_LEFT = Pose2(0.0, 1.0, math.pi / 2)
@@ -167,10 +167,10 @@ def test_types_are_learnt_from_the_first_message() -> None:
 
 def test_rates_are_those_of_the_busiest_receiver() -> None:
     """What each process has received grows; a key that nothing receives has no rate."""
-    before = Counts(10.0, {"a/stats": {"x": 5}, "b/stats": {"x": 0}})
-    after = Counts(12.0, {"a/stats": {"x": 25}, "b/stats": {"x": 4}, "c/stats": {"y": 100}})
-    assert rates(before, after) == {"x": 10.0, "y": 0.0}
-    assert rates(None, after) == {}
+    before = {"a/stats": {"x": 5}, "b/stats": {"x": 0, "z": 9}}
+    after = {"a/stats": {"x": 25}, "b/stats": {"x": 4, "z": 3}, "c/stats": {"y": 100}}
+    assert rates(before, after, 2.0) == {"x": 10.0, "z": 0.0}
+    assert rates({}, after, 2.0) == {}
 
 
 def test_users_of_a_wildcard_use_each_robots_key() -> None:

@@ -1,11 +1,14 @@
 """The page's files: those in the folder and no others."""
 
+import asyncio
 import re
 from pathlib import Path
 
 import pytest
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
 
-from zteam.view.files import FOLDER, HEADERS, SCRIPTS, find_version, read_file, read_index, read_script
+from zteam.view.files import FOLDER, HEADERS, SCRIPTS, PageFiles, read_script
 
 
 @pytest.fixture
@@ -14,28 +17,39 @@ def folder(tmp_path: Path) -> Path:
     page = tmp_path / "page"
     (page / "js").mkdir(parents=True)
     (page / "js" / "app.js").write_text("1;")
-    (page / "notes.secret").write_text("x")
-    (page / ".hidden.js").write_text("x")
     (tmp_path / "secret.js").write_text("x")
     (page / "link.js").symlink_to(tmp_path / "secret.js")
     return page
 
 
+def answer(folder: Path, name: str, *headers: tuple[bytes, bytes]) -> Response:
+    """The answer to a request for a file."""
+    scope = {"type": "http", "method": "GET", "headers": headers}
+    return asyncio.run(PageFiles(directory=folder).get_response(name, scope))
+
+
 def test_a_file_has_its_media_type(folder: Path) -> None:
     """Scripts are JavaScript, whatever the system's table says."""
-    found = read_file("js/app.js", folder=folder)
-    assert found is not None
-    assert (found.body, found.media_type) == (b"1;", "text/javascript; charset=utf-8")
+    assert answer(folder, "js/app.js").headers["content-type"] == "text/javascript; charset=utf-8"
+
+
+@pytest.mark.parametrize("name", ["js/main.js", "style.css"])
+def test_what_a_browser_has_is_not_sent_again(name: str) -> None:
+    """Neither a file nor a script that is made of many, unless it has changed."""
+    tag = answer(FOLDER, name).headers["etag"].encode()
+    assert answer(FOLDER, name, (b"if-none-match", tag)).status_code == 304
+    assert answer(FOLDER, name, (b"if-none-match", b'"another"')).status_code == 200
 
 
 @pytest.mark.parametrize(
     "name",
-    ["../secret.js", "js/../../secret.js", "/etc/hosts.js", "link.js", ".hidden.js", "notes.secret", "js", "", "a\0.js",
-     "js//app.js", "no.js", "x" * 256 + ".js", "js/" * 3000 + "app.js", "\ud800.js", "js/app.js/app.js"],
+    ["../secret.js", "js/../../secret.js", "/etc/hosts.js", "link.js", "js", "", "a\0.js", "no.js", "x" * 256 + ".js",
+     "js/" * 3000 + "app.js", "\ud800.js", "js/app.js/app.js"],
 )  # fmt: skip
 def test_nothing_else_is_read(folder: Path, name: str) -> None:
-    """Neither what lies outside, nor hidden files, nor other kinds; a name that no file can have is none."""
-    assert read_file(name, folder=folder) is None
+    """Not what lies outside; a name that no file can have is none."""
+    with pytest.raises(HTTPException, match="404"):
+        answer(folder, name)
 
 
 def test_the_policy_lets_nothing_be_loaded_from_elsewhere() -> None:
@@ -45,14 +59,6 @@ def test_the_policy_lets_nothing_be_loaded_from_elsewhere() -> None:
     assert "frame-ancestors 'none'" in policy
     assert "unsafe" not in policy
     assert "http" not in policy
-
-
-def test_the_page_names_its_files_with_the_version(folder: Path) -> None:
-    """So the address of a file changes with it."""
-    (folder / "index.html").write_text('<link href="/page/a.css"><script type="module" src="/page/js/app.js">')
-    assert bytes(read_index("v1", folder=folder).body).decode() == (
-        '<link href="/page/v1/a.css"><script type="module" src="/page/v1/js/app.js">'
-    )
 
 
 def test_a_script_holds_what_its_module_imports(folder: Path) -> None:
@@ -90,11 +96,3 @@ def test_the_scripts_hold_the_modules_of_the_page() -> None:
     assert set(re.findall(r'^modules\["(.*)"\] = ', scripts, re.MULTILINE)) == modules - {"js/vendor.js"}
     kept = [line for line in scripts.splitlines() if line.startswith(("import ", "export ")) and "modules" not in line]
     assert kept == []
-
-
-def test_a_changed_file_is_another_version(folder: Path) -> None:
-    """So a browser that has kept the old one asks for the new one."""
-    before = find_version(folder)
-    assert find_version(folder) == before
-    (folder / "js" / "app.js").write_text("2; // changed")
-    assert find_version(folder) != before

@@ -4,7 +4,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from itertools import chain
 
 import msgspec
 
@@ -23,9 +22,7 @@ from zteam.messages import (
     OccupancyGrid,
     RobotStatus,
     TeamStatus,
-    TransformStamped,
     decode,
-    ns_from_time,
     type_of_encoding,
 )
 from zteam.messages.message import zeros
@@ -33,8 +30,8 @@ from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
 from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
-from zteam.transforms import Buffer, FrameInfo
-from zteam.transforms.client import Lookup, TransformClient, find_frames
+from zteam.transforms import Buffer
+from zteam.transforms.client import TreeListener, find_frames
 from zteam.transforms.lasers import LaserMounts, LaserProblem
 
 LONGER = 3.0
@@ -52,6 +49,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     before, begin = find_status(bus), monotonic()
     nodes = find_nodes(bus)
     graph = Graph(bus.declarations(), nodes)
+    tree = TreeListener(bus)
     survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
     strangers = find_strangers(options)
     after, seconds = find_status(bus), monotonic() - begin
@@ -90,7 +88,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
         frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
-        lasers=_find_laser_problems(bus, frames, scans),
+        lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
         loads=loads,
@@ -203,41 +201,14 @@ def _decode(
     return faults, newest
 
 
-def _find_laser_problems(
-    bus: Bus, frames: Mapping[str, FrameInfo] | None, scans: Mapping[str, LaserScan]
-) -> dict[str, LaserProblem]:
-    """Of scans by key: why no process can use them. Nothing is known without an aggregator."""
-    if frames is None:
-        return {}
-    try:
-        buffer = _read_tree(bus, frames, scans)
-    except BusError:
-        # The aggregator has just ended.
-        return {}
+def _find_laser_problems(buffer: Buffer, scans: Mapping[str, LaserScan]) -> dict[str, LaserProblem]:
+    """Of scans by key: why no process can use them."""
     found = {}
     for key, scan in scans.items():
         target = names.split_robot_key(key)
         if target is not None and (wrong := LaserMounts(target[0], buffer).level(scan).problem) is not None:
             found[key] = wrong
     return found
-
-
-def _read_tree(bus: Bus, frames: Mapping[str, FrameInfo], scans: Mapping[str, LaserScan]) -> Buffer:
-    """The aggregator's transforms, as far as they lead to these scans: of their time, and the newest."""
-    buffer, lookups = Buffer(), dict[str, list[Lookup]]()
-    for key, scan in scans.items():
-        own, given = key.partition("/")[0], names.strip_slash(scan.header.frame_id)
-        for frame in (given, names.resolve_frame(own, given), f"{own}/{names.BASE_FOOTPRINT}"):
-            while frame in frames and frame not in lookups:
-                parent = frames[frame].parent
-                lookups[frame] = [Lookup(parent, frame, time) for time in (ns_from_time(scan.header.stamp), 0)]
-                frame = parent
-    asked = list(chain.from_iterable(lookups.values()))
-    for transform in TransformClient(bus).lookup_many(asked) if asked else ():
-        if isinstance(transform, TransformStamped):
-            is_static = frames[transform.child_frame_id].static
-            (buffer.set_transform_static if is_static else buffer.set_transform)(transform, names.AGGREGATOR)
-    return buffer
 
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:

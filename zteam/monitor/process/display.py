@@ -12,7 +12,8 @@ from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
-from zteam.monitor.process.members import EventLimit, WatchedTeam
+from zteam.monitor.process.members import EventLimit
+from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.table import JsonLines, make_rows, team_notes
 from zteam.monitor.process.table import Lines as Lines
 from zteam.monitor.process.watch import TeamWatch
@@ -89,9 +90,7 @@ def showing(options: MonitorOptions) -> Iterator[Lines]:
 class TeamDisplay:
     """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
 
-    def __init__(
-        self, node: ProcessNode, team: WatchedTeam, watch: TeamWatch, options: MonitorOptions, output: Lines
-    ) -> None:
+    def __init__(self, node: ProcessNode, team: Gate, watch: TeamWatch, options: MonitorOptions, output: Lines) -> None:
         self._node = node
         self._team = team
         self._watch = watch

@@ -1,6 +1,6 @@
 """The robots that the monitor knows, without a bus: their processes, their statuses, and what happened to them."""
 
-from collections.abc import Sequence
+from collections import Counter
 from typing import NamedTuple
 
 import msgspec
@@ -9,17 +9,10 @@ from zteam import names
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
 from zteam.messages import RobotState, RobotStatus, ns_from_time
-from zteam.monitor.followers import FollowProblem, follow_problems
-from zteam.node.tokens import TokenSet
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
 time stood still for as long gets no data."""
-NAMED = 8
-"""Robots that the text of what GO waits for names at most."""
-_SETTLED = 1.0
-"""Host seconds until all processes and statuses that are there are known."""
-_DOUBTS = 2
 _WALL = to_ns(1e8)
 """Stamps beyond are of the host's clock, and no time of a run."""
 
@@ -31,8 +24,6 @@ _MOST_EVENTS = 8
 _MOST_OF_STRANGERS = 16
 """As many of all robots that do not count."""
 _STRANGER = -1
-_MOST_LOST = 64
-"""Robots that do not count and are gone are remembered up to this number."""
 
 
 class Event(NamedTuple):
@@ -54,20 +45,21 @@ class EventLimit:
     """
 
     def __init__(self) -> None:
-        self._shown: dict[tuple[str, int | None], tuple[float, int]] = {}
-        """By kind and robot: the host time of the first event of a while, and how many were shown since."""
+        self._made = Counter[tuple[str, int | None]]()
+        """By kind and robot, within the while that ends at host time `_until`."""
+        self._until = 0.0
 
     def admit(self, event: Event, counts: bool, now: float) -> Event | None:
         """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
         known = event.robot is None or counts
         key, most = (event.kind, event.robot if known else _STRANGER), _MOST_EVENTS if known else _MOST_OF_STRANGERS
-        since, count = self._shown.get(key, (now, 0))
-        if now - since >= _WHILE:
-            since, count = now, 0
-        self._shown[key] = since, count + 1
-        if count + 1 == most:
+        if now >= self._until:
+            self._made.clear()
+            self._until = now + _WHILE
+        self._made[key] += 1
+        if self._made[key] == most:
             return event._replace(text=f"{event.text} (further lines of this kind are left out for {_WHILE:g} s)")
-        return event if count < most else None
+        return event if self._made[key] < most else None
 
 
 class KnownRobot(msgspec.Struct):
@@ -77,19 +69,15 @@ class KnownRobot(msgspec.Struct):
     """Whether a process holds the robot's name."""
     status: RobotStatus | None = None
     heard: float = 0.0
-    """Host time of the last status; before the first one, from when on one is due."""
+    """Host time of the last status."""
     moved: float = 0.0
     """Host time of the last status with another stamp than the one before."""
-    doubts: int = 0
-    """Statuses with a new stamp until it is known that the robot gets data again."""
     was_ready: bool = False
     was_lost: bool = False
     told_go: bool = False
     came_late: bool = False
     """Whether its process came after GO."""
     silent: bool = False
-    mute: bool = False
-    """Whether its process publishes no status at all, as a teleop or a node without a gate."""
     stopped: bool = False
     """Whether it said that it stops before it went."""
     absence: str = ""
@@ -101,12 +89,6 @@ class KnownRobot(msgspec.Struct):
         return self.alive and not self.silent and self.status is not None and self.status.is_ready
 
     @property
-    def obeyed(self) -> int:
-        """The epoch of the GO that its live process obeys, 0 for none."""
-        status = self.status if self.alive else None
-        return status.epoch if status is not None and status.state == RobotState.RUNNING else 0
-
-    @property
     def why_not_ready(self) -> str:
         if self.absence:
             return self.absence
@@ -114,208 +96,19 @@ class KnownRobot(msgspec.Struct):
             return "its process is gone" if self.was_lost else "no process yet"
         if self.silent:
             return "does not answer"
-        if self.mute:
-            return "its process publishes no status (zteam teleop, or a node without a gate)"
         if self.status is None:
             return "no status yet"
         text = short(self.status.text) or "not ready yet"
         return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
+    def falls_silent(self, now: float) -> bool:
+        """Whether it lives and sends no further status."""
+        return self.status is not None and self.alive and not self.silent and now - self.heard > SILENT_AFTER
 
-class WatchedTeam:
-    """Base: all robots that a process or a status told of, and the events to tell. The caller holds a lock."""
-
-    def __init__(self) -> None:
-        self.gone = False
-        """Whether GO is out."""
-        self.epoch = 0
-        """Of the standing GO."""
-        self.members: dict[int, KnownRobot] = {}
-        """By the robot's id."""
-        self._events: list[Event] = []
-        self._tokens = TokenSet()
-        self.follow_problems: list[FollowProblem] = []
-        """Robots that cannot follow, as of the last look."""
-        self._cannot_follow: dict[FollowProblem, float] = {}
-        """The host time at which each was found."""
-        self._tick = -1
-        """Of the simulator, when it was asked last."""
-        self._ticked = 0.0
-        """Host time at which the simulator was last seen at another tick."""
-
-    def waiting_for(self) -> str:
-        """What GO waits for, in words: each missing robot with the reason."""
-        raise NotImplementedError
-
-    def unready(self) -> list[int]:
-        """Ids of the known robots that GO waits for."""
-        raise NotImplementedError
-
-    def unknown(self) -> int:
-        """How many further robots GO waits for, whatever their ids are."""
-        raise NotImplementedError
-
-    def awaited(self) -> str:
-        """What GO waits for, without the reasons, which each robot's row has."""
-        unready, unknown = self.unready(), self.unknown()
-        found = [*map(names.robot_name, unready[:NAMED])]
-        found += [f"{len(unready) - NAMED} further robots"] if len(unready) > NAMED else []
-        found += [f"{unknown} more of any id"] if unknown else []
-        return ", ".join(found)
-
-    def counts(self, robot_id: int) -> bool:
-        """Whether GO waits for this robot, or has."""
-        raise NotImplementedError
-
-    def take_world(self, robots: Sequence[int] | None) -> None:
-        """The simulator has these robots; None if there is no simulator."""
-
-    def take_simulator(self, session: str) -> None:
-        """The simulator of this session is there."""
-
-    def take_tick(self, tick: int, now: float) -> None:
-        """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
-        if tick != self._tick:
-            self._tick, self._ticked = tick, now
-            for member in self.members.values():
-                member.doubts = 0
-
-    def ticks(self, now: float) -> bool:
-        """Whether the simulator was seen at another tick of late."""
-        return now - self._ticked <= SILENT_AFTER
-
-    def lose_data(self) -> None:
-        """What brings the robots their data is gone: a status may be on its way, and a later one may repeat it."""
-        self._ticked = 0.0
-        for member in self.members.values():
-            member.doubts = _DOUBTS
-
-    def lack_of_data(self, member: KnownRobot, now: float) -> str:
-        """That a robot which drives gets no data any more, in words; empty while it does."""
-        status = member.status
-        if status is None or status.state != RobotState.RUNNING:
-            return ""
-        quiet = now - member.moved
-        if not member.doubts and (quiet <= SILENT_AFTER or self.ticks(now)):
+    def lack_of_data(self, now: float, *, ticks: bool) -> str:
+        """That it drives and gets no data any more, in words; empty while it does. `ticks`: the simulator does."""
+        status, quiet = self.status, now - self.moved
+        if status is None or status.state != RobotState.RUNNING or quiet <= SILENT_AFTER or ticks:
             return ""
         stamp = ns_from_time(status.header.stamp)
         return f"no data since {to_seconds(stamp):.1f} s" if stamp < _WALL else f"no data for {quiet:.0f} s"
-
-    def all_running(self) -> bool:
-        """Whether every robot that counts obeys the standing GO, or is gone."""
-        there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
-        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
-
-    def get(self, robot_id: int) -> KnownRobot:
-        """The robot's member, which is made at its first mention."""
-        return self.members.setdefault(robot_id, KnownRobot())
-
-    def tell(self, kind: str, robot: int | None, text: str) -> None:
-        self._events.append(Event(kind, robot, short(text)))
-
-    @property
-    def has_events(self) -> bool:
-        return bool(self._events)
-
-    def take_events(self) -> list[Event]:
-        events, self._events = self._events, []
-        return events
-
-    @property
-    def lost(self) -> list[int]:
-        """Ids of robots that were there and are gone."""
-        return sorted(i for i, member in self.members.items() if member.was_lost)
-
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
-        member = self.get(robot_id)
-        if not self._tokens.take(names.robot_name(robot_id), instance, alive):
-            return
-        member.alive = alive
-        if not alive:
-            self._lose(robot_id, member)
-            return
-        member.came_late = self.gone
-        if member.status is None:
-            member.heard = 0.0
-        if member.was_lost:
-            member.was_lost = member.told_go = False
-            self.tell("back", robot_id, "is back")
-
-    def _lose(self, robot_id: int, member: KnownRobot) -> None:
-        member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
-        # A process that comes later under this name speaks for itself.
-        member.status = None
-        member.was_ready = member.silent = member.mute = False
-        member.was_lost = True
-        kind = "stopped" if member.stopped else "lost"
-        self.tell(kind, robot_id, kind)
-        if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
-            del self.members[robot_id]
-
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
-        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if status.robot_id != robot_id:
-            return False
-        member = self.get(robot_id)
-        before, member.status, member.heard = member.status, status, now
-        if before is None or before.header.stamp != status.header.stamp:
-            member.moved, member.doubts = now, max(0, member.doubts - 1)
-        member.mute = False
-        if member.silent:
-            member.silent = False
-            self.tell("answers", robot_id, "answers again")
-        if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
-            self.tell("fault", robot_id, f"fault: {status.text}")
-        return True
-
-    def never_heard(self, now: float) -> list[int]:
-        """Ids of the robots without a status that would be told as silent now."""
-        return [robot_id for robot_id, member in self._falling_silent(now).items() if member.status is None]
-
-    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
-        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
-        leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
-        found = list(follow_problems(leaders, self._may_lead))
-        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
-        for each in found:
-            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
-                self.follow_problems.append(each)
-                self.tell("follow", None, each.text)
-        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
-
-    def _may_lead(self, robot_id: int) -> bool:
-        """Whether a robot is there, was there, which is told, or is still to come."""
-        if not self.gone and (robot_id in self.unready() or self.unknown()):
-            return True
-        member = self.members.get(robot_id)
-        return member is not None and (member.alive or member.was_lost)
-
-    def forgive_silence(self, now: float) -> None:
-        """Nothing could be heard until `now`: silence counts from here on."""
-        for member in self.members.values():
-            member.heard = now
-
-    def _falling_silent(self, now: float) -> dict[int, KnownRobot]:
-        return {
-            robot_id: member
-            for robot_id, member in self.members.items()
-            if (member.status is not None or member.heard)
-            and member.alive
-            and not (member.silent or member.mute)
-            and now - member.heard > SILENT_AFTER
-        }
-
-    def has_silent(self, now: float) -> bool:
-        """Whether `check_silence` has something to tell."""
-        return bool(self._falling_silent(now))
-
-    def check_silence(self, now: float) -> None:
-        """Tell of robots that live and send no status, or no further one."""
-        for member in self.members.values():
-            if member.status is None:
-                member.heard = member.heard or now
-        for robot_id, member in self._falling_silent(now).items():
-            member.silent = True
-            member.was_ready = False
-            self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")

@@ -56,7 +56,7 @@ class Monitor:
             self._publish()
 
     def _is_complete(self) -> bool:
-        return self.watch.link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
+        return self._node.link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
 
     def _learn_ids(self) -> None:
         """Wait for the simulator's own robots if there are as many as asked for, or for those asked for that it has."""

@@ -10,28 +10,52 @@ import numpy as np
 
 from zteam import names
 from zteam.config.robot_ids import format_robot_ids
-from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.monitor.process.members import NAMED, KnownRobot, WatchedTeam
+from zteam.errors import short
+from zteam.messages import Header, RobotState, RobotStatus, TeamState, TeamStatus, time_from_ns
+from zteam.monitor.followers import FollowProblem, follow_problems
+from zteam.monitor.process.members import SILENT_AFTER, Event, KnownRobot
 from zteam.simulator.client import absence_text
 
+_NAMED = 8
+"""Robots that the text of what GO waits for names at most."""
+_SETTLED = 1.0
+"""Host seconds until all processes and statuses that are there are known."""
 _LAST_EPOCH = 2**32 - 1
 """On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
 
 
-class Gate(WatchedTeam):
-    """The team as the monitor knows it."""
+_MOST_LOST = 64
+"""Robots that do not count and are gone are remembered up to this number."""
+
+
+class Gate:
+    """The team as the monitor knows it, and the events to tell. The caller holds a lock."""
 
     def __init__(self, expected: Iterable[int] | None, team_size: int) -> None:
-        super().__init__()
+        self.members: dict[int, KnownRobot] = {}
+        """All robots that had a process or are waited for, by id."""
+        self._events: list[Event] = []
+        self._tick = -1
+        """Of the simulator, when it was asked last."""
+        self._ticked = 0.0
+        """Host time at which the simulator was last seen at another tick."""
+        self.gone = False
+        """Whether GO is out."""
+        self.epoch = 0
+        """Of the standing GO."""
         self.expected: list[int] | None = None
         """The ids to wait for; None = any `team_size` robots."""
         self.team_size = team_size
         self.go_stamp = 0
         """Simulated time (ns) from which GO holds."""
-        self._simulator = ""
-        """The session of the newest simulator; empty before the first."""
+        self._simulators = frozenset[str]()
+        """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
+        self.follow_problems: list[FollowProblem] = []
+        """Robots that cannot follow, as of the last look."""
+        self._cannot_follow: dict[FollowProblem, float] = {}
+        """The host time at which each was found."""
         if expected is not None:
             self.expect(expected)
 
@@ -44,6 +68,26 @@ class Gate(WatchedTeam):
     def missing(self) -> list[int]:
         """Expected ids that are not ready."""
         return [] if self.expected is None else [i for i in self.expected if not self.get(i).ready]
+
+    def get(self, robot_id: int) -> KnownRobot:
+        """The robot's member, which is made at its first mention."""
+        return self.members.setdefault(robot_id, KnownRobot())
+
+    def tell(self, kind: str, robot: int | None, text: str) -> None:
+        self._events.append(Event(kind, robot, short(text)))
+
+    @property
+    def has_events(self) -> bool:
+        return bool(self._events)
+
+    def take_events(self) -> list[Event]:
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def lost(self) -> list[int]:
+        """Ids of robots that were there and are gone."""
+        return sorted(i for i, member in self.members.items() if member.was_lost)
 
     def counts(self, robot_id: int) -> bool:
         """Whether GO waits for this robot, or has."""
@@ -67,28 +111,64 @@ class Gate(WatchedTeam):
         for robot_id, member in self.members.items():
             member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
-    def take_simulator(self, session: str) -> None:
-        """The simulator of this session is there. Another one than before begins another world, under the GO that
+    def take_simulator(self, sessions: frozenset[str]) -> None:
+        """The simulator is there, in these sessions. Another one than before begins another world, under the GO that
         stands, which gets the next epoch."""
-        if self.gone and self._simulator not in ("", session):
+        if self.gone and self._simulators and not sessions <= self._simulators:
             self._next_epoch()
             self.tell("anew", None, f"the world begins anew in another simulator (epoch {self.epoch})")
-        self._simulator = session
+        self._simulators = sessions
 
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
-        was_alive = self.get(robot_id).alive
-        super().take_token(robot_id, instance, alive)
-        self._adopt(robot_id)
-        if alive and not was_alive:
-            self._tell_unexpected(robot_id)
+    def take_tick(self, tick: int, now: float) -> None:
+        """The simulator is at this tick at host time `now`. Where time goes on, its robots get data."""
+        if tick != self._tick:
+            self._tick, self._ticked = tick, now
+
+    def ticks(self, now: float) -> bool:
+        """Whether the simulator was seen at another tick of late."""
+        return now - self._ticked <= SILENT_AFTER
+
+    def take_token(self, robot_id: int, alive: bool) -> None:
+        """A process took the name `robot_N`, or its last holder lost it."""
+        member = self.get(robot_id)
+        if member.alive == alive:
+            return
+        member.alive = alive
+        if not alive:
+            self._lose(robot_id, member)
+            return
+        member.came_late = self.gone
+        if member.was_lost:
+            member.was_lost = member.told_go = False
+            self.tell("back", robot_id, "is back")
+        self._adopt(robot_id, member)
+        self._tell_unexpected(robot_id)
+
+    def _lose(self, robot_id: int, member: KnownRobot) -> None:
+        member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
+        # A process that comes later under this name speaks for itself.
+        member.status = None
+        member.was_ready = member.silent = False
+        member.was_lost = True
+        kind = "stopped" if member.stopped else "lost"
+        self.tell(kind, robot_id, kind)
+        if not self.counts(robot_id) and sum(not self.counts(i) for i in self.lost) > _MOST_LOST:
+            del self.members[robot_id]
 
     def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if not super().take_status(robot_id, status, now):
+        if status.robot_id != robot_id:
             return False
         member = self.get(robot_id)
-        self._adopt(robot_id)
+        before, member.status, member.heard = member.status, status, now
+        if before is None or before.header.stamp != status.header.stamp:
+            member.moved = now
+        if member.silent:
+            member.silent = False
+            self.tell("answers", robot_id, "answers again")
+        if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
+            self.tell("fault", robot_id, f"fault: {status.text}")
+        self._adopt(robot_id, member)
         if self.gone:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
@@ -98,16 +178,33 @@ class Gate(WatchedTeam):
             member.was_ready = False
         return True
 
-    def _adopt(self, robot_id: int) -> None:
+    def forgive_silence(self, now: float) -> None:
+        """Nothing could be heard until `now`: silence counts from here on."""
+        for member in self.members.values():
+            member.heard = now
+
+    def has_silent(self, now: float) -> bool:
+        """Whether `check_silence` has something to tell."""
+        return any(member.falls_silent(now) for member in self.members.values())
+
+    def check_silence(self, now: float) -> None:
+        """Tell of robots that live and send no further status."""
+        for robot_id, member in self.members.items():
+            if member.falls_silent(now):
+                member.silent, member.was_ready = True, False
+                self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")
+
+    def _adopt(self, robot_id: int, member: KnownRobot) -> None:
         """The newest GO that a robot of this team obeys is the team's."""
-        member = self.members.get(robot_id)
-        epoch = 0 if member is None else member.obeyed
-        if epoch <= self.epoch or not self.counts(robot_id):
+        status = member.status
+        if status is None or not member.alive or status.state != RobotState.RUNNING:
             return
-        self.epoch = epoch
+        if status.epoch <= self.epoch or not self.counts(robot_id):
+            return
+        self.epoch = status.epoch
         if not self.gone:
             self.gone = self._adopted = True
-            self.tell("adopted", None, f"the team is running already (epoch {epoch})")
+            self.tell("adopted", None, f"the team is running already (epoch {self.epoch})")
 
     def _tell_late(self, robot_id: int, member: KnownRobot) -> None:
         if not member.ready or member.told_go or member.status is None:
@@ -138,14 +235,16 @@ class Gate(WatchedTeam):
         if self.gone:
             self.go_stamp = stamp
 
-    def waiting_for(self) -> str:
-        """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
+    def waiting_for(self, *, reasons: bool = True) -> str:
+        """What GO waits for, in words: each missing robot, with the reason. Empty when all are ready."""
         unready, unknown = self.unready(), self.unknown()
         parts = [f"{unknown} more of any id"] if unknown else []
-        parts += [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:NAMED]]
-        if len(unready) > NAMED:
-            parts.append(f"and {len(unready) - NAMED} more robots")
-        return "; ".join(parts)
+        for robot_id in unready[:_NAMED]:
+            reason = f": {self.get(robot_id).why_not_ready}" if reasons else ""
+            parts.append(f"{names.robot_name(robot_id)}{reason}")
+        if len(unready) > _NAMED:
+            parts.append(f"and {len(unready) - _NAMED} more robots")
+        return ("; " if reasons else ", ").join(parts)
 
     def unready(self) -> list[int]:
         """Ids of the known robots that GO waits for."""
@@ -159,8 +258,31 @@ class Gate(WatchedTeam):
         """How many further robots GO waits for, whatever their ids are."""
         return 0 if self.expected is not None else max(0, self.team_size - len(self.ready) - len(self.unready()))
 
+    def all_running(self) -> bool:
+        """Whether every robot that counts obeys the standing GO, or is gone."""
+        there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
+        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
+
+    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
+        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
+        leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
+        found = list(follow_problems(leaders, self._may_lead))
+        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
+        for each in found:
+            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
+                self.follow_problems.append(each)
+                self.tell("follow", None, each.text)
+        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
+
+    def _may_lead(self, robot_id: int) -> bool:
+        """Whether a robot is there, was there, which is told, or is still to come."""
+        if not self.gone and (robot_id in self.unready() or self.unknown()):
+            return True
+        member = self.members.get(robot_id)
+        return member is not None and (member.alive or member.was_lost)
+
     def _progress(self) -> str:
-        done, awaited = f"{len(self.ready)} of {self.team_size}", self.awaited()
+        done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
         return f"{done}; waiting for {awaited}" if awaited else done
 
     def status(self, stamp: int) -> TeamStatus:

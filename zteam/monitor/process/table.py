@@ -11,7 +11,8 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import printable, printable_json, short
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
-from zteam.monitor.process.members import Event, KnownRobot, WatchedTeam
+from zteam.monitor.process.members import Event, KnownRobot
+from zteam.monitor.process.start_gate import Gate
 from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.stopping import STOPPED
 
@@ -55,13 +56,11 @@ class TableLine(NamedTuple):
     """Where the state begins."""
 
 
-def make_rows(
-    team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float
-) -> list[Row]:
+def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Restarted], now: float) -> list[Row]:
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
     rows = []
     for robot_id, member in sorted(team.members.items()):
-        name, lack = names.robot_name(robot_id), team.lack_of_data(member, now)
+        name, lack = names.robot_name(robot_id), member.lack_of_data(now, ticks=team.ticks(now))
         row = Row(name, _state(member), pose=poses.get(robot_id))
         row.restarts = restarts[name].count if name in restarts else 0
         rows.append(_filled(row, member, lack, now))
@@ -135,13 +134,13 @@ def _wrap(text: str, width: int, indent: str) -> list[str]:
     return textwrap.wrap(text, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=indent)
 
 
-def team_notes(team: WatchedTeam, restarts: Mapping[str, Restarted], problems: Sequence[str]) -> list[str]:
+def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence[str]) -> list[str]:
     """The lines below the table: GO, or what it waits for, processes started again, robots that are stopped, and what
     else is wrong."""
     told = [restarts_text(restarts)] if restarts else []
     held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
     told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
-    return ["GO is out" if team.gone else f"waiting for {team.awaited()}", *told, *problems]
+    return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
 
 
 def _print(text: str) -> None:

@@ -1,4 +1,4 @@
-"""A view of a monitor that runs already: its table and its GO, without a gate of its own."""
+"""A view of a monitor that runs already: its table and its GO."""
 
 import logging
 import math
@@ -14,79 +14,60 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
 from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import TeamDisplay, showing
-from zteam.monitor.process.members import WatchedTeam
+from zteam.monitor.process.members import KnownRobot
+from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 
+_OF_THE_MONITOR = frozenset({"ready", "late", "unexpected"})
+"""Kinds of events that the running monitor tells: here they would come a second time."""
 
-class FollowedTeam(WatchedTeam):
-    """GO, and what it waits for, are the running monitor's; robots and their processes are seen directly."""
+
+class FollowedTeam(Gate):
+    """The gate of a running monitor, which decides which robots GO waits for, and when it is out. The robots and their
+    processes are observed directly."""
 
     def __init__(self, team_size: int = 0, ids: Sequence[int] | None = None) -> None:
         """The size and the ids that were asked for; 0 for none."""
-        super().__init__()
-        self._team_size, self._asked = team_size, ids
-        self.status: TeamStatus | None = None
+        super().__init__(None, 0)
+        self._asked_size, self._asked = team_size, ids
+        self.newest: TeamStatus | None = None
         """What the running monitor said last."""
 
-    @property
-    def ids(self) -> list[int]:
-        """The robots that the running monitor waits for, as far as it names them."""
-        return [] if self.status is None else sorted({*self.status.ready.tolist(), *self.status.missing.tolist()})
-
-    def counts(self, robot_id: int) -> bool:
-        """Whether GO waits for this robot, or has."""
-        return robot_id in self.ids
-
     def take_team(self, status: TeamStatus) -> None:
-        was_gone, was_known, self.status = self.gone, self.status is not None, status
-        self.gone, self.epoch = status.state == TeamState.GO, status.epoch
-        for robot_id in self.ids:
+        before, self.newest = self.newest, status
+        self.gone, self.epoch, self.team_size = status.state == TeamState.GO, status.epoch, status.team_size
+        ids = sorted({*status.ready.tolist(), *status.missing.tolist()})
+        self.expected = ids if self.gone or status.missing.size else None
+        for robot_id in ids:
             self.get(robot_id)
-        if self.gone and was_known and not was_gone:
+        if self.gone and before is not None and before.state != TeamState.GO:
             self.tell("go", None, "All robots GO!")
         else:
-            self.tell("status", None, self._in_words(status))
-        if not was_known and self._team_size and (difference := self._difference(status.team_size)):
+            ready = f"{status.ready.size} of {status.team_size} ready"
+            waiting_for = status.waiting_for or self.waiting_for()
+            self.tell("status", None, f"GO is out; {ready}" if self.gone else f"{ready}; waiting for {waiting_for}")
+        if before is None and self._asked_size and (difference := self._difference(ids)):
             self.tell("team", None, difference)
 
-    def _in_words(self, status: TeamStatus) -> str:
-        ready = f"{status.ready.size} of {status.team_size} ready"
-        return f"GO is out; {ready}" if self.gone else f"{ready}; waiting for {self.waiting_for()}"
+    def tell(self, kind: str, robot: int | None, text: str) -> None:
+        if kind not in _OF_THE_MONITOR:
+            super().tell(kind, robot, text)
 
-    def waiting_for(self) -> str:
-        status = self.status
-        if status is None:
-            return "the running monitor"
-        # A monitor that is not of zteam may leave the reasons out.
-        return status.waiting_for or ", ".join(map(names.robot_name, status.missing.tolist()))
+    def _adopt(self, robot_id: int, member: KnownRobot) -> None:
+        """The running monitor reports GO."""
 
-    def unready(self) -> list[int]:
-        """Ids of the known robots that GO waits for."""
-        status = self.status
-        if status is None or self.gone:
-            return []
-        there = [i for i, member in self.members.items() if member.alive and not member.ready]
-        return status.missing.tolist() or sorted(there)
+    def waiting_for(self, *, reasons: bool = True) -> str:
+        return super().waiting_for(reasons=reasons) or "the running monitor"
 
-    def unknown(self) -> int:
-        """How many further robots GO waits for, whatever their ids are."""
-        status = self.status
-        if status is None or self.gone or status.missing.size:
-            return 0
-        return max(0, status.team_size - status.ready.size - len(self.unready()))
-
-    def awaited(self) -> str:
-        """What GO waits for, without the reasons, which each robot's row has."""
-        return super().awaited() or self.waiting_for()
-
-    def _difference(self, size: int) -> str:
-        """How the running monitor's team, of this size, differs from the one asked for; empty if it does not."""
-        if size != self._team_size:
-            return f"the running monitor's team has {counted(size, 'robot')}, not {self._team_size} as asked for here"
-        if self._asked is not None and self.ids and self.ids != sorted(self._asked):
-            has, asked = format_robot_ids(self.ids), format_robot_ids(self._asked)
+    def _difference(self, ids: list[int]) -> str:
+        """How the running monitor's team differs from the one asked for; empty if it does not."""
+        if self.team_size != self._asked_size:
+            has = counted(self.team_size, "robot")
+            return f"the running monitor's team has {has}, not {self._asked_size} as asked for here"
+        if self._asked is not None and ids and ids != sorted(self._asked):
+            has, asked = format_robot_ids(ids), format_robot_ids(self._asked)
             return f"the running monitor's team has robots {has}; asked for here: {asked}"
         return ""
 
@@ -114,11 +95,11 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
     team = FollowedTeam(options.team_size, options.ids)
-    node.subscribe(names.TEAM_STATUS, TeamStatus, lambda _key, status: team.take_team(status), latched=True)
     watch = TeamWatch(node, team)
+    watch.on(names.TEAM_STATUS, lambda _key, status: team.take_team(status))
     with showing(options) as output:
         # A table without the running monitor's robots would say nothing.
-        node.wait(lambda: team.status is not None, LOOK_FOR)
+        node.wait(lambda: team.newest is not None, LOOK_FOR)
         TeamDisplay(node, team, watch, options, output).run()
 
 
@@ -129,6 +110,6 @@ def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
             return answers[0]
         if monotonic() > end:
             return None
-        # A session that was just opened may not see the other processes yet.
+        # A session that was just opened may not reach the other processes yet.
         node.wait(lambda: False, 0.1)
     return None

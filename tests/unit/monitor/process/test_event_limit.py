@@ -34,8 +34,8 @@ def test_invented_robots_are_forgotten() -> None:
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
     for i in range(100, 2100):
-        gate.take_token(i, "stranger", True)
-        gate.take_token(i, "stranger", False)
-    gate.take_token(1, "first-1", False)
+        gate.take_token(i, True)
+        gate.take_token(i, False)
+    gate.take_token(1, False)
     assert len(gate.members) == 2 + 64
     assert gate.lost == [1, *range(100, 164)]

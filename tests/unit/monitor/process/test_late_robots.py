@@ -41,7 +41,7 @@ def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
     come(gate, 0)
     gate.try_go(1)
     told(gate)
-    gate.take_token(4, "a", True)
+    gate.take_token(4, True)
     for state in (*states, RUNNING):
         gate.take_status(4, status(4, state, int(state == RUNNING)), 1.0)
     assert told(gate) == ["robot_4 is ready late: told GO"]
@@ -55,8 +55,8 @@ def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
     gate.try_go(1)
     gate.take_status(0, status(0, RUNNING, 1), 0.5)
     told(gate)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(0, "second-0", True)
+    gate.take_token(0, False)
+    gate.take_token(0, True)
     for state in states:
         gate.take_status(0, status(0, state, int(state == RUNNING)), 1.0)
     assert told(gate) == ["robot_0 lost", "robot_0 is back", "robot_0 is ready late: told GO"]
@@ -82,7 +82,7 @@ def test_a_restarted_monitor_may_hear_of_statuses_before_tokens() -> None:
         gate.take_status(robot_id, status(robot_id, RUNNING, 3), 0.5)
     assert not gate.gone
     for robot_id in (0, 1):
-        gate.take_token(robot_id, f"first-{robot_id}", True)
+        gate.take_token(robot_id, True)
     assert not gate.try_go(9)
     assert (gate.gone, gate.epoch, told(gate)) == (True, 3, ["the team is running already (epoch 3)"])
 
@@ -99,7 +99,7 @@ def test_an_adopted_team_is_not_late() -> None:
     """Robots that run already are not told GO again when the monitor restarts."""
     gate = Gate([0, 1, 2], 3)
     for robot_id in range(3):
-        gate.take_token(robot_id, f"first-{robot_id}", True)
+        gate.take_token(robot_id, True)
     come(gate, 0, 1, 2, state=RUNNING, epoch=1)
     assert told(gate, "late") == []
 
@@ -116,14 +116,14 @@ def test_another_simulator_gets_the_next_epoch() -> None:
     """Once, and only after GO: the robots that obey the GO that stands are in another world then."""
     gate = Gate([0], 1)
     for session in ("one", "two"):
-        gate.take_simulator(session)
+        gate.take_simulator(frozenset({session}))
     come(gate, 0)
     gate.try_go(5)
     told(gate)
-    gate.take_simulator("two")
+    gate.take_simulator(frozenset({"two"}))
     assert (gate.epoch, told(gate)) == (1, [])
-    gate.take_simulator("three")
-    gate.take_simulator("three")
+    gate.take_simulator(frozenset({"three"}))
+    gate.take_simulator(frozenset({"three"}))
     assert told(gate) == ["the world begins anew in another simulator (epoch 2)"]
     assert (gate.gone, gate.status(1).epoch) == (True, 2)
 
@@ -139,9 +139,9 @@ def test_the_highest_epoch_is_adopted() -> None:
 def test_the_last_epoch_of_the_wire_is_no_end() -> None:
     """A robot may tell any epoch: after the last one another simulator still has a GO that can be told."""
     gate = Gate([0], 1)
-    gate.take_simulator("one")
+    gate.take_simulator(frozenset({"one"}))
     come(gate, 0, state=RUNNING, epoch=2**32 - 1)
-    gate.take_simulator("two")
+    gate.take_simulator(frozenset({"two"}))
     assert (gate.epoch, decode(TeamStatus, encode(gate.status(1))).epoch) == (2**32 - 1, 2**32 - 1)
 
 

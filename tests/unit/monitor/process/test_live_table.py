@@ -22,7 +22,7 @@ def _columns(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def say(gate: Gate, robot_id: int, state: int, text: str) -> None:
     """A process holds the robot's name and publishes its state."""
-    gate.take_token(robot_id, "a", True)
+    gate.take_token(robot_id, True)
     status = RobotStatus(robot_id=robot_id, state=state, text=text, reason=text, behavior="wander")
     gate.take_status(robot_id, status, 0.0)
 

@@ -22,6 +22,19 @@ def test_a_token_that_only_flickers_is_no_loss(hub: MemoryHub, open_desk: Open) 
     assert desk.told("lost", "back") == [("lost", 1)]
 
 
+def test_a_name_is_lost_with_its_last_holder(hub: MemoryHub, open_desk: Open) -> None:
+    """While another session holds the name of a robot that ends, the robot is not lost."""
+    desk = open_desk(0)
+    first, second = Robot(hub, 0), Robot(hub, 0)
+    first.say()
+    first.vanish()
+    desk.pass_by(LOSS)
+    assert (desk.told("lost"), desk.monitor.gate.ready) == ([], [0])
+    second.vanish()
+    desk.pass_by(LOSS)
+    assert desk.told("lost") == [("lost", 0)]
+
+
 def test_a_lost_router_is_no_lost_team(hub: MemoryHub, open_desk: Open) -> None:
     """Tokens that vanish just before the link are told as one lost router, and their return is not told."""
     desk = open_desk(0, 1)

@@ -9,8 +9,7 @@ import pytest
 from support.limits import LIMIT
 from support.lockstep_doubles import show_simulator
 from support.log_capture import captured_log
-from support.monitor_desk import LOSS, RETURN, Open, Robot
-from support.named_sessions import open_named
+from support.monitor_desk import LOSS, Open, Robot
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
@@ -21,13 +20,12 @@ from zteam.messages import (
     TeamState,
     TeamStatus,
     Tick,
-    Twist,
     ns_from_time,
     time_from_ns,
 )
 from zteam.monitor.process import watch
 from zteam.monitor.process.display import LEAVE_AFTER
-from zteam.monitor.process.members import SILENT_AFTER, Event
+from zteam.monitor.process.members import Event
 from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.logs import LogKeeper
 
@@ -254,19 +252,6 @@ def test_a_team_that_does_not_come_is_given_up(hub: MemoryHub, open_desk: Open) 
     desk.pass_by(1.5)
     assert str(desk.failure) == (
         "no GO within 2 s: waiting for robot_1: no process yet; robot_2: waiting for a first scan"
-    )
-
-
-def test_a_process_without_a_status_is_told_from_one_that_hangs(hub: MemoryHub, open_desk: Open) -> None:
-    """Both hold a robot's name and never published a status; the one that has a publisher of it does not answer."""
-    desk = open_desk(0, 1)
-    Robot(hub, 0)
-    open_named(hub, "robot_1").publisher("robot_1/cmd_vel", Twist)
-    desk.pass_by(RETURN)
-    desk.pass_by(SILENT_AFTER + 1.0)
-    assert desk.told("silent") == [("silent", 0)]
-    assert desk.monitor.gate.waiting_for() == (
-        "robot_0: does not answer; robot_1: its process publishes no status (zteam teleop, or a node without a gate)"
     )
 
 

@@ -56,7 +56,7 @@ def test_a_status_without_a_process_does_not_count() -> None:
     gate.take_status(0, status(0), 0.0)
     assert gate.ready == []
     assert not gate.try_go(1)
-    gate.take_token(0, "a", True)
+    gate.take_token(0, True)
     assert gate.try_go(2)
 
 
@@ -64,7 +64,7 @@ def test_a_robot_that_dies_after_ready_does_not_count() -> None:
     """When its process is gone, the others wait for it again."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
-    gate.take_token(0, "first-0", False)
+    gate.take_token(0, False)
     come(gate, 1)
     assert not gate.try_go(1)
     assert told(gate)[1:] == ["robot_0 lost", "robot_1 ready (1 of 2; waiting for robot_0)"]
@@ -75,8 +75,8 @@ def test_a_new_process_speaks_for_itself() -> None:
     """A restarted robot is not ready by the status of its predecessor."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(0, "second-0", True)
+    gate.take_token(0, False)
+    gate.take_token(0, True)
     come(gate, 1)
     assert gate.ready == [1]
     assert not gate.try_go(1)
@@ -100,7 +100,7 @@ def test_no_robot_speaks_for_another() -> None:
     told(gate)
     for robot_id in (0, -1, 2**31 - 1):
         assert not gate.take_status(1, status(robot_id), 0.0)
-    gate.take_token(1, "a", True)
+    gate.take_token(1, True)
     assert gate.ready == [0]
     assert told(gate) == []
 
@@ -145,7 +145,7 @@ def test_the_published_status() -> None:
     """The published status before and after GO, over the wire and back."""
     gate = Gate([0, 1, 2], 3)
     come(gate, 0, 1)
-    gate.take_token(1, "first-1", False)
+    gate.take_token(1, False)
     waiting = decode(TeamStatus, encode(gate.status(3_000_000_001)))
     assert (waiting.state, waiting.epoch, waiting.team_size) == (TeamState.WAITING, 0, 3)
     assert ns_from_time(waiting.header.stamp) == 3_000_000_001
@@ -165,7 +165,7 @@ def test_go_is_never_taken_back() -> None:
     come(gate, 0, 1)
     gate.try_go(5)
     for robot_id in (0, 1):
-        gate.take_token(robot_id, f"first-{robot_id}", False)
+        gate.take_token(robot_id, False)
     gate.check_silence(100.0)
     come(gate, 1, state=BOOT)
     after = gate.status(7)
@@ -195,5 +195,5 @@ def test_all_running_waits_for_the_robots_that_count() -> None:
     gate.take_status(0, status(0, RUNNING, 1), 1.0)
     gate.take_status(1, status(1, RUNNING, 1), 1.0)
     assert not gate.all_running()
-    gate.take_token(2, "first-2", False)
+    gate.take_token(2, False)
     assert gate.all_running()

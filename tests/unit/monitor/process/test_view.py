@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from support.gate_feed import come
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.monitor_desk import Desk, Open, Robot
@@ -173,4 +174,16 @@ def test_a_monitor_of_an_older_version_names_the_missing() -> None:
     """Its status has no words for what it waits for."""
     team = FollowedTeam()
     team.take_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
-    assert team.waiting_for() == "robot_1, robot_4"
+    assert [event.text for event in team.take_events()] == [
+        "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet"
+    ]
+
+
+def test_robots_that_run_give_no_go() -> None:
+    """A view that has not received the running monitor's status yet would end before it has named the difference."""
+    team = FollowedTeam(3)
+    come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
+    assert not team.gone
+    team.take_team(TeamStatus(state=TeamState.GO, epoch=1, team_size=2, ready=np.array([0, 1], np.int32)))
+    assert team.all_running()
+    assert [event.kind for event in team.take_events()] == ["status", "team"]

@@ -11,9 +11,9 @@ def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
     """No process yet, gone, no status yet, the robot's own text, a fault, hung; nothing once GO is out."""
     gate = Gate([0, 1, 2, 3, 4, 5], 6)
     come(gate, 1, 4, 5)
-    gate.take_token(1, "first-1", False)
-    gate.take_token(2, "a", True)
-    gate.take_token(3, "a", True)
+    gate.take_token(1, False)
+    gate.take_token(2, True)
+    gate.take_token(3, True)
     gate.take_status(3, status(3, BOOT, text="waiting for base_scan"), 0.0)
     gate.take_status(4, status(4, FAULT, text="laser dead"), 0.0)
     assert gate.waiting_for() == gate.status(1).waiting_for
@@ -37,7 +37,7 @@ def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> Non
     come(gate, 0)
     come(gate, 4, state=BOOT)
     assert gate.waiting_for() == "1 more of any id; robot_4: not ready yet"
-    assert gate.awaited() == "robot_4, 1 more of any id"
+    assert gate.waiting_for(reasons=False) == "1 more of any id, robot_4"
     come(gate, 6, state=BOOT)
     assert gate.waiting_for() == "robot_4: not ready yet; robot_6: not ready yet"
 
@@ -68,7 +68,7 @@ def test_robots_that_cannot_follow_are_told_before_go() -> None:
     """A circle, and a leader that GO does not wait for, each once; a leader that is still to come is not missed."""
     gate = Gate([0, 1, 2], 3)
     for robot_id, leader in ((0, 1), (1, 0), (2, 9)):
-        gate.take_token(robot_id, "a", True)
+        gate.take_token(robot_id, True)
         gate.take_status(robot_id, msgspec.structs.replace(status(robot_id), leader=leader), 0.0)
     told(gate)
     assert gate.try_go(1)
@@ -80,7 +80,7 @@ def test_robots_that_cannot_follow_are_told_before_go() -> None:
     gate.check_leaders(9.0)
     assert told(gate) == []
     waiting = Gate(None, 2)
-    waiting.take_token(1, "a", True)
+    waiting.take_token(1, True)
     waiting.take_status(1, msgspec.structs.replace(status(1, BOOT), leader=9), 0.0)
     for now in (10.0, 20.0):
         waiting.check_leaders(now)

@@ -5,12 +5,14 @@ import socket
 
 import pytest
 
+from support.lockstep_doubles import show_simulator
 from support.log_capture import captured_log
 from support.named_sessions import open_named
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import Every
 from zteam.messages import Odometry, TFMessage, Twist
+from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
@@ -26,7 +28,7 @@ class Desk:
     def __init__(self, hub: MemoryHub) -> None:
         self.node = ProcessNode(names.MONITOR, hub.bus(), Stop())
         self._gate = Gate(None, 1)
-        self.watch = WriterWatch(self.node, self._gate)
+        self.watch = WriterWatch(self.node, self._gate, TeamObserver(self.node.bus))
 
     def tell(self) -> list[tuple[str, int | None, str]]:
         """What the next look tells."""
@@ -67,7 +69,7 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     """Each change is told once, with the names of the processes that have one."""
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
     simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
-    desk.watch.tokens.take(names.SIMULATOR, simulator.instance, True)
+    simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance))
     commanding = [open_named(hub, name) for name in ("robot_0", "joystick")]
     publishers = [bus.publisher("robot_0/cmd_vel", Twist) for bus in commanding]
     robot, joystick = (bus.instance for bus in commanding)
@@ -106,23 +108,21 @@ def test_two_bases_of_a_robot_are_told(hub: MemoryHub, desk: Desk, monkeypatch: 
 
 def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
     """Without an answer of the simulator nothing new is told."""
-    desk.watch.tokens.take(names.SIMULATOR, "s1", True)
+    hub.bus().declare_token(names.token_key(names.SIMULATOR, "s1"))
     assert desk.tell() == []
 
 
-def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
-    """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
+def test_without_a_simulator_the_sessions_say_which_command(
+    hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With one it knows better: it has a publisher of the commands itself."""
+    monkeypatch.setattr(desk.watch, "_ask_all", Every(0.0))
     robot, rival = open_named(hub, "robot_3"), open_named(hub, "joystick")
     publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
-    desk.tell()
-    for publisher in publishers:
-        publisher.put(Twist())
-    assert desk.tell() == []
-    desk.node.clock.use_wall()
-    assert desk.tell() == []
-    publishers[0].put(Twist())
-    assert desk.tell() == []
-    publishers[1].put(Twist())
     ((kind, robot_id, text),) = desk.tell()
     assert (kind, robot_id) == ("writers", 3)
     assert "2 processes: robot_3 (process " in text and ", joystick (process " in text
+    simulator = show_simulator(hub.bus())
+    assert desk.tell() == [("writers", 3, "is commanded by one process again")]
+    simulator.close()
+    assert len(desk.tell()) == len(publishers) - 1
