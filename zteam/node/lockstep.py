@@ -3,6 +3,7 @@
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
+from enum import Enum, auto
 
 import msgspec
 
@@ -90,6 +91,24 @@ class Lacking(msgspec.Struct):
     keys: list[str]
 
 
+class TickState(Enum):
+    """What a participant has made of the newest tick.
+
+    A new tick is UNLISTED or OPEN. OPEN becomes ACTING, and ACTING becomes ANSWERED; a tick that comes once more after
+    that is ANSWERED at once. All become NONE with the end of the simulator.
+    """
+
+    NONE = auto()
+    """There is no simulator in lock-step."""
+    UNLISTED = auto()
+    """It does not list the participant, which has asked to be let in."""
+    OPEN = auto()
+    """It waits for this process's step."""
+    ACTING = auto()
+    """The step is under way."""
+    ANSWERED = auto()
+
+
 class Participant:
     """A process's part in the ticks: `begin` returns the open one once its inputs are there, and `answer` ends it.
     Without a simulator in lock-step it does nothing. The protocol in words: docs/time.md.
@@ -106,11 +125,7 @@ class Participant:
     """The participants at the time of `team`."""
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
-    is_open = False
-    """Whether it waits for this process's step."""
-    is_answered = False
-    """Whether it was answered. Neither holds while the step is under way, and where the simulator does not list the
-    participant, which has asked to be let in."""
+    _state = TickState.NONE
     _heard = _begun = 0.0
     """When it came and when its step began, in host time."""
     stamp = 0
@@ -146,14 +161,24 @@ class Participant:
     @property
     def active(self) -> bool:
         """Whether this is lock-step."""
-        return self.tick is not None
+        return self._state is not TickState.NONE
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a tick waits for this process's step."""
+        return self._state is TickState.OPEN
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether the newest tick was answered."""
+        return self._state is TickState.ANSWERED
 
     def begin(self) -> Tick | None:
         """The open tick, if its last input has come; the caller answers it."""
         tick = self.tick
         if tick is None or not self.is_open or not self._ready(tick):
             return None
-        self.is_open, self._begun = False, monotonic()
+        self._state, self._begun = TickState.ACTING, monotonic()
         return tick
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
@@ -164,7 +189,7 @@ class Participant:
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
             (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
-        self.is_answered = True
+        self._state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
 
@@ -186,12 +211,12 @@ class Participant:
         self.stamp = ns_from_time(tick.stamp)
         self.robots = frozenset(tick.robots.tolist())
         self._node.set_time(self.stamp)
-        was_open, self.is_open, self.is_answered = self.is_open, False, False
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
+            self._state = TickState.UNLISTED
             self._done.put(Done(tick.epoch, tick.tick))
             return
-        seen = before if before is not None and was_open else self._answer
+        seen = before if before is not None and self.is_open else self._answer
         is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
         if tick.participants != self._listed:
             # What leaves during a tick may be back in the next one, as another process.
@@ -199,14 +224,14 @@ class Participant:
             if is_new:
                 ids = map(names.robot_id_of, tick.participants)
                 self.team = tuple(sorted(i for i in ids if i is not None))
-        if is_new or was_open:
-            self.is_open, self._heard = True, monotonic()
+        if is_new or self.is_open:
+            self._state, self._heard = TickState.OPEN, monotonic()
         else:
-            self.is_answered = True
+            self._state = TickState.ANSWERED
             self.repeat()
             self._done.put(self._answer)
 
     def _forget(self) -> None:
         self.tick = None
-        self.is_open = self.is_answered = False
+        self._state = TickState.NONE
         self._answer = Done()
