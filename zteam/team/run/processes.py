@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -16,7 +17,7 @@ from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
-from zteam.team.chaos.links import Links, Wire, no_link
+from zteam.team.chaos.means import Wire, no_link
 from zteam.team.launch.plan import MEMBER, LaunchPlan
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
@@ -25,6 +26,9 @@ from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.namespace import refuse_second_team
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 from zteam.team.security.certificates import ACCESS, files_of, prepare
+
+if TYPE_CHECKING:
+    from zteam.team.chaos.links import Links
 
 log = logging.getLogger("zteam")
 
@@ -112,7 +116,7 @@ class Processes:
         *,
         name: str = names.LAUNCHER,
         stop: Stop | None = None,
-        links: Links | None = None,
+        links: "Links | None" = None,
         certificates: Path | None = None,
         listen: str | None = None,
         environment: Callable[[], Mapping[str, str]] = dict,

@@ -17,9 +17,8 @@ from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
-from zteam.team.chaos.means import Means
+from zteam.team.chaos.means import Means, Signals
 from zteam.team.chaos.run import ChaosReport, ChaosThread
-from zteam.team.chaos.signals import Signals
 from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick

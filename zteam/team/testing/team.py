@@ -37,7 +37,6 @@ from zteam.robot.behaviors import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS, look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, SimulatorClient, StepRequest
-from zteam.team.chaos.links import Links
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
@@ -424,6 +423,8 @@ class TeamFixture:
         if chaos and in_process:
             raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
         if chaos and self._processes.links is None:
+            from zteam.team.chaos.links import Links
+
             self._processes.links = Links()
 
     @property

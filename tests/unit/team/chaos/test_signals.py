@@ -15,8 +15,7 @@ from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.config.fault import Fault
 from zteam.errors import BusError
 from zteam.node.kinds import ROUTER
-from zteam.team.chaos.means import Stroke, means_on_bus
-from zteam.team.chaos.signals import Signals
+from zteam.team.chaos.means import Signals, Stroke, means_on_bus
 from zteam.team.launch.process import spawn
 
 SLEEP = "import signal; print('up', flush=True); signal.pause()"
