@@ -13,9 +13,9 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from zteam.bus import MemoryHub
     from zteam.robot.trials.check import find_faults
-    from zteam.team.testing.errors import TeamFailure, TeamTimeout
     from zteam.team.testing.in_memory import RunningNode, make_view, run_node
     from zteam.team.testing.team import TeamFixture as Team
+    from zteam.team.testing.watch import TeamFailure, TeamTimeout
 
 __all__ = [
     "MemoryHub",
@@ -32,8 +32,8 @@ __all__ = [
 _MODULES = {
     "MemoryHub": "zteam.bus",
     "Team": "zteam.team.testing.team",
-    "TeamFailure": "zteam.team.testing.errors",
-    "TeamTimeout": "zteam.team.testing.errors",
+    "TeamFailure": "zteam.team.testing.watch",
+    "TeamTimeout": "zteam.team.testing.watch",
     "find_faults": "zteam.robot.trials.check",
 }
 """Where these are; the rest is in `in_memory`."""

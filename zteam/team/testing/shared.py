@@ -16,12 +16,9 @@ from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.simulator.client import SimulatorClient
 from zteam.team.launch.supervisor import Member
-from zteam.team.launch.team_launch import TeamLaunch
-from zteam.team.testing.errors import TeamTimeout
 from zteam.team.testing.hangs import LOOK
-from zteam.team.testing.own_nodes import NO_NODES, OwnNodes
 from zteam.team.testing.team import TeamFixture
-from zteam.team.testing.watch import START_LIMIT
+from zteam.team.testing.watch import TeamTimeout
 
 log = logging.getLogger("zteam")
 
@@ -58,11 +55,7 @@ class SharedTeam(TeamFixture):
             self._end()
         self._call = None
         begin(*args, **kwargs)
-        self._call = call
-
-    def _launch(self, launch: TeamLaunch, in_process: bool, own: OwnNodes = NO_NODES) -> None:
-        super()._launch(launch, in_process, own)
-        self._kept = self._kept_members()
+        self._call, self._kept = call, self._kept_members()
 
     def _kept_members(self) -> dict[str, Member]:
         return {name: member for name, member in self._run.supervisor.members.items() if name in _KEPT}
@@ -74,7 +67,7 @@ class SharedTeam(TeamFixture):
 
     def clear(self) -> None:
         """After a test: end all processes but router and simulator."""
-        if self._call is None or self._in_process is not None:
+        if self._call is None or self._watch.threads is not None:
             return
         others = [name for name in self._run.supervisor.members if name not in _KEPT]
         for name, process in self._run.supervisor.processes.items():
@@ -101,22 +94,21 @@ class SharedTeam(TeamFixture):
         if self._call is not None:
             begin, arguments = self._call
             begin(**arguments)
+            self._kept = self._kept_members()
 
     def _goes_on(self) -> bool:
         """Whether router and simulator are those of the start, have not been frozen, and are past the first tick."""
         kept = self._kept_members()
         # A team in this process starts as fast as it would be put back.
-        if self._call is None or self._in_process is not None:
+        if self._call is None or self._watch.threads is not None:
             return False
         if kept != self._kept or _KEPT & self._watch.may_end or not all(member.running for member in kept.values()):
             return False
-        # Not that of `bus`, which fails for a process that the test before has ended.
-        bus = self._run.members.bus
-        if names.SIMULATOR not in kept or bus is None:
+        if names.SIMULATOR not in kept:
             return False
         try:
             # A first tick that is held takes no change.
-            return not self._watch.interval or SimulatorClient(bus, LOOK).report().ticks > 0
+            return not self._watch.interval or SimulatorClient(self._watch.bus, LOOK).report().ticks > 0
         except ZteamError:
             return False
 
@@ -127,13 +119,11 @@ class SharedTeam(TeamFixture):
         if self._processes.links is not None:
             self._processes.links.heal()
         self._run.reconnect()
-        self._observe()
+        self._watch.observe()
         # What is known of the simulator is known of the others too.
-        if not self._watch.wait(
-            lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended)), START_LIMIT
-        ):
+        if not self._watch.wait(lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended))):
             raise TeamTimeout(f"the simulator is gone, or a name of {self._ended} is still held")
         self.sim.begin_anew()
-        self._expect()
+        self._watch.expect_members()
         self._processes.start_missing(self._run.plan.jobs)
-        self._wait_for_members()
+        self._watch.wait_for_members()
