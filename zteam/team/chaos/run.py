@@ -4,7 +4,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 
@@ -13,7 +13,7 @@ from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
 from zteam.config.fault import Fault
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError
-from zteam.monitor.observer import RobotView, TeamObserver
+from zteam.monitor.observer import RobotView
 from zteam.node.kinds import kind_of
 from zteam.team.chaos.means import Means, Stroke
 from zteam.team.chaos.watchdog import Violation, Watchdog
@@ -212,38 +212,23 @@ def describe(outcome: Outcome) -> str:
     return f"{outcome.fault} {outcome.name}: recovered after {outcome.recovery:.2f} s"
 
 
-class ChaosThread:
-    """Carries out the plan of a run beside it."""
+def carry_out_beside(
+    plan: Sequence[Fault], watchdog: Watchdog, means: Means, planned: Callable[[Fault], bool]
+) -> Callable[[], ChaosReport]:
+    """Carry out the plan of a run in a thread. The function that is returned ends what is open, and reports; a second
+    call reports the same."""
+    stopping, pool = threading.Event(), ThreadPoolExecutor(1, "chaos")
+    result = pool.submit(carry_out, plan, watchdog, means, planned=planned, stopping=stopping.is_set)
+    # The thread ends with the plan.
+    pool.shutdown(wait=False)
 
-    def __init__(
-        self,
-        plan: Sequence[Fault],
-        observer: TeamObserver,
-        means: Means,
-        planned: Callable[[Fault], bool],
-        *,
-        lockstep: bool,
-    ) -> None:
-        self._stopping = False
-        self._watchdog = Watchdog(observer, lockstep=lockstep)
-        self._result = Future[ChaosReport]()
+    def stop() -> ChaosReport:
+        stopping.set()
+        with watchdog.team.changed:
+            watchdog.team.changed.notify_all()
+        return result.result()
 
-        def run() -> None:
-            try:
-                self._result.set_result(
-                    carry_out(plan, self._watchdog, means, planned=planned, stopping=lambda: self._stopping)
-                )
-            except BaseException as error:
-                self._result.set_exception(error)
-
-        threading.Thread(target=run, name="chaos", daemon=True).start()
-
-    def stop(self) -> ChaosReport:
-        """End what is open, and report. A second call reports the same."""
-        self._stopping = True
-        with self._watchdog.team.changed:
-            self._watchdog.team.changed.notify_all()
-        return self._result.result()
+    return stop
 
 
 HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "back last", "")

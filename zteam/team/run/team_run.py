@@ -18,7 +18,8 @@ from zteam.node.kinds import kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.chaos.run import ChaosReport, ChaosThread
+from zteam.team.chaos.run import ChaosReport, carry_out_beside
+from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
@@ -89,7 +90,7 @@ class TeamRun:
         """None before there is a bus, and in a test."""
         self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
-        self._faults: ChaosThread | None = None
+        self._end_faults: Callable[[], ChaosReport] | None = None
         self._starts: RobotStarts | None = None
         self._hung: set[str] = set()
         self._ends = ExitStack()
@@ -144,14 +145,10 @@ class TeamRun:
             self._starts = RobotStarts(self.launch, self.plan, self.supervisor, tools, new)
         if self.launch.faults:
             # The simulator of lock-step knows its own already.
-            self._faults = ChaosThread(
-                self.launch.faults,
-                self._observer,
-                Means(self.signals.send, self.members.change_link),
-                self.launch.is_simulated,
-                lockstep=self.launch.pace.lockstep,
-            )
-            self._ends.callback(self._faults.stop)
+            watchdog = Watchdog(self._observer, lockstep=self.launch.pace.lockstep)
+            means = Means(self.signals.send, self.members.change_link)
+            self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
+            self._ends.callback(self._end_faults)
         self._enter(RunState.RUNNING)
         if self._stop.requested:
             self._wake()
@@ -243,7 +240,7 @@ class TeamRun:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         bus, has_counts = self.members.bus, self.launch.world is not None and not self._stop.requested
         report = read_report(bus) if bus is not None and has_counts else None
-        self.chaos = None if self._faults is None else self._faults.stop()
+        self.chaos = None if self._end_faults is None else self._end_faults()
         self.supervisor.measure()
         # Measured while the others run: afterwards the pages that are shared with them would be counted here alone.
         own = [process_row(name, pid) for name, pid in self.members.pids.items()]

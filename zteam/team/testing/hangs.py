@@ -1,4 +1,4 @@
-"""Whether processes hang, and where: in which line of the user's code one is that gives no sign of life."""
+"""Where a process hangs: in which line of the user's code one is that gives no sign of life."""
 
 import contextlib
 import fcntl
@@ -13,30 +13,10 @@ from zteam.node.faults import STACK_SIGNALS, STACKS, unreturned_calls
 
 LOOK = 1.0
 """Host seconds between two looks at what is waited for."""
-_LONGEST_LOOK = 5.0
-"""More between two looks is a pause of this process, or of the machine: the silence of others is its own."""
 _ANSWER = 1.0 * HOST_FACTOR
 """Host seconds for a process to write its stacks on a signal; a frozen one writes none."""
 _WHOLE = 0.3 * HOST_FACTOR
 """Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
-
-
-class Wait:
-    """A wait that looks from time to time whether something hangs."""
-
-    def __init__(self) -> None:
-        self.since = self._looked = monotonic()
-        """Host time from which on the silence of a process is its own."""
-
-    def is_due(self) -> bool:
-        """Whether to look now."""
-        now = monotonic()
-        if now - self._looked > _LONGEST_LOOK:
-            self.since = self._looked = now
-        due = now - self._looked >= LOOK
-        if due:
-            self._looked = now
-        return due
 
 
 class Stacks:

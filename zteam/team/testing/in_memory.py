@@ -64,8 +64,19 @@ class RunningNode:
     """A node that runs in a thread, and a simulator by hand that gives it its ticks. A context manager."""
 
     def __init__(
-        self, body: Callable[[Node], None], hub: MemoryHub, name: str, robots: Sequence[int], clock: ClockMode
+        self,
+        body: Callable[[Any], None],
+        hub: MemoryHub,
+        *,
+        name: str = "node",
+        robots: Sequence[int] = (),
+        clock: ClockMode = "auto",
     ) -> None:
+        """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
+
+        `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The
+        end of the `with` stops and closes the node, and raises the error that ended it.
+        """
         self.bus: Bus = hub.bus()
         """The test's own session, which is the node's simulator too."""
         self._stop = Stop()
@@ -74,7 +85,6 @@ class RunningNode:
         self._robots = np.array(sorted(robots), np.int32)
         self._epoch, self._tick = 1, 0
         self._failure: BaseException | None = None
-        self._told = False
         self._up = threading.Event()
         self._answers: list[Done] = []
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -89,9 +99,7 @@ class RunningNode:
         self._thread.start()
         if not self._up.wait(LIMIT):
             raise ZteamError(f"{self.node.name}: node.run was not called within {LIMIT:g} s")
-        if self._failure is not None:
-            self.__exit__(None)
-        if not self.node.present:
+        if self._failure is not None or not self.node.present:
             self.__exit__(None)
             raise ZteamError(f"{self.node.name}: the body returned without node.run(step)")
         return self
@@ -113,9 +121,9 @@ class RunningNode:
             self._up.set()
 
     def _raise_failure(self) -> None:
-        if self._failure is not None and not self._told:
-            self._told = True
-            raise self._failure
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
     @property
     def next_time(self) -> float:
@@ -164,17 +172,4 @@ class RunningNode:
         self._ticks.put(Tick(stamp, self._epoch, self._tick + 1, self._robots, [*listed, names.AGGREGATOR]))
 
 
-def run_node(
-    body: Callable[[Any], None],
-    hub: MemoryHub,
-    *,
-    name: str = "node",
-    robots: Sequence[int] = (),
-    clock: ClockMode = "auto",
-) -> RunningNode:
-    """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
-
-    `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The end
-    of the `with` stops and closes the node, and raises the error that ended it.
-    """
-    return RunningNode(body, hub, name, robots, clock)
+run_node = RunningNode

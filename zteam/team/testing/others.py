@@ -59,14 +59,15 @@ class Others:
         self,
         bus: Bus,
         seen: TeamObserver,
-        take_line: Callable[[str, str], None],
+        take_log: Callable[[str, int, str], None],
         not_awaited: Callable[[], set[str]],
         own_pids: Callable[[], set[int]],
     ) -> None:
-        """`take_line(name, line)`: a process has logged a line. `not_awaited()` are the processes that may end, or that
-        the fixture has started itself; `own_pids()` are those of the children of this process that it has started."""
+        """`take_log(name, level, text)`: a process has logged that. `not_awaited()` are the processes that may end, or
+        that the fixture has started itself; `own_pids()` are those of the children of this process that it has started.
+        """
         self._bus, self._seen = bus, seen
-        self._take_line, self._not_awaited, self._own_pids = take_line, not_awaited, own_pids
+        self._take_log, self._not_awaited, self._own_pids = take_log, not_awaited, own_pids
         self._watched: set[str] = set()
         self._expected: set[str] = set()
         self._children: dict[str, int | None] = {}
@@ -77,10 +78,8 @@ class Others:
         """The first child of this process that has ended and was not waited for, and since when; (0, 0) for none."""
         self._left = self._child[0]
         """That of a test before."""
-        self._up = True
         self._faults: dict[str, str] = {}
         """The critical lines of those that an error has ended."""
-        bus.watch_link(self._on_link)
 
     def watch(self, processes: Iterable[str], *, expected: bool) -> None:
         """Watch these from here on, which may come later if they are `expected`."""
@@ -93,11 +92,7 @@ class Others:
     def _take(self, name: str, _key: str, message: Log) -> None:
         if message.level >= logging.CRITICAL and message.function == log_fault.__name__:
             self._faults[name] = message.msg
-        level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
-        self._take_line(name, f"{level}{message.msg}")
-
-    def _on_link(self, up: bool) -> None:
-        self._up = up
+        self._take_log(name, message.level, message.msg)
 
     def fault(self, name: str) -> str:
         """The error that ended one, as it has logged it; empty if there is none."""
@@ -119,7 +114,7 @@ class Others:
 
     def gone(self) -> list[Gone]:
         """Those that must not end, were there and are not. Without the router all would be gone, so none is."""
-        if not self._watched or not self._up:
+        if not self._watched or not self._seen.link_up:
             self._gone_since.clear()
             return []
         found, now = list[Gone](), monotonic()

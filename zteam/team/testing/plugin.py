@@ -30,17 +30,14 @@ _HERE = str(Path(__file__).parent) + os.sep
 _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 
 
-def _give(node: Any, fixture: "TeamFixture") -> Iterator[Any]:
-    node.stash[_TEAM] = fixture
+def _give(request: pytest.FixtureRequest, kind: type["TeamFixture"]) -> Iterator[Any]:
+    fixture = kind(request.config.rootpath, live=request.config.getoption("capture") == "no")
+    request.node.stash[_TEAM] = fixture
     try:
         yield fixture
     finally:
         fixture.close()
-        del node.stash[_TEAM]
-
-
-def _is_live(request: pytest.FixtureRequest) -> bool:
-    return bool(request.config.getoption("capture") == "no")
+        del request.node.stash[_TEAM]
 
 
 @pytest.fixture
@@ -48,7 +45,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
     """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
     from zteam.team.testing.team import TeamFixture
 
-    yield from _give(request.node, TeamFixture(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, TeamFixture)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +57,7 @@ def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """
     from zteam.team.testing.shared import SharedTeam
 
-    yield from _give(request.node, SharedTeam(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, SharedTeam)
 
 
 @pytest.fixture(scope="session")
@@ -68,7 +65,7 @@ def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """As `team_module`, for all tests of the run."""
     from zteam.team.testing.shared import SharedTeam
 
-    yield from _give(request.session, SharedTeam(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, SharedTeam)
 
 
 def _teams(item: pytest.Item) -> "list[TeamFixture]":

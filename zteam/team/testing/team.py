@@ -11,7 +11,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
@@ -23,7 +23,6 @@ from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError
 from zteam.monitor.observer import RobotView, TeamObserver
-from zteam.node.log_client import LogLine
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors import Behavior
@@ -91,7 +90,8 @@ class TeamFixture:
         self._world = World(self._watch)
         self._chaos: TeamChaos | None = None
         self._ends = ExitStack()
-        """Of a team in this process."""
+        """Of what the run leaves."""
+        self._ends.callback(self._stacks.close)
         self._has_team = False
 
     def _open(self) -> None:
@@ -149,19 +149,13 @@ class TeamFixture:
 
     def close(self) -> None:
         """Stop everything, in order."""
-        try:
-            if self._watch.threads is not None:
-                # What hangs was told to end when it was noticed.
-                close_in_time(
-                    partial(self._run.__exit__, None, None, None), _SHORT_GRACE if self._watch.hangs else GRACE
-                )
+        with self._ends:
+            leave = partial(self._run.__exit__, None, None, None)
+            if self._watch.threads is None:
+                leave()
             else:
-                self._run.__exit__(None, None, None)
-        finally:
-            self._ends.close()
-            if self._processes.links is not None:
-                self._processes.links.close()
-            self._stacks.close()
+                # What hangs was told to end when it was noticed.
+                close_in_time(leave, _SHORT_GRACE if self._watch.hangs else GRACE)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -277,7 +271,8 @@ class TeamFixture:
         itself may do everything, and tools what the team file grants `operator`.
         """
         if secure is not None:
-            self._need_processes("launch(secure=…)")
+            if in_process:
+                raise UsageError("team.launch: secure gives certificates to processes: leave it or in_process out")
             self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
@@ -360,13 +355,10 @@ class TeamFixture:
         # As a process of the team logs.
         self._ends.callback(log.setLevel, log.level)
         log.setLevel(logging.INFO)
-        self._ends.callback(KEEPER.pass_to(self._take_log))
+        take = self._watch.take_log
+        self._ends.callback(KEEPER.pass_to(lambda line: take(line.process, line.level, line.text)))
         self._processes.close()
         self._run = self._watch.run = TeamRun(Threads(nodes, name=TEST, ends_calls=True), is_launcher=False)
-
-    def _take_log(self, line: LogLine) -> None:
-        level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self._watch.take_line(line.process, f"{level}{line.text}")
 
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
@@ -374,7 +366,7 @@ class TeamFixture:
         if chaos and self._processes.links is None:
             from zteam.team.chaos.links import Links
 
-            self._processes.links = Links()
+            self._processes.links = self._ends.enter_context(closing(Links()))
 
     @property
     def chaos(self) -> TeamChaos:

@@ -3,6 +3,7 @@
 Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
 """
 
+import logging
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import wait
@@ -23,7 +24,7 @@ from zteam.team.launch.process import exit_text
 from zteam.team.launch.supervisor import Member
 from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Threads, in_thread
-from zteam.team.testing.hangs import LOOK, Stacks, Wait
+from zteam.team.testing.hangs import LOOK, Stacks
 from zteam.team.testing.others import RETURN, Others
 
 OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
@@ -36,6 +37,9 @@ _SILENT_AFTER = 1.5
 """Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
+_LONGEST_LOOK = 5.0
+"""More host seconds between two looks are a pause of this process, or of the machine: the silence of others is its own.
+"""
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
 
@@ -119,7 +123,7 @@ class Watch:
         """Watch the team on a session that was opened."""
         self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
         if self.threads is None:
-            self._others = Others(self.bus, self.seen, self.take_line, self._not_awaited, self._own_pids)
+            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited, self._own_pids)
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
         """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
@@ -187,6 +191,11 @@ class Watch:
         if len(self.log) > 2 * _KEPT_LINES:
             del self.log[:_KEPT_LINES]
 
+    def take_log(self, name: str, level: int, text: str) -> None:
+        """A node of this process, or one that the test has started, has logged a text."""
+        told = "" if level == logging.INFO else f"{logging.getLevelName(level).lower()}: "
+        self.take_line(name, f"{told}{text}")
+
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
         return [line for process, line in self.log if process == name]
@@ -217,16 +226,24 @@ class Watch:
 
     def wait(self, condition: Callable[[], bool], limit: float = START_LIMIT) -> bool:
         """Whether `condition()` comes true within `limit` host seconds."""
-        wait, deadline = Wait(), monotonic() + limit
+        # From `since` on the silence of a process is its own.
+        since = looked = now = monotonic()
+        deadline = now + limit
         while True:
+            # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self.seen.version
             if condition():
                 return True
-            self.look_for_hangs(wait)
-            if monotonic() >= deadline:
+            now = monotonic()
+            if now - looked > _LONGEST_LOOK:
+                since = looked = now
+            elif now - looked >= LOOK:
+                looked = now
+                self.look_for_hangs(since)
+            if now >= deadline:
                 return False
             # The end of a process is no news on the bus, so check from time to time.
-            self.seen.wait_for_news(seen, min(0.2, max(0.0, deadline - monotonic())))
+            self.seen.wait_for_news(seen, min(0.2, deadline - now))
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()`. Raises TeamTimeout."""
@@ -295,10 +312,10 @@ class Watch:
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
         self.hangs[name] = f"{name} hangs: {text}"
 
-    def look_for_hangs(self, wait: Wait) -> None:
-        """Notice, during a wait, the processes that were left behind, or that are silent; of nodes in this process the
-        watch on the calls does so."""
-        if self.threads is not None or not wait.is_due() or not self._is_in_view:
+    def look_for_hangs(self, since: float) -> None:
+        """Notice the processes that were left behind, or that are silent in a wait `since` this host time; of nodes in
+        this process the watch on the calls does so."""
+        if self.threads is not None or not self._is_in_view:
             return
         if self.interval:
             with suppress(BusError):
@@ -306,7 +323,7 @@ class Watch:
         else:
             limit = max(self.silence_limit, _SILENT_AFTER)
             for name, spoke in self._silent():
-                if max(spoke, wait.since) < monotonic() - limit:
+                if max(spoke, since) < monotonic() - limit:
                     self._note_hang(name, f"it gives no sign of life for {self.silence_limit:g} s")
         self.check()
 
@@ -337,12 +354,6 @@ class Watch:
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
-        try:
-            self._check_at_end()
-        finally:
-            self._at_end = False
-
-    def _check_at_end(self) -> None:
         self.check()
         if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.

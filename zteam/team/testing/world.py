@@ -9,14 +9,14 @@ from concurrent.futures import wait
 from functools import partial
 
 from zteam import names
-from zteam.clock import HOST_FACTOR, monotonic
+from zteam.clock import HOST_FACTOR
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamState
 from zteam.node.kinds import kind_of
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.run.team_run import RunState
 from zteam.team.run.threads import in_thread
-from zteam.team.testing.hangs import LOOK, Wait
+from zteam.team.testing.hangs import LOOK
 from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch
 
 STALL_LIMIT = 60.0 * HOST_FACTOR
@@ -92,21 +92,21 @@ class World:
             self._step(1)
 
     def _until_in_real_time(self, condition: Callable[[], bool], end: float, within: float) -> None:
-        last, quiet_since, watch = self.now, monotonic(), Wait()
-        while True:
-            # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
-            seen = self._watch.view.version
-            if condition():
-                self._watch.wait_for_silent()
-                return
-            if self.now > end:
-                raise self._not_true(within)
-            self._watch.look_for_hangs(watch)
-            if self.now != last:
-                last, quiet_since = self.now, monotonic()
-            elif monotonic() - quiet_since > STALL_LIMIT:
+        came_true = False
+
+        def is_over() -> bool:
+            nonlocal came_true
+            came_true = condition()
+            return came_true or self.now > end
+
+        last = self.now
+        while not self._watch.wait(is_over, STALL_LIMIT):
+            if self.now == last:
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
-            self._watch.seen.wait_for_news(seen, 1.0)
+            last = self.now
+        if not came_true:
+            raise self._not_true(within)
+        self._watch.wait_for_silent()
 
     def _not_true(self, within: float) -> TeamTimeout:
         """The error of a condition that did not come true, with where the robots are."""
