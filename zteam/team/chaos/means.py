@@ -141,30 +141,21 @@ class Means(NamedTuple):
     """In lock-step: carries out a fault in the world; None in real time."""
 
 
-class Stroke:
-    """One fault on its way. Raises ZteamError if it cannot begin or end."""
-
-    def __init__(self, fault: Fault, means: Means) -> None:
-        """Begin it."""
-        self.fault, self._means = fault, means
-        self.in_world = means.simulate is not None and is_simulated(fault)
-        """Whether the simulator carries it out, and ends it too."""
-        if means.simulate is not None and self.in_world:
-            means.simulate(fault)
-        elif fault.fault in ("kill", "pause"):
-            means.signal(fault.name, fault.fault, fault.lasts)
-        else:
-            wire = Wire(stalled=True) if fault.fault == "cut" else Wire(fault.delay, fault.rate)
-            means.change_link(fault.name, wire, fault.seconds + _MARGIN)
-
-    def end(self) -> None:
-        """End it."""
-        if self.in_world or self.fault.fault == "kill":
-            return
-        if self.fault.fault == "pause":
-            self._means.signal(self.fault.name, "resume", 0.0)
-        else:
-            self._means.change_link(self.fault.name, Wire(), 0.0)
+def strike(fault: Fault, means: Means) -> Callable[[], object]:
+    """Begin a fault; returns what ends it, which is nothing for a kill, and where the simulator does so. Both raise
+    ZteamError."""
+    name = fault.name
+    if means.simulate is not None and is_simulated(fault):
+        means.simulate(fault)
+    elif fault.fault in ("kill", "pause"):
+        means.signal(name, fault.fault, fault.lasts)
+        if fault.fault == "pause":
+            return partial(means.signal, name, "resume", 0.0)
+    else:
+        wire = Wire(stalled=True) if fault.fault == "cut" else Wire(fault.delay, fault.rate)
+        means.change_link(name, wire, fault.seconds + _MARGIN)
+        return partial(means.change_link, name, Wire(), 0.0)
+    return lambda: None
 
 
 def means_on_bus(bus: Bus, *, lockstep: bool) -> Means:

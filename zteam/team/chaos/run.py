@@ -15,7 +15,8 @@ from zteam.config.numbers import counted
 from zteam.errors import ZteamError
 from zteam.monitor.observer import RobotView
 from zteam.node.kinds import kind_of
-from zteam.team.chaos.means import Means, Stroke
+from zteam.simulator.faults import is_simulated
+from zteam.team.chaos.means import Means, strike
 from zteam.team.chaos.watchdog import Violation, Watchdog
 
 log = logging.getLogger("zteam")
@@ -61,10 +62,13 @@ class ChaosReport(msgspec.Struct):
 class _Watched:
     """A fault that has begun, and what it takes to see its end."""
 
-    def __init__(self, fault: Fault, watchdog: Watchdog, *, planned: bool) -> None:
-        self.fault = fault
-        self.stroke: Stroke | None = None
-        """None for a fault that the simulator knows already."""
+    def __init__(self, fault: Fault, watchdog: Watchdog, means: Means, *, planned: bool) -> None:
+        """`planned`: the simulator knows it already."""
+        self.fault, self._means, self._planned = fault, means, planned
+        self.in_world = planned or (means.simulate is not None and is_simulated(fault))
+        """Whether the simulator carries it out."""
+        self._heal: Callable[[], object] = lambda: None
+        """What ends it."""
         self.outcome = Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts)
         self._watchdog = watchdog
         self._before = watchdog.team.instances(fault.name)
@@ -83,12 +87,13 @@ class _Watched:
         if fault.fault == "kill":
             self.end()
 
-    def begin(self, means: Means, say: Callable[[str], None], *, planned: bool) -> bool:
+    def begin(self, say: Callable[[str], None]) -> bool:
         """Carry it out, unless the simulator knows of it; whether that is possible."""
         fault, at = self.fault, f"{self._watchdog.elapsed:.1f} s"
         told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
         try:
-            self.stroke = None if planned else Stroke(fault, means)
+            if not self._planned:
+                self._heal = strike(fault, self._means)
             say(f"{at}: {told}")
         except ZteamError as error:
             self.outcome.problem = str(error)
@@ -115,18 +120,12 @@ class _Watched:
         if self.has_ended:
             return
         try:
-            if self.stroke is not None:
-                self.stroke.end()
+            self._heal()
         except ZteamError as error:
             # A process that was killed meanwhile.
             say(f"{self.fault.fault} {self.fault.name} could not be ended: {error}")
         self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
         self._ended_at, self.has_ended = monotonic(), True
-
-    @property
-    def in_world(self) -> bool:
-        """Whether the simulator carries it out."""
-        return self.stroke is None or self.stroke.in_world
 
     @property
     def has_recovered(self) -> bool:
@@ -188,13 +187,13 @@ def carry_out(
                     say(describe(each.outcome))
                 each.end(say)
             while waiting and watchdog.reaches(waiting[0].at) and not stopping():
-                is_planned = planned(waiting[0])
-                begun = _Watched(waiting.popleft(), watchdog, planned=is_planned)
+                fault = waiting.popleft()
+                begun = _Watched(fault, watchdog, means, planned=planned(fault))
                 outcomes.append(begun.outcome)
-                active += [begun] if begun.begin(means, say, planned=is_planned) else []
+                active += [begun] if begun.begin(say) else []
         # What the simulator has begun meanwhile, in a fast run.
-        missed = [_Watched(fault, watchdog, planned=True) for fault in waiting if planned(fault)]
-        missed = [each for each in missed if watchdog.reaches(each.fault.at)]
+        late = [fault for fault in waiting if planned(fault) and watchdog.reaches(fault.at)]
+        missed = [_Watched(fault, watchdog, means, planned=True) for fault in late]
         active += missed
         outcomes += [each.outcome for each in missed]
     finally:

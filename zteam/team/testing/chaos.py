@@ -9,7 +9,7 @@ from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.monitor.motion import Motion
 from zteam.simulator.faults import is_simulated
-from zteam.team.chaos.means import Means, Stroke
+from zteam.team.chaos.means import Means, strike
 from zteam.team.chaos.run import Outcome, carry_out
 from zteam.team.chaos.watchdog import Watchdog
 from zteam.team.testing.watch import TeamFailure, Watch
@@ -44,12 +44,12 @@ class TeamChaos:
         return self._carry_out(fault, within)
 
     def _carry_out(self, fault: Fault, within: float) -> Outcome:
-        if not self._world.is_go:
+        if not self._watch.is_go:
             raise UsageError(f"team.chaos.{fault.fault}: call team.wait_for_go first: before GO no robot drives")
         if self._tick and is_simulated(fault):
             outcome = self._in_world(fault, within)
         else:
-            self._watch.expect_end(fault.name)
+            self._watch.may_end.add(fault.name)
             ends = fault.fault == "kill" and fault.name not in self._watch.restarts
             outcome = self._in_lockstep(fault) if self._tick or ends else self._in_real_time(fault)
         for found in self._watchdog.violations:
@@ -67,7 +67,7 @@ class TeamChaos:
         world, robot_id = self._world, names.robot_id_of(fault.name)
         motion = Motion() if robot_id is None else self._watch.robot(robot_id).motion
         outcome, drove = Outcome(world.now, fault.fault, fault.name, fault.lasts), motion.moves
-        Stroke(fault, self._means)
+        strike(fault, self._means)
         ticks = -(-to_ns(fault.seconds) // self._tick)
         for k in range(1, ticks + 1):
             world.run(self._tick / 1e9)
@@ -84,16 +84,17 @@ class TeamChaos:
         outcome = Outcome(self._world.now, fault.fault, fault.name, fault.lasts)
         instances = partial(self._watchdog.team.instances, fault.name)
         before = instances()
-        stroke = Stroke(fault, self._means)
+        heal = strike(fault, self._means)
         if fault.fault == "kill":
             ended = monotonic()
             self._watch.wait_for(lambda: not before & instances())
             if fault.name not in self._watch.restarts:
                 return outcome
+            self._watch.wait(lambda: bool(instances()))
             self._world.wait_for_return(fault.name)
         else:
             # Host time: the world stands still while the process does.
-            end = threading.Timer(fault.seconds, stroke.end)  # noqa: TID251
+            end = threading.Timer(fault.seconds, heal)  # noqa: TID251
             end.start()
             # It takes as long as the fault, and goes on.
             self._world.run(fault.seconds)

@@ -23,21 +23,13 @@ class Stacks:
     """The stacks of the processes of a team, each of which writes its own (`zteam.node.faults.offer_stacks`)."""
 
     def __init__(self) -> None:
-        self._folder: Path | None = None
-        """None until a process gets it."""
-
-    @property
-    def environment(self) -> dict[str, str]:
+        self._folder = Path(tempfile.mkdtemp(prefix="zteam_stacks_"))
+        self.environment = {STACKS: str(self._folder)}
         """Lets a process that gets it show where it is."""
-        if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="zteam_stacks_"))
-        return {STACKS: str(self._folder)}
 
     def close(self) -> None:
         """Remove the files."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-        self._folder = None
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def where(self, name: str) -> str:
         """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none."""
@@ -45,8 +37,7 @@ class Stacks:
 
     def _read(self, name: str) -> str:
         """What the living process `name` writes now; empty if it has not offered that."""
-        there = [] if self._folder is None else self._folder.glob(f"{name}.*")
-        found = [path for path in there if path.stem == name and _is_held(path)]
+        found = [path for path in self._folder.glob(f"{name}.*") if path.stem == name and _is_held(path)]
         if not found:
             return ""
         # Of two that claim the name the newer one waits.

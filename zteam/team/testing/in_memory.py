@@ -3,6 +3,7 @@
 The node works in lock-step: a test publishes its inputs and calls `tick`, and `step` has run when `tick` returns.
 """
 
+import functools
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from zteam import names
-from zteam.bus import Bus, MemoryHub, Publisher
+from zteam.bus import Bus, MemoryHub
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
@@ -88,7 +89,7 @@ class RunningNode:
         self._up = threading.Event()
         self._answers: list[Done] = []
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._publishers: dict[tuple[str, type[Message]], Publisher[Any]] = {}
+        self._publisher = functools.cache(self.bus.publisher)
         self._ticks = self.bus.publisher(names.TICK, Tick)
         self.bus.subscribe(names.done_key(name), Done, lambda _, done: self._answers.append(done))
         self.bus.declare_token(names.lockstep_key(self.bus.instance))
@@ -135,10 +136,7 @@ class RunningNode:
         for stamped in (message, *getattr(message, "transforms", ())):
             if hasattr(stamped, "header"):
                 stamped.header.stamp = time_from_ns(to_ns(self.next_time))
-        kind = type(message)
-        if (key, kind) not in self._publishers:
-            self._publishers[key, kind] = self.bus.publisher(key, kind)
-        self._publishers[key, kind].put(message)
+        self._publisher(key, type(message)).put(message)
 
     def tick(self) -> Twist | None:
         """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process.

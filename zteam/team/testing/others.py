@@ -5,6 +5,7 @@ import logging
 import os
 import signal
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -144,12 +145,10 @@ class Others:
         found = None
         for info in find_processes(self._bus, name, timeout=_INFO_LIMIT):
             found = 0
-            try:
+            with suppress(ChildProcessError):
                 if _LOOK:
                     os.waitid(os.P_PID, info.pid, _LOOK)
                     return info.pid
-            except ChildProcessError:
-                continue
         return found
 
 

@@ -7,8 +7,8 @@ import copy
 import inspect
 import logging
 import signal
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from typing import Any
 
 from zteam import names
@@ -28,14 +28,12 @@ _KEPT = frozenset({ROUTER, names.SIMULATOR})
 class SharedTeam(TeamFixture):
     """The `team_module` and `team_session` fixtures."""
 
-    def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
-        super().__init__(rootdir, live=live)
-        self._call: tuple[Callable[..., None], Mapping[str, Any]] | None = None
-        """What has started the team, `start` or `launch`, and its arguments."""
-        self._is_put_back = False
-        """Whether this test may still start the team."""
-        self._ended: list[str] = []
-        """The processes that were ended after the last test."""
+    _call: tuple[Callable[..., None], Mapping[str, Any]] | None = None
+    """What has started the team, `start` or `launch`, and its arguments."""
+    _is_put_back = False
+    """Whether this test may still start the team."""
+    _ended: Collection[str] = ()
+    """The processes that were ended after the last test."""
 
     def start(self, *args: Any, **kwargs: Any) -> None:
         """As `Team.start`. A later test may start the same team again, which is there already, or another one."""
@@ -100,17 +98,14 @@ class SharedTeam(TeamFixture):
         """Whether router and simulator are those of the start, have not been frozen, and are past the first tick."""
         kept = self._kept_members()
         # A team in this process starts as fast as it would be put back.
-        if self._call is None or self._watch.threads is not None:
+        if self._call is None or self._watch.threads is not None or names.SIMULATOR not in kept:
             return False
         if kept != self._kept or _KEPT & self._watch.may_end or not all(member.running for member in kept.values()):
             return False
-        if names.SIMULATOR not in kept:
-            return False
-        try:
+        with suppress(ZteamError):
             # A first tick that is held takes no change.
             return not self._watch.interval or SimulatorClient(self._watch.bus, LOOK).report().ticks > 0
-        except ZteamError:
-            return False
+        return False
 
     def _start_others_anew(self) -> None:
         self._run.supervisor.forget(self._ended)

@@ -22,7 +22,7 @@ from zteam.bus import Bus, BusOptions
 from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError
-from zteam.monitor.observer import RobotView, TeamObserver
+from zteam.monitor.observer import RobotView
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors import Behavior
@@ -94,8 +94,8 @@ class TeamFixture:
         self._ends.callback(self._stacks.close)
         self._has_team = False
 
-    def _open(self) -> None:
-        """Start the router and open the test's own session, unless that was done before.
+    def _opened(self) -> Watch:
+        """The watch, with a router and the test's own session.
 
         All calls that look at the team come here, so they fail for a process that has failed.
         """
@@ -103,10 +103,11 @@ class TeamFixture:
         if self._run.state is RunState.NEW:
             self._run.open()
             self._watch.observe()
+        return self._watch
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
-        self._watch.expect_end(*processes)
+        self._watch.may_end.update(processes)
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
@@ -123,29 +124,22 @@ class TeamFixture:
     @property
     def bus(self) -> Bus:
         """A session in the team's namespace."""
-        self._open()
-        return self._watch.bus
+        return self._opened().bus
 
     @property
     def endpoint(self) -> str:
         """Where the team's router listens."""
         self._need_processes("endpoint")
-        self._open()
+        self._opened()
         return self._processes.endpoint
-
-    @property
-    def _view(self) -> TeamObserver:
-        self._open()
-        return self._watch.seen
 
     def robot(self, robot_id: int) -> RobotView:
         """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
-        self._open()
-        return self._watch.robot(robot_id)
+        return self._opened().robot(robot_id)
 
     def alive(self, name: str) -> bool:
         """Whether a process holds this name on the bus."""
-        return self._view.alive(name)
+        return self._opened().seen.alive(name)
 
     def close(self) -> None:
         """Stop everything, in order."""
@@ -181,7 +175,7 @@ class TeamFixture:
     def _tool_environment(self) -> dict[str, str]:
         """What lets people's tools join this team."""
         self._need_processes("environment")
-        self._open()
+        self._opened()
         return self._processes.environment(OPERATOR)
 
     def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
@@ -230,8 +224,7 @@ class TeamFixture:
 
     def wait_for_processes(self, *processes: str) -> None:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
-        self._open()
-        self._watch.wait_for_processes(*processes)
+        self._opened().wait_for_processes(*processes)
 
     def wait_for_exit(self, name: str) -> int:
         """Wait until a process has ended, which it may do; its exit code."""
@@ -244,8 +237,7 @@ class TeamFixture:
     @property
     def sim(self) -> SimulatorClient:
         """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
-        self._open()
-        return self._watch.sim
+        return self._opened().sim
 
     @property
     def sim_status(self) -> SimStatus:
@@ -345,7 +337,7 @@ class TeamFixture:
                 raise UsageError(f"node {name!r}: the team has a process of this name already")
             plan.own |= nodes
         self._watch.expect_members()
-        self._open()
+        self._opened()
         self._run.start()
         self._watch.wait_for_members()
 
@@ -371,7 +363,7 @@ class TeamFixture:
     @property
     def chaos(self) -> TeamChaos:
         """Faults on purpose that wait for the recovery."""
-        self._open()
+        self._opened()
         if self._chaos is None:
             simulate = self.sim.fault if self._watch.interval else None
             means = Means(self._run.signals.send, self._run.members.change_link, simulate)
@@ -380,9 +372,8 @@ class TeamFixture:
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
-        self._need_processes("kill")
+        process = self._process(name, "kill")
         self._watch.check()
-        process = self._watch.member(name)
         process.stopping = True
         process.kill()
         process.join(START_LIMIT)
@@ -400,8 +391,7 @@ class TeamFixture:
         With the `name` of a process: ask that process to end (SIGTERM), or a node in this process; its exit code.
         """
         if name is None:
-            self._world.need_team("stop")
-            _need_confirmed(self._stops().engage(robots))
+            _need_confirmed(self._stops("stop").engage(robots))
             return None
         if robots is not None:
             raise UsageError("team.stop: give the name of a process to end, or robots to stop")
@@ -412,11 +402,11 @@ class TeamFixture:
 
     def release(self, robots: Collection[int] | None = None) -> None:
         """Let the robots that were stopped go on, all or these."""
-        self._world.need_team("release")
-        _need_confirmed(self._stops().release(robots))
+        _need_confirmed(self._stops("release").release(robots))
 
-    def _stops(self) -> StopClient:
-        return StopClient(self.bus, self._view.process_names)
+    def _stops(self, call: str) -> StopClient:
+        self._world.need_team(call)
+        return StopClient(self.bus, self._watch.seen.process_names)
 
     def pause_process(self, name: str) -> None:
         """Freeze a process (SIGSTOP). From here on it may hang."""
@@ -435,8 +425,7 @@ class TeamFixture:
             (self.kill if self._watch.threads is None else self.stop)(name)
         self._watch.wait(lambda: not self.alive(name))
         self._run.supervisor.restart(name)
-        self.wait_for_processes(name)
-        self._world.wait_until_joined(name)
+        self._world.wait_for_return(name)
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
@@ -464,19 +453,17 @@ class TeamFixture:
     @property
     def now(self) -> float:
         """Simulated seconds."""
-        self._open()
-        return self._world.now
+        return self._opened().seen.now / 1e9
 
     @property
     def is_go(self) -> bool:
         """Whether the monitor has given GO."""
-        self._open()
-        return self._world.is_go
+        return self._opened().is_go
 
     @property
     def status(self) -> Any:
         """The newest TeamStatus, or None."""
-        return self._view.team_status
+        return self._opened().seen.team_status
 
     def wait_for_go(self) -> None:
         """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""

@@ -15,6 +15,7 @@ from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
+from zteam.messages import TeamState
 from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
@@ -105,6 +106,12 @@ class Watch:
         return self.seen
 
     @property
+    def is_go(self) -> bool:
+        """Whether the monitor has given GO. Raises TeamFailure as `check`."""
+        status = self.view.team_status
+        return status is not None and status.state == TeamState.GO
+
+    @property
     def sim(self) -> SimulatorClient:
         """The simulator's queries as calls. Raises TeamFailure as `check`."""
         self.check()
@@ -135,7 +142,7 @@ class Watch:
     def expect_members(self) -> None:
         """From here on the members of the plan belong to the team."""
         self.participants = {*self.run.launch.participants}
-        self.expect_end(*self.run.plan.beside)
+        self.may_end.update(self.run.plan.beside)
 
     def wait_for_members(self) -> None:
         """Wait until all that belong to the team are there, and any robot's pose may be read."""
@@ -147,10 +154,6 @@ class Watch:
             known = self.sim.status().robots
             if not self.wait(lambda: all(self.view.robot(i).truth is not None for i in known)):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
-
-    def expect_end(self, *processes: str) -> None:
-        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
-        self.may_end.update(processes)
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
@@ -300,9 +303,8 @@ class Watch:
 
     def _note_left_behind(self, status: SimStatus) -> None:
         for name in status.hung:
-            self._note_hang(
-                name, f"lock-step left it behind, without an answer for {self.silence_limit:g} s or cut off"
-            )
+            how = f"lock-step left it behind, without an answer for {self.silence_limit:g} s or cut off"
+            self._note_hang(name, how)
 
     def _note_hang(self, name: str, how: str) -> None:
         """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""

@@ -11,7 +11,6 @@ from functools import partial
 from zteam import names
 from zteam.clock import HOST_FACTOR
 from zteam.errors import BusError, UsageError
-from zteam.messages import TeamState
 from zteam.node.kinds import kind_of
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.run.team_run import RunState
@@ -41,17 +40,11 @@ class World:
         """Simulated seconds."""
         return self._watch.view.now / 1e9
 
-    @property
-    def is_go(self) -> bool:
-        """Whether the monitor has given GO."""
-        status = self._watch.view.team_status
-        return status is not None and status.state == TeamState.GO
-
     def wait_for_go(self) -> None:
         """As `Team.wait_for_go`."""
         self.need_team("wait_for_go")
         watch = self._watch
-        if not watch.wait(lambda: self.is_go):
+        if not watch.wait(lambda: watch.is_go):
             raise TeamTimeout("no GO: " + "; ".join(watch.lines(names.MONITOR)[-3:]))
         if watch.interval:
             if not watch.wait(lambda: watch.sim.report().ticks > 0):
@@ -137,8 +130,9 @@ class World:
                 if not watch.wait(arrived):
                     raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
 
-    def wait_until_joined(self, name: str) -> None:
-        """Lock-step: wait until a process of the team takes part from the next tick on."""
+    def wait_for_return(self, name: str) -> None:
+        """Wait until a process is there that was started again; in lock-step, until it takes part in the next tick."""
+        self._watch.wait_for_processes(name)
 
         def takes_part() -> bool:
             status = self._watch.sim.status()
@@ -157,9 +151,3 @@ class World:
             return
         if not watch.wait(lambda: name not in watch.sim.status().participants):
             raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
-
-    def wait_for_return(self, name: str) -> None:
-        """Wait until a process is there that was started again; in lock-step, until it takes part."""
-        self._watch.wait(lambda: self._watch.view.alive(name))
-        self._watch.wait_for_processes(name)
-        self.wait_until_joined(name)

@@ -119,7 +119,7 @@ def test_the_files_go_with_the_team(stacks: Stacks) -> None:
     assert not folder.exists()
 
 
-def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch, stacks: Stacks) -> None:
     """After a long time without a look the silence of others begins anew."""
     now, steps, looks = 100.0, iter((0.5, 0.6, 1.0, 20.0, 1.0, 0.5)), list[tuple[float, float]]()
 
@@ -130,7 +130,7 @@ def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch
             nonlocal now
             now += next(steps)
 
-    watched = Watch(Stacks(), live=False)
+    watched = Watch(stacks, live=False)
     monkeypatch.setattr(watch, "monotonic", lambda: now)
     monkeypatch.setattr(watched, "seen", Seen(), raising=False)
     monkeypatch.setattr(watched, "look_for_hangs", lambda since: looks.append((now, since)))
