@@ -18,8 +18,7 @@ from zteam.node.kinds import kind_of
 from zteam.node.log_publisher import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.chaos.run import ChaosReport, carry_out_beside
-from zteam.team.chaos.watchdog import Watchdog
+from zteam.team.chaos.run import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.launch.plan import LaunchPlan, plan_team, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, TeamOverview, holders_of_first_tick
