@@ -116,10 +116,7 @@ def _call(check: Callable[[], None]) -> None:
     try:
         check()
     except ZteamError as error:
-        reason = str(error)
-    else:
-        return
-    raise _Told(reason, pytrace=False)
+        raise _Told(str(error), pytrace=False) from None
 
 
 @pytest.hookimpl(wrapper=True)
@@ -144,10 +141,9 @@ def _hide_library(error: BaseException | None, told: type[BaseException]) -> Non
     while error is not None:
         for frame, _ in walk_tb(error.__traceback__):
             file = frame.f_code.co_filename
-            if file.startswith(_HERE) and file != __file__:
-                frame.f_globals["__tracebackhide__"] = True
-            elif file.startswith(_ZTEAM) and file != __file__:
-                frame.f_globals["__tracebackhide__"] = lambda info: isinstance(info.value, told)
+            if file.startswith(_ZTEAM) and file != __file__:
+                hides = file.startswith(_HERE) or (lambda info: isinstance(info.value, told))
+                frame.f_globals["__tracebackhide__"] = hides
         error = error.__cause__ or error.__context__
 
 

@@ -121,6 +121,11 @@ class TeamFixture:
         if self._watch.threads is not None:
             raise UsageError(f"team.{what} needs processes: leave in_process out")
 
+    def _opened_processes(self, what: str) -> Processes:
+        self._need_processes(what)
+        self._opened()
+        return self._processes
+
     @property
     def bus(self) -> Bus:
         """A session in the team's namespace."""
@@ -129,9 +134,7 @@ class TeamFixture:
     @property
     def endpoint(self) -> str:
         """Where the team's router listens."""
-        self._need_processes("endpoint")
-        self._opened()
-        return self._processes.endpoint
+        return self._opened_processes("endpoint").endpoint
 
     def robot(self, robot_id: int) -> RobotView:
         """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
@@ -160,7 +163,7 @@ class TeamFixture:
         """
         paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
         return {
-            **self._tool_environment,
+            **self._opened_processes("environment").environment(OPERATOR),
             "PYTHONPATH": os.pathsep.join(paths),
             "ZTEAM_GIVE_UP": str(_ROUTERLESS),
         }
@@ -171,13 +174,6 @@ class TeamFixture:
         rootdir = [] if self._rootdir is None else [str(self._rootdir)]
         return list(dict.fromkeys([*search_folders(), *rootdir]))
 
-    @property
-    def _tool_environment(self) -> dict[str, str]:
-        """What lets people's tools join this team."""
-        self._need_processes("environment")
-        self._opened()
-        return self._processes.environment(OPERATOR)
-
     def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
         """Start any program in this team, in the test's current folder; the name of the process.
 
@@ -185,11 +181,11 @@ class TeamFixture:
         team, with all that it starts. Return at once: use `wait_for_processes` to wait until a node is present. A node
         is known by its name on the bus, so give it as `name`. Raises ZteamError if there is no such program.
         """
-        self._need_processes("spawn")
+        processes = self._opened_processes("spawn")
         words = [str(command), *map(str, arguments)]
         chosen = name or f"{Path(command).name} #{next(numbers)}"
         # What is forked takes no other PYTHONPATH, and needs none.
-        environment = self._tool_environment if is_own(words[0]) else self.environment
+        environment = processes.environment(OPERATOR) if is_own(words[0]) else self.environment
         # A tool ends by itself when its work is done.
         self._run.supervisor.start_job(chosen, Job(command_line(words), environment, may_end=True))
         return chosen
