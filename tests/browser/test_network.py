@@ -7,8 +7,8 @@ from urllib.parse import urlsplit
 from studies.view.frames import decode_frame
 from support.browser import OpenScreen, Screen, start_view
 from zteam.clock import HOST_FACTOR, monotonic
-from zteam.team.chaos.forwarder import Forwarder
-from zteam.team.chaos.links import Wire
+from zteam.team.chaos.links import Links
+from zteam.team.chaos.means import Wire
 from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC
 
@@ -89,8 +89,8 @@ def test_over_a_slow_link_the_first_robot_comes_soon_and_frames_two_at_a_time(
     last but one, not of the last; topics are sent when their panel is opened."""
     team.start("office", 4, behavior="wander", lockstep=False)
     url = urlsplit(start_view(team))
-    with closing(Forwarder()) as forwarder:
-        link = forwarder.open("127.0.0.1", url.port or 0)
+    with closing(Links()) as links:
+        link = links.open("127.0.0.1", url.port or 0)
         link.change(SLOW, SLOW)
         address = url._replace(netloc=link.endpoint.removeprefix("tcp/")).geturl()
         took: list[float] = []

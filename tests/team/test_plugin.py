@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.team.testing.errors import TeamFailure
 from zteam.team.testing.team import TeamFixture
+from zteam.team.testing.watch import TeamFailure
 
 pytest_plugins = "pytester"
 pytestmark = [pytest.mark.team, pytest.mark.gate]

@@ -30,7 +30,8 @@ from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.run import processes as running
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import TeamRun
-from zteam.team.testing.team import OBSERVED, WARM_PARENT
+from zteam.team.testing.team import WARM_PARENT
+from zteam.team.testing.watch import OBSERVED
 from zteam.view.frames import GRID, POSES, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]

@@ -67,8 +67,7 @@ def _work(args: argparse.Namespace) -> int:
     from zteam.simulator.client import find_status
     from zteam.team.chaos.means import means_on_bus
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
-    from zteam.team.chaos.run import carry_out
-    from zteam.team.chaos.watchdog import Watchdog
+    from zteam.team.chaos.run import Watchdog, carry_out
 
     with closing(open_bus(bus_options(args))) as bus:
         status = find_status(bus)

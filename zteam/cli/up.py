@@ -268,14 +268,18 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import open_display
     from zteam.node.shutdown import Stop
-    from zteam.team.chaos.links import Links
     from zteam.team.run.processes import Processes
     from zteam.team.run.team_run import TeamRun
 
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        links = stack.enter_context(closing(Links())) if args.chaos is not None else None
+        links = None
+        if args.chaos is not None:
+            # It imports asyncio, and few teams have links of their own.
+            from zteam.team.chaos.links import Links
+
+            links = stack.enter_context(closing(Links()))
         members = Processes(
             bus, parent, display.line, stop=stop, links=links, certificates=args.secure, listen=args.listen
         )

@@ -1,60 +1,204 @@
-"""The links of a team that was started with `--chaos`: each process has its own, which can be cut or made slow."""
+"""The links of a team that was started with `--chaos`: TCP connections to its router pass through this process, which
+delays, slows or cuts them.
 
-from typing import TYPE_CHECKING, Annotated
+No byte is lost or changed, as on a bad wire under TCP. One thread moves the bytes of all links.
+"""
 
-import msgspec
+import asyncio
+import logging
+import socket
+import struct
+import threading
+from collections.abc import Callable
+from contextlib import suppress
 
 from zteam import names
-from zteam.bus import Bus, Change
+from zteam.bus import Bus
 from zteam.bus.options import host_port
-from zteam.config.numbers import MAX_SECONDS
+from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
+from zteam.team.chaos.means import LinkReply, LinkRequest, Wire
 
-if TYPE_CHECKING:
-    from zteam.team.chaos.forwarder import Link
+log = logging.getLogger("zteam")
 
-
-class Wire(msgspec.Struct, frozen=True):
-    """One direction of a link. The default is a good one."""
-
-    delay: float = 0.0
-    """Host seconds that each byte takes."""
-    rate: float | None = None
-    """Bytes a host second; None = as fast as they come. With a `delay` a direction holds 4 MiB at most, and without a
-    rate as much as 1 MiB a second: then its sender waits."""
-    stalled: bool = False
-    """Whether no byte passes. What waits passes when this ends."""
-
-
-class LinkRequest(Change):
-    """`up/links`: how the link of a process is from now on, in both directions; a good one by default."""
-
-    name: str
-    wire: Wire = Wire()
-    seconds: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)] = 0.0
-    """Host seconds after which it is a good one again by itself; 0 = never."""
+_CHUNK = 1 << 16
+"""Bytes that are read at once."""
+_MOST_RATE = 1 << 20
+"""Bytes a second that a delayed direction without a limit holds."""
+_MOST_HELD = 1 << 22
+"""Bytes that a delayed direction holds at most."""
+_SLICE = 0.02
+"""Seconds of a limited rate that are sent at once."""
+_REST = 1.0
+"""Host seconds without new connections after one could not be taken."""
+_RESET = struct.pack("ii", 1, 0)
+"""SO_LINGER: `close` ends a connection at once, with a reset."""
 
 
-class LinkReply(msgspec.Struct):
-    """The processes whose links can be changed."""
+class Link:
+    """The link of one process. Any thread may change it."""
 
-    names: list[str]
+    def __init__(self, loop: asyncio.AbstractEventLoop, listener: socket.socket, target: tuple[str, int]) -> None:
+        self._loop, self._listener, self.target = loop, listener, target
+        self.up = self.down = Wire()
+        """From the process to the router, and back."""
+        self.changed: asyncio.Future[None] = loop.create_future()
+        """Done with the next change."""
+        self._refuses = False
+        """Whether its connections were reset and new ones are."""
+        self._connections: set[asyncio.Task[None]] = set()
+        self._healing: asyncio.TimerHandle | None = None
+
+    @property
+    def endpoint(self) -> str:
+        """Where the process connects, as in ZTEAM_CONNECT."""
+        host, port = self._listener.getsockname()[:2]
+        return f"tcp/{host}:{port}"
+
+    def change(self, up: Wire | None = None, down: Wire | None = None, seconds: float = 0.0) -> None:
+        """Make the two directions so, None = a good one; with `seconds`, for so many of the host's.
+
+        A link that was reset connects again.
+        """
+        self.up, self.down, self._refuses = up or Wire(), down or Wire(), False
+        self._loop.call_soon_threadsafe(self._notify, seconds)
+
+    def reset(self) -> None:
+        """End its connections, and refuse new ones until the next `change`."""
+        self._refuses = True
+        self._loop.call_soon_threadsafe(lambda: [each.cancel() for each in self._connections])
+
+    def _notify(self, seconds: float) -> None:
+        if self._healing is not None:
+            self._healing.cancel()
+        self._healing = self._loop.call_later(seconds, self.change) if seconds else None
+        self.changed.set_result(None)
+        self.changed = self._loop.create_future()
+
+    async def serve(self) -> None:
+        """Accept connections and pass them on."""
+        with self._listener:
+            while True:
+                try:
+                    near, _ = await self._loop.sock_accept(self._listener)
+                except OSError as error:
+                    log.error("a link takes no connection until there is room: %s", error)
+                    await asyncio.wait([self.changed], timeout=_REST)
+                    continue
+                connection = self._loop.create_task(self._pass_on(near))
+                self._connections.add(connection)
+                connection.add_done_callback(self._connections.discard)
+
+    async def _pass_on(self, near: socket.socket) -> None:
+        """Pass on the bytes of a process's connection, until both directions have ended."""
+        family = socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET
+        with suppress(OSError), near, socket.socket(family, socket.SOCK_STREAM) as far:
+            try:
+                if self._refuses:
+                    raise ConnectionResetError
+                while self.up.stalled:
+                    await asyncio.wait([self.changed])
+                far.setblocking(False)
+                for end in (near, far):
+                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                await self._loop.sock_connect(far, self.target)
+                await asyncio.gather(
+                    _Pump(self, near, far, lambda: self.up).run(), _Pump(self, far, near, lambda: self.down).run()
+                )
+            except (OSError, asyncio.CancelledError):
+                for end in (near, far):
+                    end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+                raise
 
 
-def no_link(name: str, _wire: Wire, _seconds: float) -> None:
-    """In the place of `Links.change`, for a team without links of its own."""
-    raise BusError(f"the link of {name} cannot be changed: start the team with 'zteam up --chaos'")
+class _Pump:
+    """One direction of a connection: what was read of `source` and not yet written to `sink`."""
+
+    def __init__(self, link: Link, source: socket.socket, sink: socket.socket, wire: Callable[[], Wire]) -> None:
+        self._link, self._source, self._sink, self._wire = link, source, sink, wire
+        self._held = asyncio.Queue[tuple[float, bytes]]()
+        """Bytes, with the host time at which they came; none at the end."""
+        self._size = 0
+        self._room = asyncio.Event()
+        """Whether bytes were written since it was cleared."""
+
+    async def run(self) -> None:
+        """Pass bytes until the source has ended or the sink takes no more: the other direction goes on to its end."""
+        reading = asyncio.ensure_future(self._read())
+        try:
+            with suppress(OSError):
+                await self._write()
+        finally:
+            reading.cancel()
+
+    async def _read(self) -> None:
+        data = b"first"
+        while data:
+            # A stalled wire reads nothing, so that the sender's system holds the bytes.
+            while self._wire().stalled:
+                await asyncio.wait([self._link.changed])
+            while self._size >= most_held(self._wire()):
+                self._room.clear()
+                await self._room.wait()
+            try:
+                data = await asyncio.get_running_loop().sock_recv(self._source, _CHUNK)
+            except OSError:
+                data = b""
+            self._size += len(data)
+            self._held.put_nowait((monotonic(), data))
+
+    async def _write(self) -> None:
+        free_at = 0.0  # Host time from which the rate allows the next byte.
+        while True:
+            came, data = await self._held.get()
+            rest = memoryview(data)
+            while True:
+                wire, now = self._wire(), monotonic()
+                wait = max(came + wire.delay - now, free_at - now if wire.rate else 0.0)
+                if wire.stalled or wait > 0.0:
+                    await asyncio.wait([self._link.changed], timeout=None if wire.stalled else wait)
+                    continue
+                part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
+                if not part:
+                    break
+                await asyncio.get_running_loop().sock_sendall(self._sink, part)
+                rest = rest[len(part) :]
+                if wire.rate is not None:
+                    free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
+            if not data:
+                self._sink.shutdown(socket.SHUT_WR)
+                return
+            self._size -= len(data)
+            self._room.set()
+
+
+def most_held(wire: Wire) -> int:
+    """The bytes from which on a direction reads no more: one read, and what passes during its delay."""
+    return _CHUNK + min(int((wire.rate or _MOST_RATE) * wire.delay), _MOST_HELD)
 
 
 class Links:
-    """A link for each process of a team, through this process."""
+    """A link for each process of a team. The thread ends with `close`, and with it all connections."""
 
     def __init__(self) -> None:
-        # It imports asyncio, and few teams have links of their own.
-        from zteam.team.chaos.forwarder import Forwarder
-
-        self._forwarder = Forwarder()
+        runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
+        self._loop, self._closed = runner.get_loop(), asyncio.Event()
         self._links: dict[str, Link] = {}
+
+        def run() -> None:
+            with runner:
+                runner.run(self._closed.wait())
+
+        self._thread = threading.Thread(target=run, name="links", daemon=True)
+        self._thread.start()
+
+    def open(self, host: str, port: int) -> Link:
+        """A new link to this address, at a free port of the loopback interface. Raises OSError."""
+        listener = socket.create_server(("127.0.0.1", 0))
+        listener.setblocking(False)
+        link = Link(self._loop, listener, (host, port))
+        asyncio.run_coroutine_threadsafe(link.serve(), self._loop)
+        return link
 
     def endpoint(self, name: str, router: str) -> str:
         """Where the process `name` connects, to reach the router at this endpoint. Raises UsageError."""
@@ -62,7 +206,7 @@ class Links:
         if address is None:
             raise UsageError(f"{router}: a link can be cut if the router listens at tcp/HOST:PORT or tls/HOST:PORT")
         if name not in self._links:
-            self._links[name] = self._forwarder.open(*address)
+            self._links[name] = self.open(*address)
         link = self._links[name]
         link.target = address
         return f"{router.partition('/')[0]}/{link.endpoint.partition('/')[2]}"
@@ -88,5 +232,7 @@ class Links:
         bus.serve(names.service_key(names.LAUNCHER, names.LINKS), LinkRequest, answer)
 
     def close(self) -> None:
-        """End all links, and with them the processes' connections."""
-        self._forwarder.close()
+        """End the thread, all links and their connections."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._closed.set)
+            self._thread.join()

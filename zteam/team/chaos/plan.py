@@ -41,14 +41,6 @@ def read_plan(path: Path) -> tuple[Fault, ...]:
     return tuple(sorted(msgspec.convert(entries, list[Fault]), key=lambda fault: fault.at))
 
 
-def check_names(faults: Sequence[Fault], known: Sequence[str], where: str) -> None:
-    """Raise ConfigError for a fault of a process that is not there."""
-    for fault in faults:
-        if fault.name not in known:
-            hint = did_you_mean(fault.name, known) or f"; it has {', '.join(known)}"
-            raise ConfigError(f"{where}: the team has no process {fault.name!r}{hint}")
-
-
 def random_plan(
     seed: int, seconds: float, processes: Sequence[str], kinds: Sequence[FaultKind] = KINDS
 ) -> tuple[Fault, ...]:
@@ -63,7 +55,9 @@ def random_plan(
         name = chosen[stream(seed, len(plan), 5) % len(chosen)]
         fault = kinds[stream(seed, len(plan), 6) % len(kinds)]
         lasts = _between((SHORTEST, LONGEST), draws[0])
-        if (fault in ("cut", "slow") and not has_link(name)) or (fault == "kill" and name == names.SIMULATOR):
+        kind = kind_of(name)
+        has_link = kind is None or kind.on_bus
+        if (fault in ("cut", "slow") and not has_link) or (fault == "kill" and name == names.SIMULATOR):
             fault = "pause"
         # A millisecond is finer than a tick, and short to read.
         delay = round(_between(_DELAYS, draws[1]), 3)
@@ -74,12 +68,6 @@ def random_plan(
 
 def _between(bounds: tuple[float, float], share: float) -> float:
     return round(bounds[0] + share * (bounds[1] - bounds[0]), 3)
-
-
-def has_link(name: str) -> bool:
-    """Whether a process has a link to the router."""
-    kind = kind_of(name)
-    return kind is None or kind.on_bus
 
 
 def plan_text(faults: Sequence[Fault], comment: str = "") -> str:
@@ -98,13 +86,17 @@ def _entries(fault: Fault) -> dict[str, object]:
 
 
 def choose_plan(text: str, seconds: float | None, processes: Sequence[str], *, lockstep: bool) -> tuple[Fault, ...]:
-    """The plan that a user names: a file, or the seed of a random one of so many simulated seconds. Raises UsageError.
+    """The plan that a user names: a file, or the seed of a random one of so many simulated seconds. Raises UsageError,
+    and ConfigError for a fault of a process that is not there.
 
     A random plan of lock-step has the faults that repeat to the bit.
     """
     if not text.isdigit():
         plan = read_plan(Path(text))
-        check_names(plan, processes, text)
+        for fault in plan:
+            if fault.name not in processes:
+                hint = did_you_mean(fault.name, processes) or f"; it has {', '.join(processes)}"
+                raise ConfigError(f"{text}: the team has no process {fault.name!r}{hint}")
         return plan
     if seconds is None:
         raise UsageError(f"a plan of seed {text} needs an end: say --for SECONDS")

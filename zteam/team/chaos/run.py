@@ -1,22 +1,26 @@
-"""Carries out a plan of faults on a team, and reports how it recovers."""
+"""Carries out a plan of faults on a team, and reports how it recovers, and whether robots move on without commands."""
 
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 
 from zteam import names
+from zteam.bus.lateness import LATE
 from zteam.clock import HOST_FACTOR, monotonic, to_ns, to_seconds, wait_until
 from zteam.config.fault import Fault
 from zteam.config.numbers import counted
 from zteam.errors import ZteamError
-from zteam.monitor.observer import RobotView, TeamObserver
+from zteam.messages import Odometry
+from zteam.monitor.observer import LINK, RobotView, TeamObserver
 from zteam.node.kinds import kind_of
-from zteam.team.chaos.means import Means, Stroke
-from zteam.team.chaos.watchdog import Violation, Watchdog
+from zteam.node.tokens import RETURN_GRACE
+from zteam.simulator.faults import is_simulated
+from zteam.team.chaos.means import Means, strike
 
 log = logging.getLogger("zteam")
 
@@ -24,6 +28,65 @@ PATIENCE = 20.0 * HOST_FACTOR
 """Host seconds for a process, and the robots that moved before, to recover."""
 _LOOK = 1.0
 """Host seconds between two looks at the plan while no message comes."""
+ALLOWED = to_ns(0.2)
+"""Simulated time after which the base stops without a command; one tick is added, for the command under way."""
+ON_ITS_WAY = (0.3 + LATE) * HOST_FACTOR
+"""Host seconds for which, in real time, a command that this process has received may not have reached the simulator."""
+
+
+class Violation(msgspec.Struct, frozen=True):
+    """A robot moved on without commands."""
+
+    name: str
+    at: float
+    """Simulated seconds."""
+    silent: float
+    """Simulated seconds since its last command."""
+    speed: float
+
+
+class Watchdog:
+    """Observes the motion of a team, and finds the violations."""
+
+    def __init__(self, team: TeamObserver, *, lockstep: bool, simulated: bool = True) -> None:
+        """Without a simulator (`simulated` False) time is the host's, from now on."""
+        self.team, self._lockstep = team, lockstep
+        self._linked = monotonic()
+        """Host time of the newest change of the link."""
+        self._since = None if simulated else monotonic()
+        self.violations: list[Violation] = []
+        team.on(LINK, self._on_link)
+        team.on(names.GROUND_TRUTH, self._on_truth)
+        team.observe(names.GROUND_TRUTH, names.CMD_VEL, names.STATUS, names.TEAM_STATUS, names.CLOCK)
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since GO that were observed, however often the world began anew."""
+        return to_seconds(self.team.elapsed) if self._since is None else monotonic() - self._since
+
+    def reaches(self, at: float) -> bool:
+        """Whether it is so many simulated seconds after GO, and all that moves has been observed."""
+        return self.elapsed >= at and self.elapsed > 0.0
+
+    def driving(self) -> list[RobotView]:
+        """The robots that move."""
+        return [robot for _, robot in sorted(self.team.robots.items()) if robot.motion.moves]
+
+    def _on_truth(self, robot: RobotView, _truth: Odometry) -> None:
+        motion = robot.motion
+        # A simulator that has just found its link publishes no command before it knows of this subscriber.
+        is_exact = self._lockstep and monotonic() > self._linked + RETURN_GRACE
+        quiet = math.inf if is_exact else monotonic() - motion.commanded_at
+        if motion.silent > ALLOWED + motion.tick and quiet > ON_ITS_WAY:
+            silent = to_seconds(motion.silent)
+            self.violations.append(Violation(robot.name, to_seconds(motion.stamp), silent, motion.speed))
+
+    def _on_link(self, *_: object) -> None:
+        # Commands were lost, and after the link is back a truth may come before the first command.
+        with self.team.changed:
+            self._linked = monotonic()
+            for robot in self.team.robots.values():
+                robot.motion.commanded = None
 
 
 class Outcome(msgspec.Struct):
@@ -61,10 +124,13 @@ class ChaosReport(msgspec.Struct):
 class _Watched:
     """A fault that has begun, and what it takes to see its end."""
 
-    def __init__(self, fault: Fault, watchdog: Watchdog, *, planned: bool) -> None:
-        self.fault = fault
-        self.stroke: Stroke | None = None
-        """None for a fault that the simulator knows already."""
+    def __init__(self, fault: Fault, watchdog: Watchdog, means: Means, *, planned: bool) -> None:
+        """`planned`: the simulator knows it already."""
+        self.fault, self._means, self._planned = fault, means, planned
+        self.in_world = planned or (means.simulate is not None and is_simulated(fault))
+        """Whether the simulator carries it out."""
+        self._heal: Callable[[], object] = lambda: None
+        """What ends it."""
         self.outcome = Outcome(round(watchdog.elapsed, 3), fault.fault, fault.name, fault.lasts)
         self._watchdog = watchdog
         self._before = watchdog.team.instances(fault.name)
@@ -83,12 +149,13 @@ class _Watched:
         if fault.fault == "kill":
             self.end()
 
-    def begin(self, means: Means, say: Callable[[str], None], *, planned: bool) -> bool:
+    def begin(self, say: Callable[[str], None]) -> bool:
         """Carry it out, unless the simulator knows of it; whether that is possible."""
         fault, at = self.fault, f"{self._watchdog.elapsed:.1f} s"
         told = f"{fault.fault} {fault.name}" + (f" for {fault.seconds:g} s" if fault.lasts else "")
         try:
-            self.stroke = None if planned else Stroke(fault, means)
+            if not self._planned:
+                self._heal = strike(fault, self._means)
             say(f"{at}: {told}")
         except ZteamError as error:
             self.outcome.problem = str(error)
@@ -115,18 +182,12 @@ class _Watched:
         if self.has_ended:
             return
         try:
-            if self.stroke is not None:
-                self.stroke.end()
+            self._heal()
         except ZteamError as error:
             # A process that was killed meanwhile.
             say(f"{self.fault.fault} {self.fault.name} could not be ended: {error}")
         self._end_stamp = self._began + to_ns(self.fault.lasts) if self.in_world else self._watchdog.team.now
         self._ended_at, self.has_ended = monotonic(), True
-
-    @property
-    def in_world(self) -> bool:
-        """Whether the simulator carries it out."""
-        return self.stroke is None or self.stroke.in_world
 
     @property
     def has_recovered(self) -> bool:
@@ -188,13 +249,13 @@ def carry_out(
                     say(describe(each.outcome))
                 each.end(say)
             while waiting and watchdog.reaches(waiting[0].at) and not stopping():
-                is_planned = planned(waiting[0])
-                begun = _Watched(waiting.popleft(), watchdog, planned=is_planned)
+                fault = waiting.popleft()
+                begun = _Watched(fault, watchdog, means, planned=planned(fault))
                 outcomes.append(begun.outcome)
-                active += [begun] if begun.begin(means, say, planned=is_planned) else []
+                active += [begun] if begun.begin(say) else []
         # What the simulator has begun meanwhile, in a fast run.
-        missed = [_Watched(fault, watchdog, planned=True) for fault in waiting if planned(fault)]
-        missed = [each for each in missed if watchdog.reaches(each.fault.at)]
+        late = [fault for fault in waiting if planned(fault) and watchdog.reaches(fault.at)]
+        missed = [_Watched(fault, watchdog, means, planned=True) for fault in late]
         active += missed
         outcomes += [each.outcome for each in missed]
     finally:
@@ -212,38 +273,23 @@ def describe(outcome: Outcome) -> str:
     return f"{outcome.fault} {outcome.name}: recovered after {outcome.recovery:.2f} s"
 
 
-class ChaosThread:
-    """Carries out the plan of a run beside it."""
+def carry_out_beside(
+    plan: Sequence[Fault], watchdog: Watchdog, means: Means, planned: Callable[[Fault], bool]
+) -> Callable[[], ChaosReport]:
+    """Carry out the plan of a run in a thread. The function that is returned ends what is open, and reports; a second
+    call reports the same."""
+    stopping, pool = threading.Event(), ThreadPoolExecutor(1, "chaos")
+    result = pool.submit(carry_out, plan, watchdog, means, planned=planned, stopping=stopping.is_set)
+    # The thread ends with the plan.
+    pool.shutdown(wait=False)
 
-    def __init__(
-        self,
-        plan: Sequence[Fault],
-        observer: TeamObserver,
-        means: Means,
-        planned: Callable[[Fault], bool],
-        *,
-        lockstep: bool,
-    ) -> None:
-        self._stopping = False
-        self._watchdog = Watchdog(observer, lockstep=lockstep)
-        self._result = Future[ChaosReport]()
+    def stop() -> ChaosReport:
+        stopping.set()
+        with watchdog.team.changed:
+            watchdog.team.changed.notify_all()
+        return result.result()
 
-        def run() -> None:
-            try:
-                self._result.set_result(
-                    carry_out(plan, self._watchdog, means, planned=planned, stopping=lambda: self._stopping)
-                )
-            except BaseException as error:
-                self._result.set_exception(error)
-
-        threading.Thread(target=run, name="chaos", daemon=True).start()
-
-    def stop(self) -> ChaosReport:
-        """End what is open, and report. A second call reports the same."""
-        self._stopping = True
-        with self._watchdog.team.changed:
-            self._watchdog.team.changed.notify_all()
-        return self._result.result()
+    return stop
 
 
 HEADER = ("at, s", "fault", "name", "lasted, s", "stood after, s", "recovery, s", "simulated, s", "back last", "")

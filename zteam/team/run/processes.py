@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -17,13 +18,16 @@ from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
-from zteam.team.chaos.links import Links, Wire, no_link
+from zteam.team.chaos.means import Wire, no_link
 from zteam.team.launch.plan import MEMBER, LaunchPlan
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR, Rights, rights_of
+
+if TYPE_CHECKING:
+    from zteam.team.chaos.links import Links
 
 log = logging.getLogger("zteam")
 
@@ -102,7 +106,7 @@ class Processes:
         *,
         name: str = names.LAUNCHER,
         stop: Stop | None = None,
-        links: Links | None = None,
+        links: "Links | None" = None,
         certificates: Path | None = None,
         listen: str | None = None,
         environment: Callable[[], Mapping[str, str]] = dict,

@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Self
 
@@ -23,9 +24,8 @@ from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
-from zteam.team.chaos.means import Means
-from zteam.team.chaos.run import ChaosReport, ChaosThread
-from zteam.team.chaos.signals import Signals
+from zteam.team.chaos.means import Means, Signals
+from zteam.team.chaos.run import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.launch.plan import LaunchPlan, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
@@ -42,6 +42,24 @@ log = logging.getLogger("zteam")
 
 _LAST_WORDS = 1.0
 """Host seconds to wait for the output of a process that has ended."""
+
+
+class RunState(Enum):
+    """How far a run is."""
+
+    NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
+
+
+_NEXT = {
+    RunState.NEW: {RunState.OPEN, RunState.STARTING, RunState.STOPPING},
+    RunState.OPEN: {RunState.STARTING, RunState.STOPPING},
+    RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
+    RunState.RUNNING: {RunState.STOPPING},
+    # `finish` stops the members, and leaving the context once more what is left.
+    RunState.STOPPING: {RunState.STOPPING},
+    RunState.ENDED: set[RunState](),
+}
+"""The states that may follow each state."""
 
 
 class TeamRun:
@@ -75,8 +93,9 @@ class TeamRun:
         """None before there is a bus, and in a test."""
         self._observer: TeamObserver
         self._recoveries: Recoveries | None = None
-        self._faults: ChaosThread | None = None
-        self._stopping, self._start_lock = False, threading.Lock()
+        self.state = RunState.NEW
+        self._end_faults: Callable[[], ChaosReport] | None = None
+        self._start_lock = threading.Lock()
         """Held while a robot is started on request."""
         self._hung: set[str] = set()
         self._ends = ExitStack()
@@ -87,6 +106,10 @@ class TeamRun:
         if launch is not None:
             self.plan_for(launch)
 
+    def _enter(self, state: RunState) -> None:
+        assert state in _NEXT[self.state], f"{self.state} -> {state}"
+        self.state = state
+
     def plan_for(self, launch: TeamLaunch) -> None:
         """Choose the team that `start` starts."""
         self.launch, self.plan = launch, plan_team(launch)
@@ -96,22 +119,28 @@ class TeamRun:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self.state is RunState.ENDED:
+            return
         with self._ends:
             self._stop_all()
+        self.state = RunState.ENDED
 
     def open(self) -> None:
         """Have a router and a session, before there are members."""
         self.members.open()
         self._connected()
+        self._enter(RunState.OPEN)
 
     def reconnect(self) -> None:
         """Have a new session in place of the one before."""
         assert self.members.bus is not None
         self.members.bus.close()
-        self.open()
+        self.members.open()
+        self._connected()
 
     def start(self) -> None:
         """Start the members."""
+        self._enter(RunState.STARTING)
         self.members.start(self._connected)
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
@@ -120,14 +149,11 @@ class TeamRun:
             tools.serve(key, StartRequest, lambda request: Deferred(partial(self._start_robot, tools, request)))
         if self.launch.faults:
             # The simulator of lock-step knows its own already.
-            self._faults = ChaosThread(
-                self.launch.faults,
-                self._observer,
-                Means(self.signals.send, self.members.change_link),
-                self.launch.is_simulated,
-                lockstep=self.launch.pace.lockstep,
-            )
-            self._ends.callback(self._faults.stop)
+            watchdog = Watchdog(self._observer, lockstep=self.launch.pace.lockstep)
+            means = Means(self.signals.send, self.members.change_link)
+            self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
+            self._ends.callback(self._end_faults)
+        self._enter(RunState.RUNNING)
         if self._stop.requested:
             self._wake()
 
@@ -135,7 +161,7 @@ class TeamRun:
         """Start a robot's process, which the team does not need, as the team's own were started; its name."""
         name, job = robot_job(self.launch, request.robot, request.behavior)
         with self._start_lock:
-            if self._stopping:
+            if self.state is RunState.STOPPING:
                 raise BusError("the team is stopping")
             member = self.supervisor.members.get(name)
             if (member is not None and member.running) or find_processes(tools, name):
@@ -235,7 +261,7 @@ class TeamRun:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         bus, has_counts = self.members.bus, self.launch.world is not None and not self._stop.requested
         report = read_report(bus) if bus is not None and has_counts else None
-        self.chaos = None if self._faults is None else self._faults.stop()
+        self.chaos = None if self._end_faults is None else self._end_faults()
         self.supervisor.measure()
         # Measured while the others run: afterwards the pages that are shared with them would be counted here alone.
         own = [process_row(name, pid) for name, pid in self.members.pids.items()]
@@ -252,7 +278,7 @@ class TeamRun:
 
     def _stop_all(self) -> None:
         with self._start_lock:
-            self._stopping = True
+            self._enter(RunState.STOPPING)
         self._hung |= self.members.hung
         running = [member for member in self.supervisor.members.values() if member.running]
         for group in stop_order(self.supervisor.members):

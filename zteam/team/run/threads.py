@@ -30,7 +30,7 @@ from zteam.node.process_options import MonitorOptions, ProcessOptions, RobotOpti
 from zteam.node.shutdown import Stop
 from zteam.node.working import working_for
 from zteam.robot.process.inputs import TransformInputs
-from zteam.team.chaos.links import no_link
+from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
 from zteam.team.launch.plan import LaunchPlan

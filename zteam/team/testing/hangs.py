@@ -1,4 +1,4 @@
-"""Whether processes hang, and where: in which line of the user's code one is that gives no sign of life."""
+"""Where a process hangs: in which line of the user's code one is that gives no sign of life."""
 
 import contextlib
 import fcntl
@@ -13,51 +13,23 @@ from zteam.node.faults import STACK_SIGNALS, STACKS, unreturned_calls
 
 LOOK = 1.0
 """Host seconds between two looks at what is waited for."""
-_LONGEST_LOOK = 5.0
-"""More between two looks is a pause of this process, or of the machine: the silence of others is its own."""
 _ANSWER = 1.0 * HOST_FACTOR
 """Host seconds for a process to write its stacks on a signal; a frozen one writes none."""
 _WHOLE = 0.3 * HOST_FACTOR
 """Host seconds without a further line after which that is all: it writes line by line, and may have to wait between."""
 
 
-class Wait:
-    """A wait that looks from time to time whether something hangs."""
-
-    def __init__(self) -> None:
-        self.since = self._looked = monotonic()
-        """Host time from which on the silence of a process is its own."""
-
-    def is_due(self) -> bool:
-        """Whether to look now."""
-        now = monotonic()
-        if now - self._looked > _LONGEST_LOOK:
-            self.since = self._looked = now
-        due = now - self._looked >= LOOK
-        if due:
-            self._looked = now
-        return due
-
-
 class Stacks:
     """The stacks of the processes of a team, each of which writes its own (`zteam.node.faults.offer_stacks`)."""
 
     def __init__(self) -> None:
-        self._folder: Path | None = None
-        """None until a process gets it."""
-
-    @property
-    def environment(self) -> dict[str, str]:
+        self._folder = Path(tempfile.mkdtemp(prefix="zteam_stacks_"))
+        self.environment = {STACKS: str(self._folder)}
         """Lets a process that gets it show where it is."""
-        if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="zteam_stacks_"))
-        return {STACKS: str(self._folder)}
 
     def close(self) -> None:
         """Remove the files."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-        self._folder = None
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def where(self, name: str) -> str:
         """Which call of the user's code the process `name` is in, with its line and its traceback; empty if in none."""
@@ -65,8 +37,7 @@ class Stacks:
 
     def _read(self, name: str) -> str:
         """What the living process `name` writes now; empty if it has not offered that."""
-        there = [] if self._folder is None else self._folder.glob(f"{name}.*")
-        found = [path for path in there if path.stem == name and _is_held(path)]
+        found = [path for path in self._folder.glob(f"{name}.*") if path.stem == name and _is_held(path)]
         if not found:
             return ""
         # Of two that claim the name the newer one waits.

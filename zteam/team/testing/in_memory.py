@@ -3,6 +3,7 @@
 The node works in lock-step: a test publishes its inputs and calls `tick`, and `step` has run when `tick` returns.
 """
 
+import functools
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from zteam import names
-from zteam.bus import Bus, MemoryHub, Publisher
+from zteam.bus import Bus, MemoryHub
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
@@ -64,8 +65,19 @@ class RunningNode:
     """A node that runs in a thread, and a simulator by hand that gives it its ticks. A context manager."""
 
     def __init__(
-        self, body: Callable[[Node], None], hub: MemoryHub, name: str, robots: Sequence[int], clock: ClockMode
+        self,
+        body: Callable[[Any], None],
+        hub: MemoryHub,
+        *,
+        name: str = "node",
+        robots: Sequence[int] = (),
+        clock: ClockMode = "auto",
     ) -> None:
+        """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
+
+        `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The
+        end of the `with` stops and closes the node, and raises the error that ended it.
+        """
         self.bus: Bus = hub.bus()
         """The test's own session, which is the node's simulator too."""
         self._stop = Stop()
@@ -74,11 +86,10 @@ class RunningNode:
         self._robots = np.array(sorted(robots), np.int32)
         self._epoch, self._tick = 1, 0
         self._failure: BaseException | None = None
-        self._told = False
         self._up = threading.Event()
         self._answers: list[Done] = []
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._publishers: dict[tuple[str, type[Message]], Publisher[Any]] = {}
+        self._publisher = functools.cache(self.bus.publisher)
         self._ticks = self.bus.publisher(names.TICK, Tick)
         self.bus.subscribe(names.done_key(name), Done, lambda _, done: self._answers.append(done))
         self.bus.declare_token(names.lockstep_key(self.bus.instance))
@@ -89,9 +100,7 @@ class RunningNode:
         self._thread.start()
         if not self._up.wait(LIMIT):
             raise ZteamError(f"{self.node.name}: node.run was not called within {LIMIT:g} s")
-        if self._failure is not None:
-            self.__exit__(None)
-        if not self.node.present:
+        if self._failure is not None or not self.node.present:
             self.__exit__(None)
             raise ZteamError(f"{self.node.name}: the body returned without node.run(step)")
         return self
@@ -113,9 +122,9 @@ class RunningNode:
             self._up.set()
 
     def _raise_failure(self) -> None:
-        if self._failure is not None and not self._told:
-            self._told = True
-            raise self._failure
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
     @property
     def next_time(self) -> float:
@@ -127,10 +136,7 @@ class RunningNode:
         for stamped in (message, *getattr(message, "transforms", ())):
             if hasattr(stamped, "header"):
                 stamped.header.stamp = time_from_ns(to_ns(self.next_time))
-        kind = type(message)
-        if (key, kind) not in self._publishers:
-            self._publishers[key, kind] = self.bus.publisher(key, kind)
-        self._publishers[key, kind].put(message)
+        self._publisher(key, type(message)).put(message)
 
     def tick(self) -> Twist | None:
         """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process.
@@ -164,17 +170,4 @@ class RunningNode:
         self._ticks.put(Tick(stamp, self._epoch, self._tick + 1, self._robots, [*listed, names.AGGREGATOR]))
 
 
-def run_node(
-    body: Callable[[Any], None],
-    hub: MemoryHub,
-    *,
-    name: str = "node",
-    robots: Sequence[int] = (),
-    clock: ClockMode = "auto",
-) -> RunningNode:
-    """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
-
-    `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The end
-    of the `with` stops and closes the node, and raises the error that ended it.
-    """
-    return RunningNode(body, hub, name, robots, clock)
+run_node = RunningNode

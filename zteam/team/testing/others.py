@@ -5,6 +5,7 @@ import logging
 import os
 import signal
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -52,26 +53,22 @@ class Gone(NamedTuple):
         return f"{self.name} {'is gone' if self.code is None else f'ended ({exit_text(self.code)})'}"
 
 
-class TeamAccess(NamedTuple):
-    """What is needed of the fixture."""
-
-    take_line: Callable[[str, str], None]
-    """`take_line(name, line)`: a process has logged a line."""
-    lines: Callable[[str], list[str]]
-    """Those of a process."""
-    words: Callable[[str], str]
-    """The last error of a process, else its last lines."""
-    not_awaited: Callable[[], set[str]]
-    """Names of the processes that may end, or that the fixture has started itself."""
-    own_pids: Callable[[], set[int]]
-    """Of the children of this process that the fixture has started."""
-
-
 class Others:
     """Those that are watched."""
 
-    def __init__(self, bus: Bus, seen: TeamObserver, team: TeamAccess) -> None:
-        self._bus, self._seen, self._team = bus, seen, team
+    def __init__(
+        self,
+        bus: Bus,
+        seen: TeamObserver,
+        take_log: Callable[[str, int, str], None],
+        not_awaited: Callable[[], set[str]],
+        own_pids: Callable[[], set[int]],
+    ) -> None:
+        """`take_log(name, level, text)`: a process has logged that. `not_awaited()` are the processes that may end, or
+        that the fixture has started itself; `own_pids()` are those of the children of this process that it has started.
+        """
+        self._bus, self._seen = bus, seen
+        self._take_log, self._not_awaited, self._own_pids = take_log, not_awaited, own_pids
         self._watched: set[str] = set()
         self._expected: set[str] = set()
         self._children: dict[str, int | None] = {}
@@ -82,27 +79,21 @@ class Others:
         """The first child of this process that has ended and was not waited for, and since when; (0, 0) for none."""
         self._left = self._child[0]
         """That of a test before."""
-        self._up = True
         self._faults: dict[str, str] = {}
         """The critical lines of those that an error has ended."""
-        bus.watch_link(self._on_link)
 
     def watch(self, processes: Iterable[str], *, expected: bool) -> None:
         """Watch these from here on, which may come later if they are `expected`."""
         if expected:
             self._expected.update(processes)
-        for name in set(processes) - self._watched - self._team.not_awaited():
+        for name in set(processes) - self._watched - self._not_awaited():
             self._watched.add(name)
             self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
 
     def _take(self, name: str, _key: str, message: Log) -> None:
         if message.level >= logging.CRITICAL and message.function == log_fault.__name__:
             self._faults[name] = message.msg
-        level = "" if message.level == logging.INFO else f"{logging.getLevelName(message.level).lower()}: "
-        self._team.take_line(name, f"{level}{message.msg}")
-
-    def _on_link(self, up: bool) -> None:
-        self._up = up
+        self._take_log(name, message.level, message.msg)
 
     def fault(self, name: str) -> str:
         """The error that ended one, as it has logged it; empty if there is none."""
@@ -110,37 +101,25 @@ class Others:
 
     def missing(self) -> list[str]:
         """Those that must not end and were never there."""
-        return sorted(self._watched - self._seen.were_there - self._team.not_awaited())
+        return sorted(self._watched - self._seen.were_there - self._not_awaited())
 
-    def failure(self, *, at_end: bool) -> str:
-        """How one ended, unasked by the test, or did not even begin; empty if none did. `at_end` is as of Gone."""
-        for gone in self.gone():
-            words = self._team.words(gone.name) or "it has logged nothing"
-            if self.fault(gone.name):
-                return f"{gone}: {words}"
-            if gone.is_failure(at_end):
-                return f"{gone}, without team.expect_end({gone.name!r}): {words}"
-        missing = self.missing()
-        ended = self._ended_child() if missing else ""
-        return f"{', '.join(missing)}: expected, and not there; {ended}" if ended else ""
-
-    def _ended_child(self) -> str:
+    def ended_child(self) -> str:
         """How a child of this process failed; empty if none did. Which name it would have held is not known."""
         found, now = _find_ended_child(), monotonic()
         if found != self._child[0]:
             self._child = found, now
         (pid, code), since = self._child
         # Those of the fixture are waited for at once.
-        is_news = code and found != self._left and pid not in self._team.own_pids() and now - since > _LAST_LINES
+        is_news = code and found != self._left and pid not in self._own_pids() and now - since > _LAST_LINES
         return f"process {pid}, which the test has started, ended ({exit_text(code)})" if is_news else ""
 
     def gone(self) -> list[Gone]:
         """Those that must not end, were there and are not. Without the router all would be gone, so none is."""
-        if not self._watched or not self._up:
+        if not self._watched or not self._seen.link_up:
             self._gone_since.clear()
             return []
         found, now = list[Gone](), monotonic()
-        for name in sorted((self._watched & self._seen.were_there) - self._team.not_awaited()):
+        for name in sorted((self._watched & self._seen.were_there) - self._not_awaited()):
             if not self._seen.alive(name):
                 found.append(self._judge(name, now - self._gone_since.setdefault(name, now)))
             elif self._gone_since.pop(name, None) is not None or name not in self._children:
@@ -166,12 +145,10 @@ class Others:
         found = None
         for info in find_processes(self._bus, name, timeout=_INFO_LIMIT):
             found = 0
-            try:
+            with suppress(ChildProcessError):
                 if _LOOK:
                     os.waitid(os.P_PID, info.pid, _LOOK)
                     return info.pid
-            except ChildProcessError:
-                continue
         return found
 
 

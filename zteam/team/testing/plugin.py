@@ -30,17 +30,14 @@ _HERE = str(Path(__file__).parent) + os.sep
 _ZTEAM = str(Path(__file__).parents[2]) + os.sep
 
 
-def _give(node: Any, fixture: "TeamFixture") -> Iterator[Any]:
-    node.stash[_TEAM] = fixture
+def _give(request: pytest.FixtureRequest, kind: type["TeamFixture"]) -> Iterator[Any]:
+    fixture = kind(request.config.rootpath, live=request.config.getoption("capture") == "no")
+    request.node.stash[_TEAM] = fixture
     try:
         yield fixture
     finally:
         fixture.close()
-        del node.stash[_TEAM]
-
-
-def _is_live(request: pytest.FixtureRequest) -> bool:
-    return bool(request.config.getoption("capture") == "no")
+        del request.node.stash[_TEAM]
 
 
 @pytest.fixture
@@ -48,7 +45,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
     """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
     from zteam.team.testing.team import TeamFixture
 
-    yield from _give(request.node, TeamFixture(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, TeamFixture)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +57,7 @@ def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """
     from zteam.team.testing.shared import SharedTeam
 
-    yield from _give(request.node, SharedTeam(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, SharedTeam)
 
 
 @pytest.fixture(scope="session")
@@ -68,7 +65,7 @@ def team_session(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
     """As `team_module`, for all tests of the run."""
     from zteam.team.testing.shared import SharedTeam
 
-    yield from _give(request.session, SharedTeam(request.config.rootpath, live=_is_live(request)))
+    yield from _give(request, SharedTeam)
 
 
 def _teams(item: pytest.Item) -> "list[TeamFixture]":
@@ -119,10 +116,7 @@ def _call(check: Callable[[], None]) -> None:
     try:
         check()
     except ZteamError as error:
-        reason = str(error)
-    else:
-        return
-    raise _Told(reason, pytrace=False)
+        raise _Told(str(error), pytrace=False) from None
 
 
 @pytest.hookimpl(wrapper=True)
@@ -147,10 +141,9 @@ def _hide_library(error: BaseException | None, told: type[BaseException]) -> Non
     while error is not None:
         for frame, _ in walk_tb(error.__traceback__):
             file = frame.f_code.co_filename
-            if file.startswith(_HERE) and file != __file__:
-                frame.f_globals["__tracebackhide__"] = True
-            elif file.startswith(_ZTEAM) and file != __file__:
-                frame.f_globals["__tracebackhide__"] = lambda info: isinstance(info.value, told)
+            if file.startswith(_ZTEAM) and file != __file__:
+                hides = file.startswith(_HERE) or (lambda info: isinstance(info.value, told))
+                frame.f_globals["__tracebackhide__"] = hides
         error = error.__cause__ or error.__context__
 
 

@@ -7,8 +7,8 @@ import copy
 import inspect
 import logging
 import signal
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from typing import Any
 
 from zteam import names
@@ -16,12 +16,9 @@ from zteam.errors import ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.simulator.client import SimulatorClient
 from zteam.team.launch.supervisor import Member
-from zteam.team.launch.team_launch import TeamLaunch
-from zteam.team.testing.errors import TeamTimeout
 from zteam.team.testing.hangs import LOOK
-from zteam.team.testing.own_nodes import NO_NODES, OwnNodes
 from zteam.team.testing.team import TeamFixture
-from zteam.team.testing.watch import START_LIMIT
+from zteam.team.testing.watch import TeamTimeout
 
 log = logging.getLogger("zteam")
 
@@ -31,14 +28,12 @@ _KEPT = frozenset({ROUTER, names.SIMULATOR})
 class SharedTeam(TeamFixture):
     """The `team_module` and `team_session` fixtures."""
 
-    def __init__(self, rootdir: Path | None = None, *, live: bool = False) -> None:
-        super().__init__(rootdir, live=live)
-        self._call: tuple[Callable[..., None], Mapping[str, Any]] | None = None
-        """What has started the team, `start` or `launch`, and its arguments."""
-        self._is_put_back = False
-        """Whether this test may still start the team."""
-        self._ended: list[str] = []
-        """The processes that were ended after the last test."""
+    _call: tuple[Callable[..., None], Mapping[str, Any]] | None = None
+    """What has started the team, `start` or `launch`, and its arguments."""
+    _is_put_back = False
+    """Whether this test may still start the team."""
+    _ended: Collection[str] = ()
+    """The processes that were ended after the last test."""
 
     def start(self, *args: Any, **kwargs: Any) -> None:
         """As `Team.start`. A later test may start the same team again, which is there already, or another one."""
@@ -58,11 +53,7 @@ class SharedTeam(TeamFixture):
             self._end()
         self._call = None
         begin(*args, **kwargs)
-        self._call = call
-
-    def _launch(self, launch: TeamLaunch, in_process: bool, own: OwnNodes = NO_NODES) -> None:
-        super()._launch(launch, in_process, own)
-        self._kept = self._kept_members()
+        self._call, self._kept = call, self._kept_members()
 
     def _kept_members(self) -> dict[str, Member]:
         return {name: member for name, member in self._run.supervisor.members.items() if name in _KEPT}
@@ -74,7 +65,7 @@ class SharedTeam(TeamFixture):
 
     def clear(self) -> None:
         """After a test: end all processes but router and simulator."""
-        if self._call is None or self._in_process is not None:
+        if self._call is None or self._watch.threads is not None:
             return
         others = [name for name in self._run.supervisor.members if name not in _KEPT]
         for name, process in self._run.supervisor.processes.items():
@@ -101,24 +92,20 @@ class SharedTeam(TeamFixture):
         if self._call is not None:
             begin, arguments = self._call
             begin(**arguments)
+            self._kept = self._kept_members()
 
     def _goes_on(self) -> bool:
         """Whether router and simulator are those of the start, have not been frozen, and are past the first tick."""
         kept = self._kept_members()
         # A team in this process starts as fast as it would be put back.
-        if self._call is None or self._in_process is not None:
+        if self._call is None or self._watch.threads is not None or names.SIMULATOR not in kept:
             return False
         if kept != self._kept or _KEPT & self._watch.may_end or not all(member.running for member in kept.values()):
             return False
-        # Not that of `bus`, which fails for a process that the test before has ended.
-        bus = self._run.members.bus
-        if names.SIMULATOR not in kept or bus is None:
-            return False
-        try:
+        with suppress(ZteamError):
             # A first tick that is held takes no change.
-            return not self._watch.interval or SimulatorClient(bus, LOOK).report().ticks > 0
-        except ZteamError:
-            return False
+            return not self._watch.interval or SimulatorClient(self._watch.bus, LOOK).report().ticks > 0
+        return False
 
     def _start_others_anew(self) -> None:
         self._run.supervisor.forget(self._ended)
@@ -127,13 +114,11 @@ class SharedTeam(TeamFixture):
         if self._processes.links is not None:
             self._processes.links.heal()
         self._run.reconnect()
-        self._observe()
+        self._watch.observe()
         # What is known of the simulator is known of the others too.
-        if not self._watch.wait(
-            lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended)), START_LIMIT
-        ):
+        if not self._watch.wait(lambda: self.alive(names.SIMULATOR) and not any(map(self.alive, self._ended))):
             raise TeamTimeout(f"the simulator is gone, or a name of {self._ended} is still held")
         self.sim.begin_anew()
-        self._expect()
+        self._watch.expect_members()
         self._processes.start_missing(self._run.plan.jobs)
-        self._wait_for_members()
+        self._watch.wait_for_members()

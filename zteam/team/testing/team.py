@@ -7,63 +7,49 @@ on the seed alone. Limits named `within` are simulated seconds, so that a slow m
 
 import itertools
 import logging
-import math
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import wait
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any, Self, overload
 
 from msgspec import structs
 
-from zteam import names
 from zteam.bus import Bus, BusOptions
-from zteam.clock import HOST_FACTOR, monotonic
+from zteam.clock import HOST_FACTOR
 from zteam.config.resources import find_team, find_world
-from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.errors import BusError, UsageError
-from zteam.messages import TeamState
-from zteam.monitor.observer import RobotView, TeamObserver
-from zteam.node.kinds import kind_of
-from zteam.node.logs import KEEPER, LogLine
+from zteam.errors import UsageError
+from zteam.monitor.observer import RobotView
+from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.robot.behaviors import Behavior
-from zteam.robot.behaviors.registry import BEHAVIORS, look_in
+from zteam.robot.behaviors.registry import look_in
 from zteam.robot.client import StopClient, StopResult
-from zteam.simulator.client import SimReport, SimStatus, SimulatorClient, StepRequest
-from zteam.team.chaos.links import Links
+from zteam.simulator.client import SimReport, SimStatus, SimulatorClient
 from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
 from zteam.team.launch.plan import command_line, is_own
-from zteam.team.launch.process import zteam_command
+from zteam.team.launch.process import Process, zteam_command
 from zteam.team.launch.supervisor import GRACE, Job
 from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
 from zteam.team.run.processes import ANY_PORT, Processes
-from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import Body, Threads, in_thread
+from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.threads import Body, Threads
 from zteam.team.security.access import OPERATOR
 from zteam.team.testing.chaos import TeamChaos
-from zteam.team.testing.errors import TeamTimeout
-from zteam.team.testing.hangs import LOOK, Stacks, Wait
-from zteam.team.testing.own_nodes import NO_NODES, OwnNodes, own_nodes
-from zteam.team.testing.watch import START_LIMIT, Watch, close_in_time
+from zteam.team.testing.hangs import Stacks
+from zteam.team.testing.start import node_bodies, node_jobs, robot_tables, spec_of
+from zteam.team.testing.watch import START_LIMIT, TeamTimeout, Watch, close_in_time
+from zteam.team.testing.world import World
 
 log = logging.getLogger("zteam")
-
-STALL_LIMIT = 60.0 * HOST_FACTOR
-"""Host seconds during which simulated time may stand still in a wait."""
-
-_SLICE = 50
-"""Ticks of one request to the simulator."""
 
 _SHORT_GRACE = 0.5 * HOST_FACTOR
 """Host seconds to close a team in this process where a node is known to hang."""
@@ -71,8 +57,6 @@ _SITE = str(Path(__file__).parent / "site")
 """A folder with the module that Python imports when it starts."""
 _ROUTERLESS = 10.0 * HOST_FACTOR
 """Host seconds without a router after which a node ends that the test has left behind."""
-OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
-"""What a test sees of its team without asking."""
 WARM_PARENT = WarmParent()
 """Of all teams of this pytest process."""
 TEST = "test"
@@ -102,35 +86,28 @@ class TeamFixture:
             listen=ANY_PORT,
             environment=lambda: {"ZTEAM_PATH": os.pathsep.join(self._folders), **self._stacks.environment},
         )
-        self._in_process: Threads | None = None
-        """The team in this process; None for processes."""
-        self._use(TeamRun(self._processes, is_launcher=False))
+        self._run = self._watch.run = TeamRun(self._processes, is_launcher=False)
+        self._world = World(self._watch)
         self._chaos: TeamChaos | None = None
         self._ends = ExitStack()
-        """Of a team in this process."""
+        """Of what the run leaves."""
+        self._ends.callback(self._stacks.close)
         self._has_team = False
 
-    def _use(self, run: TeamRun) -> None:
-        self._run = self._watch.run = run
-
-    def _open(self) -> None:
-        """Start the router and open the test's own session, unless that was done before.
+    def _opened(self) -> Watch:
+        """The watch, with a router and the test's own session.
 
         All calls that look at the team come here, so they fail for a process that has failed.
         """
         self._watch.check()
-        if self._run.members.bus is None:
+        if self._run.state is RunState.NEW:
             self._run.open()
-            self._observe()
-
-    def _observe(self) -> None:
-        """Watch the team on a session that was opened."""
-        assert self._run.members.bus is not None
-        self._watch.observe(TeamObserver(self._run.members.bus, *OBSERVED, repeat=self._repeat))
+            self._watch.observe()
+        return self._watch
 
     def expect_end(self, *processes: str) -> None:
         """Let these processes end or hang by themselves, at any time: without this that fails the test."""
-        self._watch.expect_end(*processes)
+        self._watch.may_end.update(processes)
 
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
@@ -141,62 +118,41 @@ class TeamFixture:
         return self._watch.lines(name)
 
     def _need_processes(self, what: str) -> None:
-        if self._in_process is not None:
+        if self._watch.threads is not None:
             raise UsageError(f"team.{what} needs processes: leave in_process out")
+
+    def _opened_processes(self, what: str) -> Processes:
+        self._need_processes(what)
+        self._opened()
+        return self._processes
 
     @property
     def bus(self) -> Bus:
         """A session in the team's namespace."""
-        self._open()
-        assert self._run.members.bus is not None
-        return self._run.members.bus
+        return self._opened().bus
 
     @property
     def endpoint(self) -> str:
         """Where the team's router listens."""
-        self._need_processes("endpoint")
-        self._open()
-        return self._processes.endpoint
-
-    @property
-    def _view(self) -> TeamObserver:
-        self._open()
-        return self._watch.seen
-
-    def _repeat(self, arrived: Callable[[], bool]) -> None:
-        """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
-        if self.alive(names.SIMULATOR):
-            if self._watch.interval or self.sim_status.paused:
-                self.sim.repeat()
-            self._watch.wait(arrived, START_LIMIT)
+        return self._opened_processes("endpoint").endpoint
 
     def robot(self, robot_id: int) -> RobotView:
         """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
-        if robot_id not in self._view.robots and self.alive(names.SIMULATOR):
-            there = self.sim_status.robots
-            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
-                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
-        return self._view.robot(robot_id)
+        return self._opened().robot(robot_id)
 
     def alive(self, name: str) -> bool:
         """Whether a process holds this name on the bus."""
-        return self._view.alive(name)
+        return self._opened().seen.alive(name)
 
     def close(self) -> None:
         """Stop everything, in order."""
-        try:
-            if self._in_process is not None:
-                # What hangs was told to end when it was noticed.
-                close_in_time(
-                    partial(self._run.__exit__, None, None, None), _SHORT_GRACE if self._watch.hangs else GRACE
-                )
+        with self._ends:
+            leave = partial(self._run.__exit__, None, None, None)
+            if self._watch.threads is None:
+                leave()
             else:
-                self._run.__exit__(None, None, None)
-        finally:
-            self._ends.close()
-            if self._processes.links is not None:
-                self._processes.links.close()
-            self._stacks.close()
+                # What hangs was told to end when it was noticed.
+                close_in_time(leave, _SHORT_GRACE if self._watch.hangs else GRACE)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -207,7 +163,7 @@ class TeamFixture:
         """
         paths = filter(None, [_SITE, os.environ.get("PYTHONPATH")])
         return {
-            **self._environment_of(OPERATOR),
+            **self._opened_processes("environment").environment(OPERATOR),
             "PYTHONPATH": os.pathsep.join(paths),
             "ZTEAM_GIVE_UP": str(_ROUTERLESS),
         }
@@ -218,12 +174,6 @@ class TeamFixture:
         rootdir = [] if self._rootdir is None else [str(self._rootdir)]
         return list(dict.fromkeys([*search_folders(), *rootdir]))
 
-    def _environment_of(self, name: str) -> dict[str, str]:
-        """That of one process."""
-        self._need_processes("environment")
-        self._open()
-        return self._processes.environment(name)
-
     def spawn(self, command: str | Path, *arguments: str | Path | float, name: str | None = None) -> str:
         """Start any program in this team, in the test's current folder; the name of the process.
 
@@ -231,11 +181,11 @@ class TeamFixture:
         team, with all that it starts. Return at once: use `wait_for_processes` to wait until a node is present. A node
         is known by its name on the bus, so give it as `name`. Raises ZteamError if there is no such program.
         """
-        self._need_processes("spawn")
+        processes = self._opened_processes("spawn")
         words = [str(command), *map(str, arguments)]
         chosen = name or f"{Path(command).name} #{next(numbers)}"
         # What is forked takes no other PYTHONPATH, and needs none.
-        environment = self._environment_of(OPERATOR) if is_own(words[0]) else self.environment
+        environment = processes.environment(OPERATOR) if is_own(words[0]) else self.environment
         # A tool ends by itself when its work is done.
         self._run.supervisor.start_job(chosen, Job(command_line(words), environment, may_end=True))
         return chosen
@@ -255,33 +205,35 @@ class TeamFixture:
 
     def pid(self, name: str) -> int:
         """Process id of a process of this team."""
-        self._need_processes("pid")
-        pid: int = self._watch.member(name).pid
-        return pid
+        return self._process(name, "pid").pid
+
+    def _process(self, name: str, call: str) -> Process:
+        """A process of the team, for a call that needs one. Raises UsageError."""
+        self._need_processes(call)
+        member = self._watch.member(name)
+        assert isinstance(member, Process)
+        return member
 
     def exit_code(self, name: str) -> int | None:
         """Exit code of a process, negative for a signal, None while it runs."""
-        code: int | None = self._watch.member(name).exit_code
-        return code
+        return self._watch.member(name).exit_code
 
     def wait_for_processes(self, *processes: str) -> None:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
-        self._open()
-        self._watch.wait_for_processes(*processes)
+        self._opened().wait_for_processes(*processes)
 
     def wait_for_exit(self, name: str) -> int:
         """Wait until a process has ended, which it may do; its exit code."""
         process = self._watch.member(name)
         self.expect_end(name)
-        if not process.join(START_LIMIT):
+        if not process.join(START_LIMIT) or process.exit_code is None:
             raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
-        code: int = process.exit_code
-        return code
+        return process.exit_code
 
     @property
     def sim(self) -> SimulatorClient:
         """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
-        return SimulatorClient(self.bus, START_LIMIT)
+        return self._opened().sim
 
     @property
     def sim_status(self) -> SimStatus:
@@ -307,7 +259,8 @@ class TeamFixture:
         itself may do everything, and tools what the team file grants `operator`.
         """
         if secure is not None:
-            self._need_processes("launch(secure=…)")
+            if in_process:
+                raise UsageError("team.launch: secure gives certificates to processes: leave it or in_process out")
             self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
@@ -334,7 +287,7 @@ class TeamFixture:
         lockstep: bool = True,
         lockstep_timeout: float = LOCKSTEP_TIMEOUT,
         expect: Sequence[str] = (),
-        nodes: "Mapping[str, Body | str] | None" = None,
+        nodes: Mapping[str, Body | str] | None = None,
         in_process: bool = False,
         chaos: bool = False,
     ) -> None:
@@ -353,103 +306,74 @@ class TeamFixture:
         starts it in a fifth of a second and steps it many times faster, with the same result; a node may then be the
         function itself. Calls that need processes are refused.
         """
-        tables = _tables(robots, _spec_of(behavior), follow or {}, params or {})
+        tables = robot_tables(robots, spec_of(behavior), follow or {}, params or {})
         file = read_team_tables("team.start", {"robots": tables})
         # In the order of this process; the current folder follows.
         file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
             look_in([*file.team.folders, ""])
         chosen = check_team(file, find_world(world).resolve(), here=in_process, right=())
-        own = own_nodes("team.start", nodes or {}, file.team.folders, here=in_process)
-        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
+        own: Mapping[str, Any] = node_bodies(nodes or {}) if in_process else node_jobs(nodes or {}, file.team.folders)
+        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *own), paused=lockstep)
         self._give_links(chaos, in_process)
         self._launch(TeamLaunch(file.team, chosen, seed, pace=pace), in_process, own)
 
-    def _launch(self, launch: TeamLaunch, in_process: bool, own: OwnNodes = NO_NODES) -> None:
+    def _launch(self, launch: TeamLaunch, in_process: bool, nodes: Mapping[str, Any] = {}) -> None:
+        """Start a team with these own nodes: functions in this process, else jobs."""
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
         self._has_team, self._watch.silence_limit = True, launch.pace.timeout
         if in_process:
-            self._open_in_process(launch, own.bodies)
-        else:
-            self._need_processes("start")
+            self._open_in_process(nodes)
         self._run.plan_for(launch)
-        plan = self._run.plan
-        own.check_names(plan.jobs)
-        plan.own |= own.jobs
-        if in_process:
-            self._ends.callback(KEEPER.pass_to(self._take_log))
-        self._expect()
-        self._open()
+        if not in_process:
+            plan = self._run.plan
+            for name in nodes.keys() & plan.jobs.keys():
+                raise UsageError(f"node {name!r}: the team has a process of this name already")
+            plan.own |= nodes
+        self._watch.expect_members()
+        self._opened()
         self._run.start()
-        self._wait_for_members()
+        self._watch.wait_for_members()
 
-    def _expect(self) -> None:
-        launch, plan = self._run.launch, self._run.plan
-        self._watch.participants = {*launch.participants}
-        self._watch.restarts = {name for name, job in plan.jobs.items() if job.restarts}
-        self.expect_end(*plan.beside)
-
-    def _wait_for_members(self) -> None:
-        """Wait until all that belong to the team are there."""
-        plan, run = self._run.plan, self._in_process
-        members = [*run.parts] if run is not None else [name for name in plan.jobs if name not in plan.optional]
-        if run is None:
-            self._watch.watch_others(self._run.launch.pace.expect)
-        self.wait_for_processes(*members)
-        if names.SIMULATOR in members:
-            known = self.sim_status.robots
-            # From here on a test may read any robot's pose.
-            if not self._watch.wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
-                raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
-
-    def _open_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> None:
-        if self._run.members.bus is not None:
+    def _open_in_process(self, nodes: Mapping[str, Body]) -> None:
+        if self._run.state is not RunState.NEW:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         # As a process of the team logs.
         self._ends.callback(log.setLevel, log.level)
         log.setLevel(logging.INFO)
+        take = self._watch.take_log
+        self._ends.callback(KEEPER.pass_to(lambda line: take(line.process, line.level, line.text)))
         self._processes.close()
-        self._in_process = Threads(nodes, name=TEST, ends_calls=True)
-        self._watch.is_in_process = True
-        self._use(TeamRun(self._in_process, is_launcher=False))
-
-    def _take_log(self, line: LogLine) -> None:
-        level = "" if line.level == logging.INFO else f"{logging.getLevelName(line.level).lower()}: "
-        self._watch.take_line(line.process, f"{level}{line.text}")
+        self._run = self._watch.run = TeamRun(Threads(nodes, name=TEST, ends_calls=True), is_launcher=False)
 
     def _give_links(self, chaos: bool, in_process: bool) -> None:
         if chaos and in_process:
             raise UsageError("team.start: chaos=True gives links to processes: leave it or in_process out")
         if chaos and self._processes.links is None:
-            self._processes.links = Links()
+            from zteam.team.chaos.links import Links
+
+            self._processes.links = self._ends.enter_context(closing(Links()))
 
     @property
     def chaos(self) -> TeamChaos:
         """Faults on purpose that wait for the recovery."""
-        self._open()
+        self._opened()
         if self._chaos is None:
-            change, simulate = self._run.members.change_link, self.sim.fault if self._watch.interval else None
-            means = Means(self._run.signals.send, change, simulate)
-            self._chaos = TeamChaos(self, self._view, means, self._watch.restarts, self._watch.interval)
+            simulate = self.sim.fault if self._watch.interval else None
+            means = Means(self._run.signals.send, self._run.members.change_link, simulate)
+            self._chaos = TeamChaos(self._watch, self._world, means)
         return self._chaos
-
-    def wait_for_return(self, name: str) -> None:
-        """Wait until a process is there that was started again; in lock-step, until it takes part."""
-        self._watch.wait(lambda: self.alive(name), START_LIMIT)
-        self.wait_for_processes(name)
-        self._wait_until_joined(name)
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
-        self._need_processes("kill")
+        process = self._process(name, "kill")
         self._watch.check()
-        process = self._watch.member(name)
         process.stopping = True
         process.kill()
         process.join(START_LIMIT)
-        self._wait_until_left(name)
+        self._world.wait_until_left(name)
 
     @overload
     def stop(self, name: None = None, *, robots: Collection[int] | None = None) -> None: ...
@@ -463,79 +387,50 @@ class TeamFixture:
         With the `name` of a process: ask that process to end (SIGTERM), or a node in this process; its exit code.
         """
         if name is None:
-            self._need_team("stop")
-            _need_confirmed(self._stops().engage(robots))
+            _need_confirmed(self._stops("stop").engage(robots))
             return None
         if robots is not None:
             raise UsageError("team.stop: give the name of a process to end, or robots to stop")
         self._watch.member(name).terminate()
         code = self.wait_for_exit(name)
-        self._wait_until_left(name)
+        self._world.wait_until_left(name)
         return code
 
     def release(self, robots: Collection[int] | None = None) -> None:
         """Let the robots that were stopped go on, all or these."""
-        self._need_team("release")
-        _need_confirmed(self._stops().release(robots))
+        _need_confirmed(self._stops("release").release(robots))
 
-    def _stops(self) -> StopClient:
-        return StopClient(self.bus, self._view.process_names)
+    def _stops(self, call: str) -> StopClient:
+        self._world.need_team(call)
+        return StopClient(self.bus, self._watch.seen.process_names)
 
     def pause_process(self, name: str) -> None:
         """Freeze a process (SIGSTOP). From here on it may hang."""
-        self._need_processes("pause_process")
+        process = self._process(name, "pause_process")
         self.expect_end(name)
-        self._watch.member(name).signal(signal.SIGSTOP)
+        process.signal(signal.SIGSTOP)
 
     def resume_process(self, name: str) -> None:
         """Let a frozen process go on (SIGCONT)."""
-        self._need_processes("resume_process")
-        self._watch.member(name).signal(signal.SIGCONT)
+        self._process(name, "resume_process").signal(signal.SIGCONT)
 
     def restart(self, name: str) -> None:
         """Start a process again with the same command and wait until it is there; end it first if it still runs."""
         if self._watch.member(name).running:
             # A node in this process cannot be killed.
-            (self.kill if self._in_process is None else self.stop)(name)
-        self._watch.wait(lambda: not self.alive(name), START_LIMIT)
+            (self.kill if self._watch.threads is None else self.stop)(name)
+        self._watch.wait(lambda: not self.alive(name))
         self._run.supervisor.restart(name)
-        self.wait_for_processes(name)
-        self._wait_until_joined(name)
-
-    def _wait_until_joined(self, name: str) -> None:
-        """Lock-step: wait until a process of the team takes part from the next tick on."""
-
-        def takes_part() -> bool:
-            status = self.sim_status
-            return name in status.joining or name in status.participants
-
-        kind = kind_of(name)
-        if (
-            self._watch.interval
-            and kind is not None
-            and kind.in_lockstep
-            and not self._watch.wait(takes_part, START_LIMIT)
-        ):
-            raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
-
-    def _wait_until_left(self, name: str) -> None:
-        """Lock-step: wait until a process that has ended takes no part any more: the next tick is without it."""
-        kind = kind_of(name)
-        may_take_part = kind is None or kind.in_lockstep
-        if not self._watch.interval or not may_take_part or not self.alive(names.SIMULATOR):
-            return
-        if not self._watch.wait(lambda: name not in self.sim_status.participants, START_LIMIT):
-            raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")
+        self._world.wait_for_return(name)
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
-        if not self._watch.wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
+        if not self._watch.wait(lambda: any(text in line for line in self.lines(name))):
             raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
-        if not self._watch.wait(condition, START_LIMIT):
-            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
+        self._watch.wait_for(condition)
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""
@@ -554,162 +449,41 @@ class TeamFixture:
     @property
     def now(self) -> float:
         """Simulated seconds."""
-        return self._view.now / 1e9
+        return self._opened().seen.now / 1e9
 
     @property
     def is_go(self) -> bool:
         """Whether the monitor has given GO."""
-        status = self._view.team_status
-        return status is not None and status.state == TeamState.GO
+        return self._opened().is_go
 
     @property
     def status(self) -> Any:
         """The newest TeamStatus, or None."""
-        return self._view.team_status
-
-    def _need_team(self, call: str) -> None:
-        """Raise UsageError before anything was opened: nothing would ever happen."""
-        if self._run.members.bus is None:
-            raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
+        return self._opened().seen.team_status
 
     def wait_for_go(self) -> None:
         """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""
-        self._need_team("wait_for_go")
-        if not self._watch.wait(lambda: self.is_go, START_LIMIT):
-            raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
-        if self._watch.interval and not self._watch.wait(lambda: self.report.ticks > 0, START_LIMIT):
-            raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
-        if self._watch.interval:
-            self._watch.take_status(self.sim_status)
+        self._world.wait_for_go()
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
-        if not 0.0 <= seconds < math.inf:
-            raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
-        self._need_team("run")
-        if self._watch.interval:
-            self._step(round(seconds * 1e9 / self._watch.interval))
-            return
-        end = self.now + seconds
-        self._until_in_real_time(lambda: self.now >= end, end, seconds)
+        self._world.run(seconds)
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
-        self._need_team("at")
-        if not self._watch.interval:
-            raise UsageError("at() needs lock-step: in real time no tick is waited for")
-        ahead = tick - self.tick
-        if ahead < 0:
-            raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")
-        self._step(ahead)
+        self._world.at(tick)
         return self
 
     def until(self, condition: Callable[[], bool], within: float) -> None:
         """Let the world go on until `condition()`, checked after every tick; fail after `within` simulated seconds.
 
-        In real time the condition is checked whenever a message arrives. Simulated time that stands still for
-        STALL_LIMIT host seconds fails too.
+        In real time the condition is checked whenever a message arrives. Simulated time that stands still for a minute
+        of the host fails too.
         """
-        self._need_team("until")
-        end = self.now + within
-        if not self._watch.interval:
-            self._until_in_real_time(condition, end, within)
-            return
-        while not condition():
-            if self.now >= end:
-                raise _not_true(within, self.now, self._view)
-            self._step(1)
-
-    def _until_in_real_time(self, condition: Callable[[], bool], end: float, within: float) -> None:
-        """Wait in real time until `condition()`."""
-        last, quiet_since, watch = self.now, monotonic(), Wait()
-        while True:
-            # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
-            seen = self._view.version
-            if condition():
-                self._watch.wait_for_silent()
-                return
-            if self.now > end:
-                raise _not_true(within, self.now, self._view)
-            self._watch.look_for_hangs(watch)
-            if self.now != last:
-                last, quiet_since = self.now, monotonic()
-            elif monotonic() - quiet_since > STALL_LIMIT:
-                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
-            self._view.wait_for_news(seen, 1.0)
-
-    def _step(self, ticks: int) -> None:
-        """Run so many ticks, and wait until the messages of the last one are in view."""
-        while ticks > 0:
-            count = min(ticks, _SLICE)
-            ticks -= count
-            # A node that hangs in this process may hold whatever the answer needs.
-            answer = in_thread(partial(self._ask_for_steps, self.bus, count))
-            while not answer.done():
-                self._watch.check()
-                wait([answer], LOOK)
-            try:
-                status = answer.result()
-            except BusError as error:
-                self._watch.check()
-                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
-            self._watch.take_status(status)
-            self._wait_for_messages_of(status)
-
-    def _ask_for_steps(self, bus: Bus, count: int) -> SimStatus:
-        key, limit = names.service_key(names.SIMULATOR, "step"), max(STALL_LIMIT, 2.0 * self._watch.silence_limit)
-        return bus.ask(key, SimStatus, StepRequest(count), timeout=limit)
-
-    def _wait_for_messages_of(self, status: SimStatus) -> None:
-        def arrived() -> bool:
-            return self._view.reaches(status.now, status.robots)
-
-        if not arrived():
-            # No message was lost in tens of thousands of ticks, but the bus does not promise that.
-            self.sim.repeat()
-            if not self._watch.wait(arrived, START_LIMIT):
-                raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+        self._world.until(condition, within)
 
 
 def _need_confirmed(results: Sequence[StopResult]) -> None:
     failed = [str(result) for result in results if not result.is_done]
     if failed or not results:
         raise TeamTimeout("; ".join(failed) or "no robot is there")
-
-
-def _not_true(within: float, now: float, view: TeamObserver) -> TeamTimeout:
-    """The error of a condition that did not come true, with where the robots are."""
-    seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
-    return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")
-
-
-def _spec_of(behavior: str | type[Behavior]) -> str:
-    """The name by which a robot's process finds a behaviour. Raises UsageError."""
-    if isinstance(behavior, str):
-        return behavior
-    if not isinstance(behavior, type):
-        raise UsageError(f"team.start: behavior is {behavior!r:.60}: give a name or a class")
-    shipped = [name for name, kind in BEHAVIORS.items() if kind is behavior]
-    module, name = behavior.__module__, behavior.__qualname__
-    if getattr(sys.modules.get(module), name, None) is not behavior:
-        text = f"{name} of {module}, which no process can import: define the class at the top level of a module"
-        raise UsageError(f"team.start: behavior is {text}")
-    return shipped[0] if shipped else f"{module}:{name}"
-
-
-def _tables(
-    robots: int | str | Sequence[int], behavior: str, follow: Mapping[int, int], params: Mapping[int, Mapping[str, Any]]
-) -> list[dict[str, Any]]:
-    """The robots of `start` as tables of a team file. Raises UsageError."""
-    ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots
-    ids = list(range(ids) if isinstance(ids, int) else ids)
-    if not ids:
-        raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
-    for name, given in (("follow", follow), ("params", params)):
-        for i in given:
-            if i not in ids:
-                raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
-    return [
-        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
-        for i in ids
-    ]

@@ -3,28 +3,33 @@
 Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
 """
 
+import logging
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import wait
 from contextlib import suppress
 from functools import partial
-from typing import Any
 
 from zteam import names
+from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, monotonic
-from zteam.errors import BusError, UsageError
-from zteam.monitor.observer import TeamObserver
+from zteam.config.robot_ids import format_robot_ids
+from zteam.errors import BusError, UsageError, ZteamError
+from zteam.messages import TeamState
+from zteam.monitor.observer import RobotView, TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
 from zteam.team.in_process.user_calls import end_user_calls
 from zteam.team.launch.process import exit_text
-from zteam.team.run.team_run import TeamRun
-from zteam.team.run.threads import in_thread
-from zteam.team.testing.errors import TeamFailure, TeamTimeout
-from zteam.team.testing.hangs import LOOK, Stacks, Wait
-from zteam.team.testing.others import RETURN, Others, TeamAccess
+from zteam.team.launch.supervisor import Member
+from zteam.team.run.team_run import RunState, TeamRun
+from zteam.team.run.threads import Threads, in_thread
+from zteam.team.testing.hangs import LOOK, Stacks
+from zteam.team.testing.others import RETURN, Others
 
+OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
+"""What a test sees of its team without asking."""
 _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
 START_LIMIT = 60.0 * HOST_FACTOR
@@ -33,12 +38,28 @@ _SILENT_AFTER = 1.5
 """Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
+_LONGEST_LOOK = 5.0
+"""More host seconds between two looks are a pause of this process, or of the machine: the silence of others is its own.
+"""
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
 
 
+class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
+    """A process of the team has ended or hangs, and the test did not ask for that."""
+
+    # Where users import it from; a summary has little room.
+    __module__ = "zteam.testing"
+
+
+class TeamTimeout(TeamFailure):
+    """A condition did not come true in time."""
+
+    __module__ = "zteam.testing"
+
+
 class Watch:
-    """The lines of the members, and how they fail. `run` is the team that is watched."""
+    """The lines of the members, how they fail, and what the bus shows. `run` is the team that is watched."""
 
     run: TeamRun
     seen: TeamObserver
@@ -47,7 +68,6 @@ class Watch:
         self._stacks, self._live = stacks, live
         self._others: Others | None = None
         """None until there is a bus, and without processes."""
-        self.is_in_process = False
         self.interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self.silence_limit = LOCKSTEP_TIMEOUT
@@ -65,22 +85,75 @@ class Watch:
         """How processes hang, in words."""
         self._present: set[str] = set()
         """Processes of the team that were there once."""
-        self.restarts: set[str] = set()
-        """Processes that are started again when they have failed."""
         self.participants: set[str] = set()
         """Those that are expected, then those of the newest tick that the test has let the world take."""
 
-    def observe(self, seen: TeamObserver) -> None:
-        """Watch the team on a session that was opened."""
-        self.seen = seen
-        bus = self.run.members.bus
-        if not self.is_in_process and bus is not None:
-            access = TeamAccess(self.take_line, self.lines, self.words, self._not_awaited, self._own_pids)
-            self._others = Others(bus, seen, access)
+    @property
+    def threads(self) -> Threads | None:
+        """The members of a team in this process; None for processes."""
+        return self.run.members if isinstance(self.run.members, Threads) else None
 
-    def expect_end(self, *processes: str) -> None:
-        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
-        self.may_end.update(processes)
+    @property
+    def bus(self) -> Bus:
+        """The test's own session."""
+        assert self.run.members.bus is not None
+        return self.run.members.bus
+
+    @property
+    def view(self) -> TeamObserver:
+        """What the bus shows. Raises TeamFailure as `check`."""
+        self.check()
+        return self.seen
+
+    @property
+    def is_go(self) -> bool:
+        """Whether the monitor has given GO. Raises TeamFailure as `check`."""
+        status = self.view.team_status
+        return status is not None and status.state == TeamState.GO
+
+    @property
+    def sim(self) -> SimulatorClient:
+        """The simulator's queries as calls. Raises TeamFailure as `check`."""
+        self.check()
+        return SimulatorClient(self.bus, START_LIMIT)
+
+    def status(self, timeout: float = START_LIMIT) -> SimStatus:
+        """The simulator's. Raises BusError."""
+        return SimulatorClient(self.bus, timeout).status()
+
+    @property
+    def restarts(self) -> set[str]:
+        """Processes that are started again when they have failed."""
+        return {name for name, job in self.run.plan.jobs.items() if job.restarts}
+
+    def observe(self) -> None:
+        """Watch the team on a session that was opened."""
+        self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
+        if self.threads is None:
+            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited, self._own_pids)
+
+    def _repeat(self, arrived: Callable[[], bool]) -> None:
+        """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
+        if self.view.alive(names.SIMULATOR):
+            if self.interval or self.sim.status().paused:
+                self.sim.repeat()
+            self.wait(arrived)
+
+    def expect_members(self) -> None:
+        """From here on the members of the plan belong to the team."""
+        self.participants = {*self.run.launch.participants}
+        self.may_end.update(self.run.plan.beside)
+
+    def wait_for_members(self) -> None:
+        """Wait until all that belong to the team are there, and any robot's pose may be read."""
+        plan, threads = self.run.plan, self.threads
+        self.watch_others(self.run.launch.pace.expect)
+        members = [name for name in plan.jobs if name not in plan.optional] if threads is None else [*threads.parts]
+        self.wait_for_processes(*members)
+        if names.SIMULATOR in members:
+            known = self.sim.status().robots
+            if not self.wait(lambda: all(self.view.robot(i).truth is not None for i in known)):
+                raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
@@ -91,8 +164,18 @@ class Watch:
         for process in self.run.supervisor.failures:
             if process.name not in self.may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self.words(process.name)}")
-        if self._others is not None and (text := self._others.failure(at_end=self._at_end)):
-            raise TeamFailure(text)
+        if self._others is not None:
+            self._check_others(self._others)
+
+    def _check_others(self, others: Others) -> None:
+        for gone in others.gone():
+            words = self.words(gone.name) or "it has logged nothing"
+            if others.fault(gone.name):
+                raise TeamFailure(f"{gone}: {words}")
+            if gone.is_failure(self._at_end):
+                raise TeamFailure(f"{gone}, without team.expect_end({gone.name!r}): {words}")
+        if (missing := others.missing()) and (ended := others.ended_child()):
+            raise TeamFailure(f"{', '.join(missing)}: expected, and not there; {ended}")
 
     def _not_awaited(self) -> set[str]:
         """Names of the processes that may end, or that this fixture has started itself."""
@@ -111,21 +194,29 @@ class Watch:
         if len(self.log) > 2 * _KEPT_LINES:
             del self.log[:_KEPT_LINES]
 
+    def take_log(self, name: str, level: int, text: str) -> None:
+        """A node of this process, or one that the test has started, has logged a text."""
+        told = "" if level == logging.INFO else f"{logging.getLevelName(level).lower()}: "
+        self.take_line(name, f"{told}{text}")
+
     def lines(self, name: str) -> list[str]:
         """What a process has written so far."""
         return [line for process, line in self.log if process == name]
 
-    def member(self, name: str) -> Any:
+    def member(self, name: str) -> Member:
         """A process of the team, or a node in this process. Raises UsageError."""
         members = self.run.supervisor.members
         if name not in members:
             raise UsageError(f"there is no process {name!r}; this team has {', '.join(members) or 'no process yet'}")
         return members[name]
 
-    def status(self, timeout: float = START_LIMIT) -> SimStatus:
-        """The simulator's. Raises BusError."""
-        assert self.run.members.bus is not None
-        return SimulatorClient(self.run.members.bus, timeout).status()
+    def robot(self, robot_id: int) -> RobotView:
+        """As `Team.robot`."""
+        if robot_id not in self.view.robots and self.seen.alive(names.SIMULATOR):
+            there = self.sim.status().robots
+            if robot_id not in there and not self.view.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
+        return self.seen.robot(robot_id)
 
     def words(self, name: str) -> str:
         """The error that ended a process, its last line first, else the last lines of the process."""
@@ -136,18 +227,31 @@ class Watch:
         lines = fault.splitlines()
         return "\n".join([*lines[-1:], *lines] or self.lines(name)[-_LAST_LINES:])
 
-    def wait(self, condition: Callable[[], bool], limit: float) -> bool:
+    def wait(self, condition: Callable[[], bool], limit: float = START_LIMIT) -> bool:
         """Whether `condition()` comes true within `limit` host seconds."""
-        wait, deadline = Wait(), monotonic() + limit
+        # From `since` on the silence of a process is its own.
+        since = looked = now = monotonic()
+        deadline = now + limit
         while True:
+            # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self.seen.version
             if condition():
                 return True
-            self.look_for_hangs(wait)
-            if monotonic() >= deadline:
+            now = monotonic()
+            if now - looked > _LONGEST_LOOK:
+                since = looked = now
+            elif now - looked >= LOOK:
+                looked = now
+                self.look_for_hangs(since)
+            if now >= deadline:
                 return False
             # The end of a process is no news on the bus, so check from time to time.
-            self.seen.wait_for_news(seen, min(0.2, max(0.0, deadline - monotonic())))
+            self.seen.wait_for_news(seen, min(0.2, deadline - now))
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()`. Raises TeamTimeout."""
+        if not self.wait(condition):
+            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
 
     def wait_for_processes(self, *processes: str) -> None:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
@@ -156,7 +260,7 @@ class Watch:
             known = self.run.supervisor.members
             return [n for n in processes if n in known and not known[n].running]
 
-        self.wait(lambda: bool(ended()) or all(self.seen.alive(n) for n in processes), START_LIMIT)
+        self.wait(lambda: bool(ended()) or all(self.seen.alive(n) for n in processes))
         if ended():
             first = ended()[0]
             raise TeamTimeout(f"{first} ended ({exit_text(self.member(first).exit_code)}): {self.words(first)}")
@@ -199,9 +303,8 @@ class Watch:
 
     def _note_left_behind(self, status: SimStatus) -> None:
         for name in status.hung:
-            self._note_hang(
-                name, f"lock-step left it behind, without an answer for {self.silence_limit:g} s or cut off"
-            )
+            how = f"lock-step left it behind, without an answer for {self.silence_limit:g} s or cut off"
+            self._note_hang(name, how)
 
     def _note_hang(self, name: str, how: str) -> None:
         """The process hangs: with the line of the user's code that it is in, or else `how`, in words."""
@@ -211,10 +314,10 @@ class Watch:
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
         self.hangs[name] = f"{name} hangs: {text}"
 
-    def look_for_hangs(self, wait: Wait) -> None:
-        """Notice, during a wait, the processes that were left behind, or that are silent; of nodes in this process the
-        watch on the calls does so."""
-        if self.is_in_process or not wait.is_due() or not self._is_in_view:
+    def look_for_hangs(self, since: float) -> None:
+        """Notice the processes that were left behind, or that are silent in a wait `since` this host time; of nodes in
+        this process the watch on the calls does so."""
+        if self.threads is not None or not self._is_in_view:
             return
         if self.interval:
             with suppress(BusError):
@@ -222,7 +325,7 @@ class Watch:
         else:
             limit = max(self.silence_limit, _SILENT_AFTER)
             for name, spoke in self._silent():
-                if max(spoke, wait.since) < monotonic() - limit:
+                if max(spoke, since) < monotonic() - limit:
                     self._note_hang(name, f"it gives no sign of life for {self.silence_limit:g} s")
         self.check()
 
@@ -253,14 +356,8 @@ class Watch:
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
-        try:
-            self._check_at_end()
-        finally:
-            self._at_end = False
-
-    def _check_at_end(self) -> None:
         self.check()
-        if self.run.members.bus is None or (not self.is_in_process and not self.member(ROUTER).running):
+        if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
         self.wait_for_silent()
@@ -272,7 +369,7 @@ class Watch:
                 raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
         ended = self.run.supervisor.ended
         gone = [n for n in self._present - self.may_end if n not in ended and not self.seen.alive(n)]
-        self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone), START_LIMIT)
+        self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone))
         for name in gone:
             if name in ended:
                 self.member(name).join(START_LIMIT)

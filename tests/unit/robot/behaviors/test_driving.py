@@ -7,11 +7,11 @@ from msgspec import structs
 
 from support.flat_floor import LASER, Floor, Segment, box, cast, clearance, make_odometry, make_scan, make_view
 from support.world_texts import box_points
+from zteam import testing
 from zteam.behaviors import View, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, RobotStatus, Twist
 from zteam.messages.base import Base
-from zteam.team import testing
 
 FREE = [30.0] * 271
 BODY = 0.285

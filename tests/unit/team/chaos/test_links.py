@@ -9,7 +9,8 @@ import pytest
 from support.limits import LIMIT
 from zteam.bus.memory import MemoryHub
 from zteam.errors import BusError, UsageError
-from zteam.team.chaos.links import LinkReply, LinkRequest, Links, Wire, no_link
+from zteam.team.chaos.links import Links
+from zteam.team.chaos.means import LinkReply, LinkRequest, Wire, no_link
 
 STALLED = Wire(stalled=True)
 

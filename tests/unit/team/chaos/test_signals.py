@@ -15,8 +15,7 @@ from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.config.fault import Fault
 from zteam.errors import BusError
 from zteam.node.kinds import ROUTER
-from zteam.team.chaos.means import Stroke, means_on_bus
-from zteam.team.chaos.signals import Signals
+from zteam.team.chaos.means import Signals, means_on_bus, strike
 from zteam.team.launch.process import spawn
 
 SLEEP = "import signal; print('up', flush=True); signal.pause()"
@@ -48,8 +47,8 @@ def test_a_pid_on_the_bus_is_never_signalled(hub: MemoryHub, monkeypatch: pytest
         stranger.serve(names.info_key("robot_1"), NoRequest, lambda _, answer=answer: answer)
     Signals(lambda: {"robot_1": child.process}).serve(hub.bus())
     means = means_on_bus(hub.bus(), lockstep=False)
-    Stroke(Fault(at=0.0, fault="pause", name="robot_1"), means).end()
-    Stroke(Fault(at=0.0, fault="kill", name="robot_1"), means)
+    strike(Fault(at=0.0, fault="pause", name="robot_1"), means)()
+    strike(Fault(at=0.0, fault="kill", name="robot_1"), means)
     pid = child.process.pid
     assert sent[:3] == [(pid, signal.SIGSTOP), (pid, signal.SIGCONT), (pid, signal.SIGKILL)]
     assert {each for each, _ in sent} == {pid}
@@ -63,15 +62,15 @@ def test_a_process_of_no_launcher_is_not_signalled(hub: MemoryHub) -> None:
     means = means_on_bus(hub.bus(), lockstep=False)
     told = r"if robot_1 was started by hand, end it there with 'kill -9 PID', .*'zteam node list'"
     with pytest.raises(BusError, match=f"no 'zteam up' answers, .*{told}"):
-        Stroke(Fault(at=0.0, fault="kill", name="robot_1"), means)
+        strike(Fault(at=0.0, fault="kill", name="robot_1"), means)
     child = start(SLEEP)
     Signals(lambda: {"robot_0": child.process}).serve(hub.bus())
     with pytest.raises(BusError, match=f"the launcher runs no process robot_1: {told}"):
-        Stroke(Fault(at=0.0, fault="pause", name="robot_1"), means)
+        strike(Fault(at=0.0, fault="pause", name="robot_1"), means)
     child.process.kill()
     child.finish()
     with pytest.raises(BusError, match="the launcher runs no process robot_0"):
-        Stroke(Fault(at=0.0, fault="pause", name="robot_0"), means)
+        strike(Fault(at=0.0, fault="pause", name="robot_0"), means)
 
 
 @pytest.mark.parametrize("name", ["robot_1", ROUTER])
@@ -79,7 +78,7 @@ def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, name: str) -> None:
     """After the time of its fault, though nothing lets it go on; what would freeze the router comes after the reply."""
     child = start(STATES)
     Signals(lambda: {name: child.process}).serve(hub.bus())
-    Stroke(Fault(at=0.0, fault="pause", name=name, seconds=0.05), means_on_bus(hub.bus(), lockstep=False))
+    strike(Fault(at=0.0, fault="pause", name=name, seconds=0.05), means_on_bus(hub.bus(), lockstep=False))
     assert child.up.wait(20) and child.heard == ["up", "on"]
     child.process.kill()
     child.finish()

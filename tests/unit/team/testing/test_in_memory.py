@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 import zteam
+from zteam import testing
 from zteam.behaviors import load_behavior
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Bool, Odometry, Point, Twist, Vector3
-from zteam.team import testing
 from zteam.testing import MemoryHub, make_view, run_node
 
 

@@ -66,6 +66,14 @@ MISTAKES: list[tuple[Callable[[Team], object], str]] = [
         "node 'sim': the team has a process of this name",
     ),
     (lambda team: team.start("arena", 1, nodes={"a b": "zteam:run"}), "team.start: node 'a b': "),
+    (
+        lambda team: team.launch("line", in_process=True, secure="certificates"),
+        "team.launch: secure gives certificates to processes: leave it or in_process out",
+    ),
+    (
+        lambda team: team.start("arena", in_process=True, chaos=True),
+        "team.start: chaos=True gives links to processes: leave it or in_process out",
+    ),
     (lambda team: team.start("arena", 0), "team.start: robots is 0: give at least one robot"),
     (start_twice, "a test has one team, and this one has started"),
     (lambda team: team.run(-1), "team.run(-1): give the seconds of simulated time that are to pass, 0 or more"),

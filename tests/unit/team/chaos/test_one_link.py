@@ -1,4 +1,4 @@
-"""Links through a forwarder: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
+"""One link: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
 
 import socket
 import threading
@@ -8,22 +8,22 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.clock import monotonic
-from zteam.team.chaos.forwarder import Forwarder, Link, most_held
-from zteam.team.chaos.links import Wire
+from zteam.team.chaos.links import Link, Links, most_held
+from zteam.team.chaos.means import Wire
 
 
 class Ends:
-    """A listening socket in the router's place, and connections to it through a forwarder."""
+    """A listening socket in the router's place, and connections to it through links."""
 
     def __init__(self) -> None:
         self.server = socket.create_server(("127.0.0.1", 0))
         self.server.settimeout(LIMIT)
-        self.forwarder = Forwarder()
+        self.links = Links()
         self.opened: list[socket.socket] = []
 
     def link(self) -> Link:
         """A link to the server."""
-        return self.forwarder.open(*self.server.getsockname())
+        return self.links.open(*self.server.getsockname())
 
     def near(self, link: Link) -> socket.socket:
         """A new connection to a link."""
@@ -48,7 +48,7 @@ class Ends:
 
     def close(self) -> None:
         """Close all of it."""
-        self.forwarder.close()
+        self.links.close()
         for end in (self.server, *self.opened):
             end.close()
 
@@ -92,7 +92,7 @@ def has_ended(end: socket.socket) -> bool:
 
 
 def pass_by(ends: Ends) -> None:
-    """Return when the forwarder has had time for all that was sent before: a good link has passed bytes twice."""
+    """Return when a link has had time for all that was sent before: a good link has passed bytes twice."""
     near, far = ends.connect(ends.link())
     for _ in range(2):
         near.sendall(b"x")
@@ -209,7 +209,7 @@ def test_a_router_that_is_away_ends_the_connection(ends: Ends) -> None:
     """A process that connects while the router does not listen hears the end at once, and gets through later."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         address = free.getsockname()
-    link = ends.forwarder.open(*address)
+    link = ends.links.open(*address)
     assert ends.are_refused(link)
     with socket.create_server(address) as back:
         back.settimeout(LIMIT)
@@ -230,13 +230,13 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     assert far.recv(1) == b""
 
 
-def test_a_forwarder_leaves_nothing_open(ends: Ends) -> None:
+def test_links_leave_nothing_open(ends: Ends) -> None:
     """`close` ends its thread, its connections and its ports."""
     link = ends.link()
     near, far = ends.connect(link)
     endpoint = link.endpoint
-    ends.forwarder.close()
-    assert [thread.name for thread in threading.enumerate() if thread.name == "forwarder"] == []
+    ends.links.close()
+    assert [thread.name for thread in threading.enumerate() if thread.name == "links"] == []
     assert has_ended(near) and has_ended(far)
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.1", int(endpoint.rpartition(":")[2])), LIMIT)

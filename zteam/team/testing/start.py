@@ -1,0 +1,83 @@
+"""What `team.start` is given, as a team file and a launch have it: robots, behaviours and own nodes. Each raises
+UsageError."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from zteam import names
+from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.errors import UsageError
+from zteam.node.process_options import NodeOptions, to_line
+from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.registry import BEHAVIORS
+from zteam.team.launch.own_behaviors import Inquiry, Question
+from zteam.team.launch.plan import MEMBER
+from zteam.team.launch.supervisor import Job
+from zteam.team.own_code import find_body
+from zteam.team.run.threads import Body
+
+
+def spec_of(behavior: str | type[Behavior]) -> str:
+    """The name by which a robot's process finds a behaviour."""
+    if isinstance(behavior, str):
+        return behavior
+    if not isinstance(behavior, type):
+        raise UsageError(f"team.start: behavior is {behavior!r:.60}: give a name or a class")
+    shipped = [name for name, kind in BEHAVIORS.items() if kind is behavior]
+    module, name = behavior.__module__, behavior.__qualname__
+    if getattr(sys.modules.get(module), name, None) is not behavior:
+        text = f"{name} of {module}, which no process can import: define the class at the top level of a module"
+        raise UsageError(f"team.start: behavior is {text}")
+    return shipped[0] if shipped else f"{module}:{name}"
+
+
+def robot_tables(
+    robots: int | str | Sequence[int], behavior: str, follow: Mapping[int, int], params: Mapping[int, Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """The robots of `start` as tables of a team file."""
+    ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots
+    ids = list(range(ids) if isinstance(ids, int) else ids)
+    if not ids:
+        raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
+    for name, given in (("follow", follow), ("params", params)):
+        for i in given:
+            if i not in ids:
+                raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
+    return [
+        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
+        for i in ids
+    ]
+
+
+def node_bodies(nodes: Mapping[str, Body | str]) -> dict[str, Body]:
+    """Own nodes by name as functions that this process runs."""
+    _check_nodes(nodes, here=True)
+    return {name: find_body(name, body) if isinstance(body, str) else body for name, body in nodes.items()}
+
+
+def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[str, Job]:
+    """Own nodes by name as processes. A child imports them first; their modules are looked for in `folders` too."""
+    _check_nodes(nodes, here=False)
+    texts = {name: str(body) for name, body in nodes.items()}
+    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders, ()) as inquiry:
+        if refused := [answered.refused for answered in inquiry.answers() if answered.refused]:
+            raise UsageError("\n".join(refused))
+    options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}
+    return {name: Job(MEMBER, words=to_line(name, options[name])) for name in texts}
+
+
+def _check_nodes(nodes: Mapping[str, object], *, here: bool) -> None:
+    for name, body in nodes.items():
+        if problem := names.name_problem(name):
+            raise UsageError(f"team.start: node {name!r}: {problem}")
+        if not (isinstance(body, str) or (here and callable(body))):
+            raise UsageError(f"team.start: nodes[{name!r}] is {_told(body, here)}")
+
+
+def _told(body: object, here: bool) -> str:
+    module, function = getattr(body, "__module__", None), getattr(body, "__qualname__", "")
+    if here or not callable(body):
+        return f"{body!r}: give text 'module:function'" + (", or a function of the node" if here else "")
+    text = f"{module}:{function}" if function.isidentifier() else "module:function"
+    return f"a function of this process: give a function of a module as text ({text!r}), or say in_process=True"
