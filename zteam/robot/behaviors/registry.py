@@ -22,9 +22,7 @@ from zteam.robot.behaviors.go_to import GoTo
 from zteam.robot.behaviors.path import FollowPath
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.wander import Wander
-from zteam.robot.parameters import Parameter
-from zteam.robot.parameters import parameters_of as parameters_of
-from zteam.robot.parameters import values_of as values_of
+from zteam.robot.parameters import Parameter, parameters_of
 
 _ZTEAM = str(Path(__file__).parents[2])
 _OF_ROS = {

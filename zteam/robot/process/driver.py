@@ -8,7 +8,10 @@ from typing import Any
 
 import msgspec
 
+from zteam import names
+from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
@@ -18,10 +21,12 @@ from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import StepWatch
 from zteam.reasons import Cause, Reason
-from zteam.robot.behaviors import View
+from zteam.robot.behaviors import Behavior, View
 from zteam.robot.behaviors.asking import ask, missing, old_data
+from zteam.robot.behaviors.registry import read_params
+from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
+from zteam.robot.parameters import parameters_of, values_of
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.process.parameters import BehaviorParameters
 from zteam.robot.safety import LimitsOnly, SafetyLayer
 from zteam.robot.safety.motion import DRIVE_MARGIN
 from zteam.robot.scans import look_along
@@ -78,29 +83,33 @@ def _cause(trouble: str, view: View) -> str:
 
 
 class Driver:
-    """Asks the behaviour of a robot, and has its status told.
+    """Asks the behaviour of a robot, has its status told, and answers the queries of its parameters.
 
-    The node calls `step` without `node.changed`: nothing that it goes by changes meanwhile.
+    The node calls `step` without `node.changed`: nothing that it goes by changes meanwhile. Parameters that are set
+    count from the next step on, so no step sees them change.
     """
 
     def __init__(
         self,
         node: Node,
         inputs: RobotInputs,
-        parameters: BehaviorParameters,
+        kind: type[Behavior],
         status: StatusReport,
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
     ) -> None:
-        """`team()`: ids of the robots that are alive."""
+        """`kind` is the class of the behaviour; `team()`: ids of the robots that are alive."""
         self._node, self._team = node, team
         self._inputs = inputs
-        self._parameters = parameters
+        self._kind = kind
         self.status = status
         self.robot_id = options.robot_id
         self._seed = options.seed
         self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
-        self._make_behavior(parameters.given)
+        self._parameters = options.params
+        """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
+        outlast a jump back in time."""
+        self._make_behavior(self._parameters)
         behavior = self.behavior
         self._watch = StepWatch(
             f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
@@ -120,9 +129,37 @@ class Driver:
         self._pauses = Pauses()
         self._heard_from = 0.0
         """Real time: the host time from which on there was no pause."""
+        node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
+        node.bus.serve(names.service_key(node.name, SET), SetRequest, self._set)
+
+    def _read(self, parameters: dict[str, Any]) -> Any:
+        """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""
+        return read_params(self.status.behavior, self._kind, parameters, self.robot_id)
+
+    def _describe(self) -> DescribeReply:
+        values = values_of(self._read(self._parameters))
+        return DescribeReply(self.status.behavior, parameters_of(self._kind.Params), values)
+
+    def _set(self, request: SetRequest) -> SetReply:
+        with self._node.changed:
+            before, name = values_of(self._read(self._parameters)), self.status.behavior
+            given = {**self._parameters, **request.parameters}
+            try:
+                values = values_of(self._read(given))
+                unknown = [key for key in request.parameters if key not in values]
+                if unknown:
+                    # `Params` lacks it and does not forbid it: at the start it is ignored.
+                    takes = ", ".join(values) or "no parameters"
+                    raise UsageError(f"behaviour {name}: {unknown[0]}: unknown key; {name} takes {takes}")
+            except UsageError as error:
+                return SetReply(before, refused=str(error))
+            self._parameters = given
+        for key in request.parameters:
+            log.info("parameter %s is %r, was %r", key, values[key], before[key])
+        return SetReply(values)
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
-        self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
+        self.behavior = self.status.tells_of = self._kind(self._read(parameters))
         self._given = parameters
         """The parameters that the behaviour has."""
         self._layer, self.safety = self._make_layer(), SafetyLog(self.status.behavior)
@@ -205,11 +242,11 @@ class Driver:
 
     def _prepare_behavior(self) -> None:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
-        parameters = self._parameters.given
+        parameters = self._parameters
         if self._begins_anew:
             self._make_behavior(parameters)
         elif self._given is not parameters:
-            self.behavior.params, self._given = self._parameters.read(parameters), parameters
+            self.behavior.params, self._given = self._read(parameters), parameters
             self.behavior.on_params()
         else:
             return

@@ -33,7 +33,6 @@ from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
-from zteam.robot.process.parameters import BehaviorParameters
 from zteam.simulator.client import absence_text, read_status
 
 log = logging.getLogger("zteam")
@@ -181,8 +180,7 @@ class RobotNode:
         self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
         readiness = Readiness(gated=options.gate)
         self.status = StatusReport(node, self._id, options.behavior, readiness, node.switch, safety=options.safety)
-        parameters = BehaviorParameters(node, kind, options.behavior, options.params)
-        self.driver = Driver(node, self._inputs, parameters, self.status, options, self._team)
+        self.driver = Driver(node, self._inputs, kind, self.status, options, self._team)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
         self._alive: TokenSet | None = None
