@@ -12,7 +12,7 @@ from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.navigation.goal_file import FileGoal
 from zteam.node.node import Node
-from zteam.robot.goal_lists import serve_list
+from zteam.robot.client import serve_list
 
 log = logging.getLogger("zteam")
 

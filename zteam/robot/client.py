@@ -1,7 +1,8 @@
 """What other processes ask of a robot: its parameters, to give its goal up, to stop; and how they tell goals apart. The
 queries have the names of ROS's, but for the stop.
 
-The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
+The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to. What
+sends a robot the goals of a list (`zteam goals`) answers the queries of the list.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus, Change
+from zteam.bus import Bus, Change, NoRequest
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
@@ -146,6 +147,59 @@ class CancelReply(msgspec.Struct):
 
     canceled: bool
     """Whether there was a goal to give up."""
+
+
+class PauseRequest(Change):
+    """Send the robot no further goal of the list. The one that it has stays, unless it is canceled."""
+
+
+class ResumeRequest(Change):
+    """Go on with the next goal of the list."""
+
+
+class ListReply(msgspec.Struct):
+    """The list of one robot."""
+
+    is_paused: bool
+
+
+_LIST_LIMIT = 1.0
+"""Host seconds for an answer about a list, at which no step is waited for."""
+
+
+def serve_list(bus: Bus, robot_id: int, is_paused: Callable[[], bool], pause: Callable[[bool], None]) -> None:
+    """Answer for the list of a robot; `pause(paused)` is called on a thread of the bus."""
+
+    def take(paused: bool, _request: Change) -> ListReply:
+        pause(paused)
+        return ListReply(paused)
+
+    bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(is_paused()))
+    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), PauseRequest, partial(take, True))
+    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), ResumeRequest, partial(take, False))
+
+
+def find_lists(bus: Bus) -> dict[int, bool]:
+    """By robot that drives through a list: whether it is paused, and so for one of several."""
+    found: dict[int, bool] = {}
+    for key, reply in bus.find(names.all_robots_key(names.GOALS), ListReply, timeout=_LIST_LIMIT):
+        if target := names.split_robot_key(key):
+            found[target[0]] = found.get(target[0], False) or reply.is_paused
+    return found
+
+
+def pause_lists(bus: Bus, robots: Iterable[int] | None = None, *, paused: bool) -> list[int]:
+    """Pause the lists of these robots, or of all, or go on with them; the robots whose lists have answered.
+
+    Raises BusError.
+    """
+    lists: Collection[int] = find_lists(bus)
+    service, request = (names.PAUSE_GOALS, PauseRequest()) if paused else (names.RESUME_GOALS, ResumeRequest())
+    done = []
+    for robot_id in sorted(lists if robots is None else set(robots) & set(lists)):
+        if bus.query(names.robot_key(robot_id, service), ListReply, request, timeout=_LIST_LIMIT):
+            done.append(robot_id)
+    return done
 
 
 CONFIRM_LIMIT = 1.0 * HOST_FACTOR

@@ -37,8 +37,8 @@ from zteam.robot.client import (
     StopClient,
     StopResult,
     navigation_query,
+    pause_lists,
 )
-from zteam.robot.goal_lists import pause_lists
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
 from zteam.view.team_view import TeamView

@@ -17,8 +17,7 @@ from zteam.messages import TFMessage, TransformStamped
 from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import LogLine, kept_lines
 from zteam.node.process_node import ProcessNode
-from zteam.robot.client import DESCRIBE, DescribeReply
-from zteam.robot.goal_lists import find_lists
+from zteam.robot.client import DESCRIBE, DescribeReply, find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, Lookup, TransformClient, find_frames

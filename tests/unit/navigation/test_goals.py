@@ -20,7 +20,7 @@ from zteam.navigation.goal_file import FileGoal, read_goals
 from zteam.navigation.goals import Dispatcher, Rounds
 from zteam.node.node import Node
 from zteam.node.shutdown import Stop
-from zteam.robot.goal_lists import find_lists, pause_lists
+from zteam.robot.client import find_lists, pause_lists
 from zteam.team.testing.in_memory import RunningNode
 from zteam.testing import run_node
 

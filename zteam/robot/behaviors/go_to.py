@@ -276,7 +276,6 @@ class GoTo(Behavior):
         return self._escape.free(view, command)
 
     def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
         return "its parameter speed is 0"
 
     def _take(self, message: PoseStamped, view: View) -> None:

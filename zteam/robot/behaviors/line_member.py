@@ -87,7 +87,6 @@ class LineMember(Behavior):
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
-        """It is near enough to the robot ahead, or a robot of its line is silent."""
         if self._silent is not None:
             return waits_for(self._silent, "is silent")
         if self.follows is None:

@@ -13,7 +13,7 @@ import msgspec
 
 from zteam.config.entry_points import BEHAVIORS as GROUP
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.problems import Problem, problems_of
+from zteam.config.problems import problems_of
 from zteam.errors import UsageError, did_you_mean
 from zteam.robot.behaviors.behavior import Behavior, check_inputs
 from zteam.robot.behaviors.follow import Follow
@@ -94,7 +94,7 @@ BEHAVIORS: dict[str, type[Behavior]] = {
     "formation": Formation,
 }
 _STEP = "def step(self, view): return Twist(Vector3(0.2))"
-DETERMINISTIC = frozenset({"idle", "forward", "avoid", "follow", "path", "go_to", "formation"})
+DETERMINISTIC = BEHAVIORS.keys() - {"wander"}
 """Those that draw no random numbers: with them, every seed gives the same run."""
 
 
@@ -110,20 +110,13 @@ def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None
 
 def read_params(spec: str, kind: type[Behavior], params: dict[str, Any], robot_id: int | None = None) -> Any:
     """The parameters of the behaviour `spec` as its `Params`. Raises UsageError that names every mistake."""
-    problems = parameter_problems(spec, kind, params)
+    problems = problems_of(params, kind.Params, takes=f"{spec} takes")
     if problems:
         raise UsageError(f"behaviour {spec}: {'; '.join(map(str, problems))}")
     read = msgspec.convert(params, kind.Params)
     if robot_id is not None and getattr(read, "leader", None) == robot_id:
         raise UsageError(f"behaviour {spec}: robot {robot_id} cannot follow itself; name another robot")
     return read
-
-
-def parameter_problems(
-    spec: str, kind: type[Behavior], params: dict[str, Any], near: Iterable[str] = ()
-) -> list[Problem]:
-    """Every mistake in the parameters of the behaviour `spec`; `near` are other words that a key may stand for."""
-    return problems_of(params, kind.Params, takes=f"{spec} takes", near=near)
 
 
 def look_in(folders: Iterable[str | Path]) -> None:

@@ -119,7 +119,6 @@ class Wander(LineMember):
         return command
 
     def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
         return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
 
     def _step_alone(self, view: View, scan: LaserScan) -> Twist:

@@ -6,6 +6,7 @@ Teammates are told by their poses: the laser looks over low bodies, and lasers d
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import Outline, limits_of, outline_of, place_after
 from zteam.robot.scans import Beams, beams_of
-from zteam.robot.view import View, own_pose
+from zteam.robot.view import Teammate, View, own_pose
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class LaserCoverage:
         if is_silent is None or not is_silent.any():
             self._whole = now
             return
-        bearings = beams.directions.angles
+        bearings = beams.angles
         sectors = np.remainder((bearings + yaw) * (_SECTORS / math.tau), _SECTORS).astype(np.intp) % _SECTORS
         if self._whole > 0:
             # The beams were then where they are now, or nearly so.
@@ -83,11 +84,13 @@ class LaserCoverage:
         """Whether the laser looks to all bearings within `spare` (rad) of one."""
         return self._half > 3.1 or abs(normalize_angle(bearing - self._middle)) + spare <= self._half
 
-    def is_blind(self, outline: Outline, motion: Velocity, seconds: float, mates: list[tuple[float, float]]) -> bool:
-        """Whether a beam that says nothing points into the way; those towards `mates` (x, y) are explained."""
+    def is_blind(self, outline: Outline, motion: Velocity, seconds: float, mates: Iterable[Teammate]) -> bool:
+        """Whether a beam that says nothing points into the way; those towards `mates` are explained."""
         silent, (laser_x, laser_y) = self.silent, self.laser
-        for x, y in mates:
-            silent = silent[np.abs(_wrap(silent - math.atan2(y - laser_y, x - laser_x))) > DAZZLE_ANGLE]
+        for mate in mates:
+            if mate.age <= STALE_AFTER:
+                bearing = math.atan2(mate.pose.y - laser_y, mate.pose.x - laser_x)
+                silent = silent[np.abs(_wrap(silent - bearing)) > DAZZLE_ANGLE]
         if not silent.size:
             return False
         seconds = max(seconds, 0.3 / motion.speed) / _LOOKS
@@ -207,11 +210,6 @@ class TeammateTracker:
                     found.append(_near(mate, here.inverse().compose(mate.pose), here.yaw, way, growth))
         return found
 
-    def bearings(self, view: View) -> list[tuple[float, float]]:
-        """Where all teammates are whose pose is fresh, as (x, y) in the base frame."""
-        found = (view.base_from_robot(robot_id) for robot_id in self._known)
-        return [(at[0].x, at[0].y) for at in found if at and (not at[1] or view.is_fresh(at[1], 0.5))]
-
 
 def _near(mate: _TrackedTeammate, at: Pose2, yaw: float, way: float, growth: float) -> NearTeammate:
     """A teammate that is at a pose of the base frame; the base is turned by `yaw` in `map`."""
@@ -281,7 +279,7 @@ class Surroundings:
                 (start, step, _), way = beams.laser, self._travelled
                 few = max(1, int(_FINEST / max(abs(step), 1e-9) + 1e-6))
                 self._known = kernels.see(
-                    self._known, beams.directions.axes, beams.distances, (start, step), few,
+                    self._known, beams.axes, beams.distances, (start, step), few,
                     (*view.laser, 0.0), max(REACH, reach), way, way - SPAN,
                 )  # fmt: skip
 

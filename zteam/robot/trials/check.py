@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -29,9 +29,6 @@ from zteam.robot.trials.situations import POSES, ROBOT, SITUATIONS, STALE_SITUAT
 from zteam.robot.trials.worlds import PLACES, SECONDS, Start, drive
 from zteam.robot.view import View
 
-Kind = Literal[
-    "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "differs", "old", "touched"
-]  # fmt: skip
 T = TypeVar("T")
 
 TICK = 0.1
@@ -67,7 +64,7 @@ _HINTS = {
 class Fault(msgspec.Struct, frozen=True):
     """One thing that a behaviour does wrong."""
 
-    kind: Kind
+    kind: str
     text: str
     """What it does, with the behaviour as the subject that is left out: `step raises …`."""
     hint: str
@@ -108,7 +105,7 @@ class Trial:
         self.error: BaseException | None = None
         """What went wrong in zteam itself."""
 
-    def blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+    def blame(self, kind: str, text: str, hint: str = "", place: str = "") -> None:
         place = place or self.place_of("step")
         self.faults.setdefault((kind, place), Fault(kind, text, hint, place))
 
@@ -215,7 +212,7 @@ class Subject:
             if value:
                 self._blame("ignored", f"step sets {name} = {value!r}, which moves nothing", _NO_SPEED)
 
-    def _blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+    def _blame(self, kind: str, text: str, hint: str = "", place: str = "") -> None:
         self._trial.blame(kind, text + self._label, hint, place)
 
     def _call(self, method: str, call: Callable[[], T]) -> T:
