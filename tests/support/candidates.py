@@ -7,8 +7,7 @@ from typing import Any
 
 from zteam.behaviors import Behavior
 from zteam.robot.behaviors.registry import find_behavior
-from zteam.robot.trials.check import Fault, TrialResult, run_trials
-from zteam.robot.trials.worlds import PLACES
+from zteam.robot.trials.check import PLACES, Fault, TrialResult, run_trials
 
 HEAD = """\
 import math, random, time

@@ -15,8 +15,7 @@ from support.pages import LANGUAGES, NOTES, PAGES, Block, all_blocks, blocks_of
 from zteam.behaviors import Behavior
 from zteam.config import entry_points
 from zteam.config.resources import shipped_world
-from zteam.robot.trials.check import run_trials
-from zteam.robot.trials.worlds import PLACES
+from zteam.robot.trials.check import PLACES, run_trials
 from zteam.team.chaos.plan import read_plan
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch.check import check_team

@@ -71,16 +71,13 @@ def _way_out(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError):
         return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
     quoted = str(error).split("'")
-    return _name_of_zteam(quoted[1]) if error.name == "zteam" and len(quoted) > 1 else ""
-
-
-def _name_of_zteam(name: str) -> str:
-    """What a name that `zteam` lacks may stand for."""
+    if error.name != "zteam" or len(quoted) < 2:
+        return ""
     from zteam import messages
 
-    if name in dir(messages):
-        return f" (from zteam.messages import {name})"
-    return did_you_mean(name, dir(sys.modules["zteam"]))
+    name = quoted[1]
+    is_message = name in dir(messages)
+    return f" (from zteam.messages import {name})" if is_message else did_you_mean(name, dir(sys.modules["zteam"]))
 
 
 BEHAVIORS: dict[str, type[Behavior]] = {

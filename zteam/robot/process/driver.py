@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Set
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ from zteam.node.stopping import STOPPED
 from zteam.node.working import StepWatch
 from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors import Behavior, View
-from zteam.robot.behaviors.asking import ask, missing, old_data
+from zteam.robot.behaviors.behavior import ask, missing, old_data
 from zteam.robot.behaviors.registry import read_params
 from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 from zteam.robot.parameters import parameters_of, values_of
@@ -185,12 +185,6 @@ class Driver:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
 
-    def _silent(self) -> Set[int]:
-        """Real time: the robots that are silent though they could be heard."""
-        if self._rested:
-            self._heard_from = monotonic()
-        return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
-
     def step(self, due: Due) -> Twist | None:
         """The command of the step that is `due`; None while the gate is shut."""
         view = self._look(due)
@@ -231,7 +225,10 @@ class Driver:
         if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
             # The base has stood meanwhile.
             dt, self._rested = 0.0, True
-        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
+        if not in_lockstep and self._rested:
+            self._heard_from = monotonic()
+        heard_from = max(self._heard_from, FREEZES.look())
+        silent = inputs.declared.silent(now if in_lockstep else None, heard_from)
         return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
 
     def _note(self, due: Due, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:

@@ -17,7 +17,6 @@ from zteam.messages import (
     BaseInfo,
     LaserScan,
     Odometry,
-    RobotState,
     TFMessage,
     Tick,
     Twist,
@@ -50,14 +49,10 @@ _LOOKS = 3
 """Looks, a second apart, until something that does not come is missing."""
 NO_POSES = f"no new poses on '{names.TF}' (zteam-tf)"
 """What the status says while scans come without them."""
-_TELL_EVERY = 5
-"""Seconds between two lines about the others that GO waits for."""
 
 
 class DataWatch:
-    """What a robot waits for before it drives: a place in the world, its first data, the rest of its team. And, in real
-    time, why nothing comes any more: simulated time then stands still, and no step is taken.
-    """
+    """Finds out why a robot's data does not come, or no longer comes: in real time no step is taken then."""
 
     def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
         self._deaf = 0
@@ -71,9 +66,6 @@ class DataWatch:
         self._inputs = inputs
         self._driver = driver
         self._looks = 0
-        self._ready_for = 0
-        """Seconds since the robot is ready, or since the last line."""
-        self._told = ""
         self._scan: LaserScan | None = None
         """The newest at the last look."""
 
@@ -83,8 +75,6 @@ class DataWatch:
         if self._looks >= _LOOKS:
             self._find_absence()
             self._node.look()
-        with self._node.changed:
-            self._tell()
 
     def _find_absence(self) -> None:
         """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
@@ -150,17 +140,6 @@ class DataWatch:
                 if not self._driver.behavior.uses_tf:
                     log.info("%s", NO_POSES if is_old else "poses come again")
                 self._driver.status.say_again()
-
-    def _tell(self) -> None:
-        """Log what GO waits for, if that takes long (under `node.changed`)."""
-        waiting_for = self._node.team.waiting_for
-        if self._node.readiness.state != RobotState.READY or not waiting_for:
-            self._ready_for = 0
-            return
-        self._ready_for += 1
-        if self._ready_for > _TELL_EVERY and waiting_for != self._told:
-            self._ready_for, self._told = 0, waiting_for
-            log.info("ready; GO waits for %s", waiting_for)
 
 
 class RobotNode:

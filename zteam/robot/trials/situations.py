@@ -62,7 +62,8 @@ ROBOT = 1
 LEADER = 0
 STEPS = 12
 """Views of a situation: longer than a second, so that what depends on time shows."""
-_DT = 0.1
+DT = 0.1
+"""Seconds from one view to the next, and of a tick of Stage's worlds."""
 _BEAMS, _FOV = 1081, math.radians(270.25)
 _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
@@ -120,7 +121,7 @@ class ViewMaker:
     def views(self, ranges: np.ndarray | None = None, poses: Poses = POSES, **more: Any) -> Iterator[View]:
         """STEPS views in a row, by default in the middle of a room."""
         for step in range(STEPS):
-            yield self.view(1.0 + step * _DT, _DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
+            yield self.view(1.0 + step * DT, DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
 
     def messages(self, robots: Collection[int] = ()) -> Mapping[str, Any]:
         """What a view holds of its inputs when empty messages have come from these robots; without any, none at all."""
@@ -151,7 +152,7 @@ def _moved(moment: ViewMaker) -> Iterator[View]:
     for step in range(STEPS):
         is_late = step >= STEPS // 2
         ranges, poses = (0.5 * room(), _ELSEWHERE) if is_late else (room(), POSES)
-        yield moment.view(1.0 + step * _DT, _DT if step else 0.0, ranges, poses)
+        yield moment.view(1.0 + step * DT, DT if step else 0.0, ranges, poses)
 
 
 def _odd_times(moment: ViewMaker) -> Iterator[View]:
