@@ -39,17 +39,17 @@ def declared_inputs(inputs: Mapping[str, tuple[str, type[Message]]], robot_id: i
     return [DeclaredInput(name, names.input_key(robot_id, topic), kind) for name, (topic, kind) in inputs.items()]
 
 
-def check_inputs(inputs: Any) -> None:
-    """Raise UsageError that names the first mistake in what a behaviour declares."""
+def check_inputs(what: str, inputs: Any) -> None:
+    """Raise UsageError that names the first mistake in what a behaviour declares; its text begins with `what`."""
     if not isinstance(inputs, Mapping):
-        raise UsageError(f"inputs is {inputs!r}, not a dict such as {_EXAMPLE}")
+        raise UsageError(f"{what} is {inputs!r}, not a dict such as {_EXAMPLE}")
     for name, declared in inputs.items():
         if not (isinstance(name, str) and isinstance(declared, tuple) and len(declared) == 2):
-            raise UsageError(f"inputs: {name!r}: {declared!r} is no topic with its type: {_EXAMPLE}")
+            raise UsageError(f"{what}: {name!r}: {declared!r} is no topic with its type: {_EXAMPLE}")
         try:
             _check_input(*declared)
         except UsageError as error:
-            raise UsageError(f"inputs: {name!r}: {error}") from None
+            raise UsageError(f"{what}: {name!r}: {error}") from None
 
 
 def _check_input(topic: Any, kind: Any) -> None:

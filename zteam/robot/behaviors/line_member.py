@@ -45,7 +45,6 @@ class LineMember(Behavior):
         self._head.rest()
 
     def _find_place(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> Place:
-        """As `Line.find_place`."""
         may_turn = self.turns != NO_TURNS
         place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
         self.turns = self._line.turns if may_turn else NO_TURNS

@@ -4,6 +4,7 @@ import importlib
 import inspect
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterable
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -37,24 +38,16 @@ _OF_ROS = {
 
 
 def explain(error: BaseException) -> str:
-    """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
-    return f"{_place(error)}{error_text(error)}{_way_out(error)}"
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised; the line is the user's own."""
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
+    # The text of a SyntaxError names the line.
+    place = f"{own[-1].filename}:{own[-1].lineno}: " if own and not isinstance(error, SyntaxError) else ""
+    return f"{place}{error_text(error)}{_way_out(error)}"
 
 
 def error_text(error: BaseException) -> str:
     """The type of an error and what it says, on one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
-
-
-def _place(error: BaseException) -> str:
-    """`file:line: ` of the user's own line that ended the import; empty if none was run."""
-    if isinstance(error, SyntaxError):
-        # Its text names the line.
-        return ""
-    import traceback
-
-    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
-    return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
 
 
 def is_own(filename: str) -> bool:
@@ -171,10 +164,7 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     except TypeError:
         text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
         raise UsageError(f"behaviour {spec!r}: {text}") from None
-    try:
-        check_inputs(found.inputs)
-    except UsageError as error:
-        raise UsageError(f"behaviour {spec!r}: {error}") from None
+    check_inputs(f"behaviour {spec!r}: inputs", found.inputs)
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
     try:
@@ -196,16 +186,9 @@ def _suggestion(spec: str, known: Iterable[str]) -> str:
     place = PathFinder.find_spec(spec)
     if place is None or place.origin is None or not place.origin.endswith(".py"):
         return ""
-    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in _classes_in(Path(place.origin)))}?)"
-
-
-def _classes_in(path: Path) -> list[str]:
-    """Names of the classes in a source file that may be behaviours; `Class` where there is none."""
-    try:
-        text = path.read_text(errors="replace")
-    except OSError:
-        return ["Class"]
-    return re.findall(r"^class (\w+)\((?!.*Struct\b)", text, re.MULTILINE) or ["Class"]
+    text = Path(place.origin).read_text(errors="replace")
+    classes = re.findall(r"^class (\w+)\((?!.*Struct\b)", text, re.MULTILINE) or ["Class"]
+    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in classes)}?)"
 
 
 def _is_behavior(found: object) -> bool:

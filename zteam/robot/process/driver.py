@@ -27,8 +27,8 @@ from zteam.robot.behaviors.registry import read_params
 from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 from zteam.robot.parameters import parameters_of, values_of
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.safety import LimitsOnly, SafetyLayer
-from zteam.robot.safety.motion import DRIVE_MARGIN
+from zteam.robot.safety import SafetyLayer
+from zteam.robot.safety.motion import DRIVE_MARGIN, limit_speed
 from zteam.robot.scans import look_along
 
 log = logging.getLogger("zteam")
@@ -105,7 +105,7 @@ class Driver:
         self.status = status
         self.robot_id = options.robot_id
         self._seed = options.seed
-        self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
+        self._has_layer = options.safety
         self._parameters = options.params
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
@@ -162,7 +162,7 @@ class Driver:
         self.behavior = self.status.tells_of = self._kind(self._read(parameters))
         self._given = parameters
         """The parameters that the behaviour has."""
-        self._layer, self.safety = self._make_layer(), SafetyLog(self.status.behavior)
+        self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
     def _ask(self, view: View) -> tuple[Twist, str]:
         """As `ask`. The log says once if a step looks transforms up undeclared: it would drive on by old ones.
@@ -208,7 +208,10 @@ class Driver:
         driver = RobotDriver.BEHAVIOR
         if choice is not None:
             driver, wanted, reason = *choice, ""
-        command, trouble = self._layer.limit(wanted, view, reason)
+        if self._has_layer:
+            command, trouble = self._layer.limit(wanted, view, reason)
+        else:
+            command, trouble = limit_speed(wanted, view.base)
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:

@@ -135,7 +135,6 @@ class Trial:
         """What a new object answers to these views."""
         subject, before = Subject(self), len(self.answers)
         for view in views:
-            subject.prepare(view)
             subject.step(view)
         return self.answers[before:]
 
@@ -184,16 +183,13 @@ class Subject:
         self._behavior.params = self._read(params)
         self._call("on_params", self._behavior.on_params)
 
-    def prepare(self, view: View) -> None:
-        """Ask what it lacks before it is ready."""
+    def step(self, view: View) -> tuple[Twist, str]:
+        """The velocity that it wants, and its reason. First it is asked what it lacks before it is ready."""
         lacks: Any = self._call("missing", lambda: self._behavior.missing(view))
         if not (isinstance(lacks, list) and all(isinstance(noun, str) for noun in lacks)):
             place = self._trial.place_of("missing")
             self._blame("type", f"missing returned {lacks!r}", "return a list of texts, [] for ready", place)
             raise TrialOver
-
-    def step(self, view: View) -> tuple[Twist, str]:
-        """The velocity that it wants, and its reason."""
         trial, before = self._trial, _bytes_of(view)
         began, worked = monotonic(), thread_time()
         trial.began = began

@@ -140,7 +140,6 @@ def _scan(ranges: np.ndarray, now: int) -> LaserScan:
 
 
 def _odom(now: int) -> Odometry:
-    """It has not driven since its start."""
     return Odometry(
         header=Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)),
         child_frame_id=names.robot_frame(ROBOT, names.BASE_FOOTPRINT),
@@ -156,7 +155,6 @@ def _moved(moment: ViewMaker) -> Iterator[View]:
 
 
 def _odd_times(moment: ViewMaker) -> Iterator[View]:
-    """Time stands still, and then leaps."""
     now = 1.0
     for dt in (0.0, 0.1, 0.0, 0.0, 0.1, 5.0, 0.1, 1e-9):
         now += dt
@@ -164,7 +162,6 @@ def _odd_times(moment: ViewMaker) -> Iterator[View]:
 
 
 def _near(moment: ViewMaker) -> Iterator[View]:
-    """A robot stands right before it."""
     angles = np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)
     ranges = np.where(np.abs(angles) < 0.5, 0.15, room())
     return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})
