@@ -38,7 +38,7 @@ _OF_ROS = {
 
 
 def explain(error: BaseException) -> str:
-    """`file:line: Type: text (way out)` of an error that importing a user's module raised; the line is the user's own."""
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised; the line is the user's."""
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
     # The text of a SyntaxError names the line.
     place = f"{own[-1].filename}:{own[-1].lineno}: " if own and not isinstance(error, SyntaxError) else ""
