@@ -29,10 +29,7 @@ def parse_robot_ids(words: Sequence[str], place: str) -> tuple[int, ...]:
 
 
 def format_robot_ids(ids: Iterable[int]) -> str:
-    """The ids, sorted, in the grammar that `parse_robot_ids` reads, with ranges where three or more follow each other.
-
-    For example `0-3, 7, 8`; empty for no ids.
-    """
+    """The ids, sorted, as `parse_robot_ids` reads them, with ranges from three ids on: `0-3, 7, 8`; empty for none."""
     runs: list[tuple[int, int]] = []
     for robot_id in sorted(set(ids)):
         if runs and robot_id == runs[-1][1] + 1:

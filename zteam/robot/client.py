@@ -190,10 +190,7 @@ def find_lists(bus: Bus) -> dict[int, bool]:
 
 
 def pause_lists(bus: Bus, robots: Iterable[int] | None = None, *, paused: bool) -> list[int]:
-    """Pause the lists of these robots, or of all, or go on with them; the robots whose lists have answered.
-
-    Raises BusError.
-    """
+    """Pause the lists of these robots or of all, or go on with them; those that have answered. Raises BusError."""
     lists: Collection[int] = find_lists(bus)
     service, request = (names.PAUSE_GOALS, PauseRequest()) if paused else (names.RESUME_GOALS, ResumeRequest())
     done = []

@@ -80,10 +80,7 @@ MIN_SPEED, MAX_SPEED = 0.01, 10.0
 
 
 class Pilot:
-    """Drives one robot of several.
-
-    It holds a robot from the first key on, with zero velocity while no key counts, and lets go of it with `tab`.
-    """
+    """Drives one robot of several: from its first key on, at zero velocity while no key counts, until `tab`."""
 
     def __init__(self, robot_ids: Sequence[int], speed: float, turn: float) -> None:
         self.robot_ids = tuple(robot_ids)

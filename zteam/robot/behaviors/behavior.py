@@ -139,14 +139,16 @@ class Behavior:
 
 def old_data(behavior: Behavior, view: View) -> str:
     """Why the behaviour cannot be asked: what it drives by is missing or old; empty if it can."""
-    return old_scan(view) or (_old_pose(view) if behavior.uses_tf else "")
+    if (trouble := old_scan(view)) or not behavior.uses_tf:
+        return trouble
+    own = view.map_from_base()
+    if own is None:
+        return NO_POSE
+    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"
 
 
 def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
-    """The velocity that the behaviour wants, and why it is not what the behaviour is for ("" if it is).
-
-    On old data it is not asked, and the velocity is zero.
-    """
+    """The velocity that the behaviour wants, zero on old data, and why it is not what it is for ("" if it is)."""
     if trouble := old_data(behavior, view):
         return Twist(), trouble
     wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
@@ -173,10 +175,3 @@ def missing(view: View, behavior: Behavior) -> list[str]:
     if view.map_from_base() is None:
         lacking.append(f"its own pose in {names.MAP_FRAME} ({names.TF}, from zteam-tf)")
     return lacking + behavior.missing(view)
-
-
-def _old_pose(view: View) -> str:
-    own = view.map_from_base()
-    if own is None:
-        return NO_POSE
-    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"

@@ -134,10 +134,7 @@ def find_behavior(spec: str) -> type[Behavior]:
 
 
 def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]) -> Any:
-    """What is called `name` in the user's `module`. An error calls it `what`, and names what of the module `fits`.
-
-    Raises UsageError.
-    """
+    """What the user's `module` calls `name`, for `what`. Raises UsageError, which names what of the module `fits`."""
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:

@@ -165,10 +165,7 @@ class Driver:
         self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
     def _ask(self, view: View) -> tuple[Twist, str]:
-        """As `ask`. The log says once if a step looks transforms up undeclared: it would drive on by old ones.
-
-        Teammates come with their age.
-        """
+        """As `ask`; logs once if a step looks transforms up undeclared, but for teammates, whose age it sees."""
         behavior = self.behavior
 
         def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:

@@ -178,12 +178,10 @@ class TeammateTracker:
         """Of the robot in `map`, in this step."""
 
     def look(self, view: View) -> None:
-        known, self._known = self._known, {}
+        known, self._known, self._here = self._known, {}, own_pose(view)
         for robot_id in sorted({*view.bases, *view.team} - {view.robot_id}):
             base, mate = view.bases.get(robot_id, DEFAULT_BASE), known.get(robot_id)
-            self._known[robot_id] = mate if mate and mate.base is base else _TrackedTeammate(robot_id, base)
-        self._here = own_pose(view)
-        for mate in self._known.values():
+            mate = self._known[robot_id] = mate if mate and mate.base is base else _TrackedTeammate(robot_id, base)
             at = view.lookup(names.MAP_FRAME, mate.frame)
             age = (view.now - at[1]) / 1e9 if at is not None and at[1] else 0.0
             if at is None or age > FORGET_AFTER or not math.isfinite(sum(at[0])):
@@ -192,10 +190,7 @@ class TeammateTracker:
                 mate.take(*at, max(0.0, age))
 
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
-        """The teammates that may come into a disc of the base frame until they stand, in metres.
-
-        They begin to brake `reaction` seconds from now.
-        """
+        """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
         here, found = self._here, []
         if here is None or not self._known:
             return []

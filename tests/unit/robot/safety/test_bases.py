@@ -28,9 +28,7 @@ _FREE = (-math.inf, math.inf)
 class Loop:
     """A robot in the simulator's core that asks for a velocity, and what is left of it."""
 
-    def __init__(
-        self, robot: Robot, *, wall_at: float = 3.0, tick: float = 0.1, has_layer: bool = True
-    ) -> None:
+    def __init__(self, robot: Robot, *, wall_at: float = 3.0, tick: float = 0.1, has_layer: bool = True) -> None:
         world: World = replace(make_world(robot, wall_at=wall_at), interval=round(tick * NS_PER_S))
         self._engine, self._base, self._tick = Engine(world), base_of(base_info(robot)), tick
         self._layer = SafetyLayer() if has_layer else None
