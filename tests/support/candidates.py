@@ -4,6 +4,7 @@ import importlib
 import itertools
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from zteam.behaviors import Behavior
 from zteam.robot.behaviors.registry import find_behavior
@@ -34,7 +35,8 @@ class Candidate:
 
     def try_it(self, *, in_worlds: bool = False, **params: Any) -> list[TrialResult]:
         """The results of the trials; those in the simulator only if asked for, because they take longest."""
-        return [*run_trials(f"{self.module}:Mine", self.load(), params, () if in_worlds else PLACES)]
+        with patch.dict(PLACES, clear=not in_worlds):
+            return [*run_trials(f"{self.module}:Mine", self.load(), params)]
 
     def load(self) -> type[Behavior]:
         """Its class."""

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
@@ -387,18 +387,14 @@ def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], None]]:
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
-def run_trials(
-    spec: str, kind: type[Behavior], params: dict[str, Any], leave_out: Collection[str] = ()
-) -> Iterator[TrialResult]:
+def run_trials(spec: str, kind: type[Behavior], params: dict[str, Any]) -> Iterator[TrialResult]:
     """Try the behaviour `spec`; each result as soon as it is there. A behaviour that is slow or hangs ends the trials.
 
-    The trials of these names are left out. Raises UsageError where `params` are not what it takes.
+    Raises UsageError where `params` are not what it takes.
     """
     given = given_params(spec, kind, params)
     read_params(spec, kind, given, ROBOT)
     for name, act in all_trials(kind).items():
-        if name in leave_out:
-            continue
         began, trial = monotonic(), Trial(spec, kind, given)
         _run(trial, act)
         faults = [*trial.faults.values()]

@@ -101,7 +101,13 @@ class ViewMaker:
         """What it knows at `seconds`; `ages` (s) are those of its own pose and of the others'."""
         now = to_ns(seconds)
         own, others = lookup_in(poses, now - to_ns(ages[0])), lookup_in(poses, now - to_ns(ages[1]))
-        alone = {names.MAP_FRAME, names.robot_frame(ROBOT, names.BASE_FOOTPRINT)}
+        base, scan, odom = names.robot_frame(ROBOT, names.BASE_FOOTPRINT), None, None
+        alone = {names.MAP_FRAME, base}
+        if ranges is not None:
+            scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
+            # As of a scan that came over the bus.
+            scan.ranges.flags.writeable = False
+            odom = Odometry(Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)), base)
 
         def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
             return (own if {target, source} <= alone else others)(target, source)
@@ -110,8 +116,8 @@ class ViewMaker:
             now=now,
             dt=dt,
             robot_id=ROBOT,
-            scan=None if ranges is None else _scan(ranges, now),
-            odom=None if ranges is None else _odom(now),
+            scan=scan,
+            odom=odom,
             lookup=lookup,
             team=tuple(sorted(POSES)),
             bases=dict.fromkeys(POSES, DEFAULT_BASE),
@@ -130,20 +136,6 @@ class ViewMaker:
             each, own = {robot: declared.type() for robot in robots}, declared.type() if robots else None
             found[declared.name] = MappingProxyType(each) if declared.of_all_robots else own
         return MappingProxyType(found)
-
-
-def _scan(ranges: np.ndarray, now: int) -> LaserScan:
-    scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
-    # As of a scan that came over the bus.
-    scan.ranges.flags.writeable = False
-    return scan
-
-
-def _odom(now: int) -> Odometry:
-    return Odometry(
-        header=Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)),
-        child_frame_id=names.robot_frame(ROBOT, names.BASE_FOOTPRINT),
-    )
 
 
 def _moved(moment: ViewMaker) -> Iterator[View]:
