@@ -16,8 +16,6 @@ from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
 
 Floats = NDArray[np.float64]
-Laser = tuple[float, float, int]
-"""First angle, increment and number of beams."""
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
@@ -43,7 +41,7 @@ class Cone(msgspec.Struct, frozen=True):
 class Beams(NamedTuple):
     """A scan read once."""
 
-    laser: Laser
+    laser: tuple[float, float, int]
     """First angle, increment and number of beams."""
     angles: Floats
     """Of the beams, in [-pi, pi)."""

@@ -156,10 +156,7 @@ def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
 
 
 def decide(behavior: Behavior, view: View, layer: SafetyLayer | None = None) -> tuple[Twist, str]:
-    """The safe velocity of a step of the behaviour, and why it is not what the behaviour is for ("" if it is).
-
-    `layer` remembers what came before; without one this is the first step.
-    """
+    """As `ask`, made safe by `layer`, which remembers what came before; without one this is the first step."""
     wanted, reason = ask(behavior, view)
     command, trouble = (layer or SafetyLayer()).limit(wanted, view, reason)
     return command, trouble or reason

@@ -195,7 +195,7 @@ class Line:
         if len(line) > 1:
             # The next number at which it is an end's turn that has not told more.
             ends = (line[0], 0), (line[-1], 1)
-            self._turn_on(min(self._until(told.get(robot, self.turns), rest) for robot, rest in ends))
+            self.turn_on(min(self._until(told.get(robot, self.turns), rest) for robot, rest in ends))
 
     def _ahead(self, number: int) -> int:
         """How many turns a number is ahead; 0 if it is behind, also round the end of the numbers."""
@@ -207,12 +207,9 @@ class Line:
         ahead = self._ahead(number)
         return ahead + ((self.turns + ahead) % 2 != rest)
 
-    def _turn_on(self, turns: int) -> None:
+    def turn_on(self, turns: int = 1) -> None:
+        """The line is led from its other end, so many times more."""
         self.turns = (self.turns + turns) % _ROUND
-
-    def hand_over(self) -> None:
-        """It is this robot's turn, and it turns the line."""
-        self._turn_on(1)
 
 
 def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:

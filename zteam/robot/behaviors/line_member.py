@@ -82,7 +82,7 @@ class LineMember(Behavior):
 
     def _turn_line(self) -> None:
         """The line is led from its other end from now on."""
-        self._line.hand_over()
+        self._line.turn_on()
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:

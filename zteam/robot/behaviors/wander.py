@@ -142,10 +142,7 @@ class Wander(LineMember):
         return self._escape.free(view, Twist(angular=Vector3(z=self._side * self.params.turn_rate)))
 
     def _bearing_of_teammate(self, view: View) -> float | None:
-        """Of one in the way ahead (rad), which the laser may look over; None if there is none.
-
-        Both keep the room to turn in, or they might stand side by side for ever.
-        """
+        """Of one ahead (rad) within the room that both need to turn in, which the laser may look over; or None."""
         found = None
         for mate in view.teammates:
             x, y, room = mate.pose.x, mate.pose.y, view.base.radius + mate.base.radius + SIDE_MARGIN

@@ -39,10 +39,7 @@ ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
 
 
 class SafetyLog:
-    """The safety layer's lines in the robot's log: one when it stops the robot, one when the way is free again.
-
-    Fed with every step: what the driver wanted, and why that was stopped.
-    """
+    """Logs once when the safety layer stops or slows the robot, and once when the way is free again."""
 
     def __init__(self, behavior: str) -> None:
         """`behavior` is the name that the lines show of it."""
