@@ -224,7 +224,7 @@ class Driver:
             dt, self._rested = 0.0, True
         if not in_lockstep and self._rested:
             self._heard_from = monotonic()
-        heard_from = max(self._heard_from, FREEZES.look())
+        heard_from = 0.0 if in_lockstep else max(self._heard_from, FREEZES.look())
         silent = inputs.declared.silent(now if in_lockstep else None, heard_from)
         return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
 
