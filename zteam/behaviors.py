@@ -3,7 +3,7 @@
 
 from zteam.robot import behaviors
 from zteam.robot.behaviors import *  # noqa: F403
-from zteam.robot.behaviors.asking import decide, missing
+from zteam.robot.behaviors.behavior import decide, missing
 from zteam.robot.safety import SafetyLayer, make_safe
 
 __all__ = [*behaviors.__all__, "SafetyLayer", "decide", "make_safe", "missing"]

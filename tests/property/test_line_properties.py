@@ -100,7 +100,7 @@ class TurningLine:
     def hand_over(self) -> None:
         """The robot that leads does."""
         leader = self.lines[0 if self.turns % 2 == 0 else -1]
-        leader.hand_over()
+        leader.turn_on()
         self.told[self.lines.index(leader)] = leader.turns
 
     @property

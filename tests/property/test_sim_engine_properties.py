@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.examples import examples
-from support.small_worlds import drive, make_maze, make_robot
+from support.small_worlds import drive, is_occupied, make_maze, make_robot
 from zteam.sim import Engine, Options
-from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.world.model import Limits
 
 FAST = Limits(x=(-30.0, 30.0), y=(-30.0, 30.0), yaw=(-20.0, 20.0))

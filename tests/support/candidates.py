@@ -4,11 +4,11 @@ import importlib
 import itertools
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from zteam.behaviors import Behavior
 from zteam.robot.behaviors.registry import find_behavior
-from zteam.robot.trials.check import Fault, TrialResult, run_trials
-from zteam.robot.trials.worlds import PLACES
+from zteam.robot.trials.check import PLACES, Fault, TrialResult, run_trials
 
 HEAD = """\
 import math, random, time
@@ -35,7 +35,8 @@ class Candidate:
 
     def try_it(self, *, in_worlds: bool = False, **params: Any) -> list[TrialResult]:
         """The results of the trials; those in the simulator only if asked for, because they take longest."""
-        return [*run_trials(f"{self.module}:Mine", self.load(), params, () if in_worlds else PLACES)]
+        with patch.dict(PLACES, clear=not in_worlds):
+            return [*run_trials(f"{self.module}:Mine", self.load(), params)]
 
     def load(self) -> type[Behavior]:
         """Its class."""

@@ -27,7 +27,7 @@ from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.process_node import run_node
-from zteam.robot.goal_lists import pause_lists
+from zteam.robot.client import pause_lists
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 

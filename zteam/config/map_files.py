@@ -33,7 +33,6 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
     """
     from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
 
-    too_large = WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused")
     try:
         with warnings.catch_warnings():
             # Pillow warns at a bound of its own, above ours.
@@ -42,14 +41,12 @@ def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
             Image.preinit()
             with Image.open(path, formats=_FORMATS) as image:
                 if image.width * image.height > MAX_PIXELS:
-                    raise too_large
+                    raise Image.DecompressionBombError
                 return _channels(image, alpha)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise too_large from None
+        raise WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused") from None
     except UnidentifiedImageError:
         raise WorldError(f"bitmap {path} is not a PGM, PNG, BMP, JPEG or GIF image") from None
-    except WorldError:
-        raise
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 

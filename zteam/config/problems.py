@@ -37,13 +37,10 @@ class Problem(NamedTuple):
     text: str
 
     def __str__(self) -> str:
-        return f"{path_text(self.path)}: {self.text}" if self.path else self.text
-
-
-def path_text(path: KeyPath) -> str:
-    """`robots[1].speed`, with quotes around a key that needs them."""
-    words = [part if isinstance(part, int) or _BARE.fullmatch(part) else json.dumps(part) for part in path]
-    return "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words).removeprefix(".")
+        """`robots[1].speed: text`, with quotes around a key that needs them."""
+        words = [part if isinstance(part, int) or _BARE.fullmatch(part) else json.dumps(part) for part in self.path]
+        path = "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words).removeprefix(".")
+        return f"{path}: {self.text}" if path else self.text
 
 
 def problems_of(
@@ -95,7 +92,8 @@ def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
         if isinstance(error.__cause__, KeyValueError):
             key, text = error.__cause__.args
             return [Problem((*path, *inner, key), text)]
-        return [Problem((*path, *inner), _in_words(text if at else place, value) + _choices(place, kind))]
+        choices = f"; one of {', '.join(_words_of(kind))}" if "enum value" in place else ""
+        return [Problem((*path, *inner), _in_words(text if at else place, value) + choices)]
     return []
 
 
@@ -121,10 +119,6 @@ def _in_words(text: str, value: Any) -> str:
 def _shown(value: Any) -> str:
     text = json.dumps(value, default=str, ensure_ascii=False)
     return text if len(text) <= 40 else f"{text[:39]}…"
-
-
-def _choices(text: str, kind: Any) -> str:
-    return f"; one of {', '.join(_words_of(kind))}" if "enum value" in text else ""
 
 
 def _words_of(kind: Any) -> list[str]:

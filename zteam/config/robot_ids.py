@@ -29,18 +29,14 @@ def parse_robot_ids(words: Sequence[str], place: str) -> tuple[int, ...]:
 
 
 def format_robot_ids(ids: Iterable[int]) -> str:
-    """The ids, sorted, in the grammar that `parse_robot_ids` reads, with ranges where three or more follow each other.
-
-    For example `0-3, 7, 8`; empty for no ids.
-    """
-    runs: list[tuple[int, int]] = []
+    """The ids, sorted, as `parse_robot_ids` reads them, with ranges from three ids on: `0-3, 7, 8`; empty for none."""
+    runs: list[list[int]] = []
     for robot_id in sorted(set(ids)):
-        if runs and robot_id == runs[-1][1] + 1:
-            runs[-1] = (runs[-1][0], robot_id)
+        if runs and robot_id == runs[-1][-1] + 1:
+            runs[-1].append(robot_id)
         else:
-            runs.append((robot_id, robot_id))
-    pairs = ((first, last, ", " if last == first + 1 else "-") for first, last in runs)
-    return ", ".join(f"{first}{between}{last}" if first < last else str(first) for first, last, between in pairs)
+            runs.append([robot_id])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
 def _parse_item(item: str, place: str) -> range:

@@ -19,10 +19,7 @@ LOCKSTEP_TIMEOUT = 10.0
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The defaults are Stage's: exact lasers, and exact odometry unless the world file sets noise.
-
-    Raises ValueError for a value out of range.
-    """
+    """The defaults are Stage's: exact lasers, and odometry as the world has it. Raises ValueError out of range."""
 
     physics: Annotated[
         Literal["dynamic", "stage", "kinematic"] | None,

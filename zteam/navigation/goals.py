@@ -17,7 +17,7 @@ from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
-from zteam.robot.goal_lists import serve_list
+from zteam.robot.client import serve_list
 
 if TYPE_CHECKING:
     import yaml

@@ -1,9 +1,11 @@
 """What other processes ask of a robot: its parameters, to give its goal up, to stop; and of the launcher, to start one.
 How they tell goals apart. The queries of a robot have the names of ROS's, but for the stop.
 
-The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to.
+The query that gives a goal up is that of whatever takes a robot's goals: its navigation, or the behaviour go_to. What
+sends a robot the goals of a list (`zteam goals`) answers the queries of the list.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -12,14 +14,14 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus, Change
+from zteam.bus import Bus, Change, NoRequest
 from zteam.clock import HOST_FACTOR, monotonic, pause, to_ns
 from zteam.errors import BusError, QueryError, QueryTimeoutError, UsageError
 from zteam.messages import NavigationState, PoseStamped
 from zteam.monitor.observer import TeamObserver
 from zteam.node.stopping import EngageRequest, ReleaseRequest, StopReply, ask_stopped
 from zteam.robot.parameters import Parameter
-from zteam.simulator.client import find_status
+from zteam.simulator.client import SimStatus, find_status
 
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
@@ -165,6 +167,56 @@ class CancelReply(msgspec.Struct):
     """Whether there was a goal to give up."""
 
 
+class PauseRequest(Change):
+    """Send the robot no further goal of the list. The one that it has stays, unless it is canceled."""
+
+
+class ResumeRequest(Change):
+    """Go on with the next goal of the list."""
+
+
+class ListReply(msgspec.Struct):
+    """The list of one robot."""
+
+    is_paused: bool
+
+
+_LIST_LIMIT = 1.0
+"""Host seconds for an answer about a list, at which no step is waited for."""
+
+
+def serve_list(bus: Bus, robot_id: int, is_paused: Callable[[], bool], pause: Callable[[bool], None]) -> None:
+    """Answer for the list of a robot; `pause(paused)` is called on a thread of the bus."""
+
+    def take(paused: bool, _request: Change) -> ListReply:
+        pause(paused)
+        return ListReply(paused)
+
+    bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(is_paused()))
+    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), PauseRequest, partial(take, True))
+    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), ResumeRequest, partial(take, False))
+
+
+def find_lists(bus: Bus) -> dict[int, bool]:
+    """By robot that drives through a list: whether it is paused, and so for one of several."""
+    found: dict[int, bool] = {}
+    for key, reply in bus.find(names.all_robots_key(names.GOALS), ListReply, timeout=_LIST_LIMIT):
+        if target := names.split_robot_key(key):
+            found[target[0]] = found.get(target[0], False) or reply.is_paused
+    return found
+
+
+def pause_lists(bus: Bus, robots: Iterable[int] | None = None, *, paused: bool) -> list[int]:
+    """Pause the lists of these robots or of all, or go on with them; those that have answered. Raises BusError."""
+    lists: Collection[int] = find_lists(bus)
+    service, request = (names.PAUSE_GOALS, PauseRequest()) if paused else (names.RESUME_GOALS, ResumeRequest())
+    done = []
+    for robot_id in sorted(lists if robots is None else set(robots) & set(lists)):
+        if bus.query(names.robot_key(robot_id, service), ListReply, request, timeout=_LIST_LIMIT):
+            done.append(robot_id)
+    return done
+
+
 CONFIRM_LIMIT = 1.0 * HOST_FACTOR
 """Host seconds for the processes that stop a robot to confirm it."""
 SETTLE = 0.3
@@ -201,10 +253,6 @@ class StopResult(msgspec.Struct):
         return f"{name}: {'; '.join(filter(None, (*parts, self.problem)))}"
 
 
-Answers = Sequence[tuple[str, StopReply]]
-"""The key that was asked, and the answer."""
-
-
 class StopClient:
     """Stops and releases robots: those that are given, or all that are there."""
 
@@ -215,18 +263,15 @@ class StopClient:
 
     def engage(self, robots: Collection[int] | None = None) -> list[StopResult]:
         """Stop robots; for each, which processes have confirmed it. One query asks all: none has to be found first."""
-        keys = [EngageRequest.wildcard] if robots is None else self._keys(robots, names.ENGAGE)
+        keys = [EngageRequest.wildcard] if robots is None else [names.robot_key(i, names.ENGAGE) for i in robots]
         return self._ask(robots, keys, EngageRequest(), stopped=True)
 
     def release(self, robots: Collection[int] | None = None) -> list[StopResult]:
         """Release robots; for each, which processes have confirmed it."""
         # Access control goes by keys: a wildcard would pass it.
         found = {robot_id for robot_id, _ in ask_stopped(self._bus, names.ALL_ROBOTS)} if robots is None else robots
-        return self._ask(robots, self._keys(found, names.RELEASE), ReleaseRequest(), stopped=False)
-
-    @staticmethod
-    def _keys(robots: Iterable[int], service: str) -> list[str]:
-        return [names.robot_key(robot_id, service) for robot_id in sorted(robots)]
+        keys = [names.robot_key(robot_id, names.RELEASE) for robot_id in found]
+        return self._ask(robots, keys, ReleaseRequest(), stopped=False)
 
     def _ask(
         self, robots: Collection[int] | None, keys: Sequence[str], request: Change, *, stopped: bool
@@ -234,26 +279,28 @@ class StopClient:
         with ThreadPoolExecutor(_ASKED_AT_ONCE, "stop") as pool:
             asked = pool.map(partial(self._query, request), keys)
             status = pool.submit(find_status, self._bus, CONFIRM_LIMIT)
-            answers = list(asked)
-            world = status.result()
+            answers, world = dict(zip(keys, asked, strict=True)), status.result()
         pause(max(0.0, self._settled - monotonic()))
-        alive = set(self._alive())
-        replies = [reply for found, _ in answers for reply in found]
-        expected = _expected(alive, None if world is None else world.robots)
-        if names.SIMULATOR in alive and world is None:
-            # Whose bodies it holds it does not say.
-            for held in expected.values():
-                held.add(names.SIMULATOR)
-        for key, reply in replies:
-            target = names.split_robot_key(key)
-            if target is not None:
-                expected.setdefault(target[0], set()).add(reply.by)
-        chosen = expected.keys() if robots is None else robots
-        problems = {key: problem for key, (_, problem) in zip(keys, answers, strict=True)}
-        return [_result(i, expected.get(i, set()), replies, problems, stopped=stopped) for i in sorted(chosen)]
+        expected, confirmed = _expected(set(self._alive()), world), defaultdict[int, set[str]](set)
+        for replies, _ in answers.values():
+            for key, reply in replies:
+                if target := names.split_robot_key(key):
+                    expected[target[0]].add(reply.by)
+                    if reply.is_stopped == stopped:
+                        confirmed[target[0]].add(reply.by)
+        results = []
+        for robot_id in sorted(expected if robots is None else robots):
+            lacking, done, problem = expected[robot_id] - confirmed[robot_id], sorted(confirmed[robot_id]), ""
+            if not done:
+                own = {EngageRequest.wildcard, *(names.robot_key(robot_id, s) for s in (names.ENGAGE, names.RELEASE))}
+                problem = next((why for key, (_, why) in answers.items() if key in own and why), "")
+            if not expected[robot_id] and not problem:
+                problem = "nothing holds it: it has no process, and no simulator has its body"
+            results.append(StopResult(robot_id, stopped, done, sorted(lacking), problem))
+        return results
 
-    def _query(self, request: Change, key: str) -> tuple[Answers, str]:
-        """The answers, and why there are none."""
+    def _query(self, request: Change, key: str) -> tuple[list[tuple[str, StopReply]], str]:
+        """The answers with their keys, and why there are none."""
         try:
             return self._bus.query(key, StopReply, request, timeout=CONFIRM_LIMIT), ""
         except QueryTimeoutError:
@@ -264,28 +311,18 @@ class StopClient:
             return [], str(error)
 
 
-def _expected(alive: Iterable[str], world: Iterable[int] | None) -> dict[int, set[str]]:
+def _expected(alive: Collection[str], world: SimStatus | None) -> defaultdict[int, set[str]]:
     """By robot, the processes that have to confirm: those that hold its name, and the simulator for robots in its
     world. A base without a process has none."""
-    found: dict[int, set[str]] = {}
+    found = defaultdict[int, set[str]](set)
     for name in alive:
         robot_id, base_id = names.robot_id_of(name), names.base_robot_of(name)
         if robot_id is not None:
-            found.setdefault(robot_id, set()).add(name)
+            found[robot_id].add(name)
         elif base_id is not None:
-            found.setdefault(base_id, set())
-    for robot_id in world or ():
-        found.setdefault(robot_id, set()).add(names.SIMULATOR)
+            found[base_id].update()
+    # A simulator that does not answer may have the body of each.
+    held = world.robots if world is not None else [*found] if names.SIMULATOR in alive else []
+    for robot_id in held:
+        found[robot_id].add(names.SIMULATOR)
     return found
-
-
-def _result(
-    robot_id: int, expected: set[str], replies: Answers, problems: dict[str, str], *, stopped: bool
-) -> StopResult:
-    mine = {names.robot_key(robot_id, service) for service in (names.ENGAGE, names.RELEASE)}
-    confirmed = {reply.by for key, reply in replies if key in mine and reply.is_stopped == stopped}
-    asked = {*mine, EngageRequest.wildcard}
-    problem = "" if confirmed else next((problem for key, problem in problems.items() if key in asked and problem), "")
-    if not expected and not problem:
-        problem = "nothing holds it: it has no process, and no simulator has its body"
-    return StopResult(robot_id, stopped, sorted(confirmed), sorted(expected - confirmed), problem)

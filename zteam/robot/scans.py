@@ -16,8 +16,6 @@ from zteam.messages import LaserScan
 from zteam.messages.laser import read_ranges
 
 Floats = NDArray[np.float64]
-Laser = tuple[float, float, int]
-"""First angle, increment and number of beams."""
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
@@ -40,21 +38,15 @@ class Cone(msgspec.Struct, frozen=True):
     """Share of the cone's beams that say nothing, 0..1."""
 
 
-class Directions(NamedTuple):
-    """Of a scan's beams: the same in every scan of a laser."""
-
-    angles: Floats
-    """In [-pi, pi)."""
-    axes: Floats
-    """(2, n): their cosines and sines."""
-
-
 class Beams(NamedTuple):
     """A scan read once."""
 
-    laser: Laser
+    laser: tuple[float, float, int]
     """First angle, increment and number of beams."""
-    directions: Directions
+    angles: Floats
+    """Of the beams, in [-pi, pi)."""
+    axes: Floats
+    """(2, n): their cosines and sines."""
     ranges: Floats
     distances: Floats
     """`ranges`, but a hit that is too close to measure is at _TOUCHING: it still has the direction of its beam."""
@@ -66,19 +58,20 @@ class Beams(NamedTuple):
     def find_hits(self, bound: float) -> Floats:
         """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""
         at = (self.distances < bound).nonzero()[0]
-        return self.directions.axes.take(at, axis=1) * self.distances.take(at)
+        return self.axes.take(at, axis=1) * self.distances.take(at)
 
 
 @lru_cache(maxsize=64)
-def _directions(start: float, step: float, count: int) -> Directions:
+def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats]:
+    """The angles and the axes of beams: the same in every scan of a laser."""
     angles = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
-    return Directions(angles, np.array((np.cos(angles), np.sin(angles))))
+    return angles, np.array((np.cos(angles), np.sin(angles)))
 
 
 @lru_cache(maxsize=64)
 def _cone(start: float, step: float, count: int, half_angle: float) -> NDArray[np.int64]:
     """The beams within `half_angle` of straight ahead."""
-    angles = _directions(start, step, count).angles
+    angles, _axes = _directions(start, step, count)
     return (np.abs(angles) <= half_angle + _ANGLE_TOLERANCE).nonzero()[0]
 
 
@@ -88,7 +81,7 @@ def _read(scan: LaserScan) -> Beams | None:
     if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
         return None
     distances = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING)
-    return Beams(laser, _directions(*laser), ranges, distances, nearest, all_speak)
+    return Beams(laser, *_directions(*laser), ranges, distances, nearest, all_speak)
 
 
 _newest: list[tuple[LaserScan, object, Beams | None]] = []
@@ -116,7 +109,7 @@ def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
     Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
     """
     beams = beams_of(scan)
-    return None if beams is None else (beams.directions.angles, beams.ranges)
+    return None if beams is None else (beams.angles, beams.ranges)
 
 
 def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
@@ -134,7 +127,7 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
         distances[is_silent], silent = np.inf, int(is_silent.sum())
     at = int(distances.argmin())
     nearest = float(distances[at])
-    bearing = float(beams.directions.angles[inside[at]]) if nearest < math.inf else 0.0
+    bearing = float(beams.angles[inside[at]]) if nearest < math.inf else 0.0
     return Cone(nearest, bearing, silent / inside.size)
 
 
@@ -143,7 +136,7 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
     beams = beams_of(scan)
     if beams is None:
         return math.inf
-    return kernels.look_along(beams.directions.axes, beams.distances, half_width, heading)
+    return kernels.look_along(beams.axes, beams.distances, half_width, heading)
 
 
 def is_seen(scan: LaserScan, heading: float) -> bool:
@@ -173,5 +166,5 @@ def first_clear(
     if beams is None or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
         return heading
     headings = [heading, *[heading + turn for turn in turns]]
-    found = kernels.first_clear(beams.directions.axes, beams.distances, half_width, reach, np.array(headings))
+    found = kernels.first_clear(beams.axes, beams.distances, half_width, reach, np.array(headings))
     return headings[found] if found >= 0 else None

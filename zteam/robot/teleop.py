@@ -3,7 +3,7 @@
 import codecs
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
@@ -12,23 +12,16 @@ if TYPE_CHECKING:
     from zteam.robot.wheels import Wheels
 
 
-class Direction(NamedTuple):
-    """Shares of the speed forwards and to the left, and of the turn rate to the left."""
-
-    forward: float
-    left: float
-    turn: float
-
-
 DIRECTIONS = {
-    "u": Direction(1, 0, 1), "i": Direction(1, 0, 0), "o": Direction(1, 0, -1),
-    "j": Direction(0, 0, 1), "l": Direction(0, 0, -1),
-    "m": Direction(-1, 0, -1), ",": Direction(-1, 0, 0), ".": Direction(-1, 0, 1),
-    "U": Direction(1, 1, 0), "I": Direction(1, 0, 0), "O": Direction(1, -1, 0),
-    "J": Direction(0, 1, 0), "L": Direction(0, -1, 0),
-    "M": Direction(-1, 1, 0), "<": Direction(-1, 0, 0), ">": Direction(-1, -1, 0),
-    "up": Direction(1, 0, 0), "down": Direction(-1, 0, 0), "left": Direction(0, 0, 1), "right": Direction(0, 0, -1),
+    "u": (1, 0, 1), "i": (1, 0, 0), "o": (1, 0, -1),
+    "j": (0, 0, 1), "l": (0, 0, -1),
+    "m": (-1, 0, -1), ",": (-1, 0, 0), ".": (-1, 0, 1),
+    "U": (1, 1, 0), "I": (1, 0, 0), "O": (1, -1, 0),
+    "J": (0, 1, 0), "L": (0, -1, 0),
+    "M": (-1, 1, 0), "<": (-1, 0, 0), ">": (-1, -1, 0),
+    "up": (1, 0, 0), "down": (-1, 0, 0), "left": (0, 0, 1), "right": (0, 0, -1),
 }  # fmt: skip
+"""By key: shares of the speed forwards and to the left, and of the turn rate to the left."""
 SPEED_FACTORS = {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1), "c": (1.0, 0.9)}
 """By what a key multiplies speed and turn rate."""
 STOP, SPACE, NEXT, HELP = "k", "space", "tab", "?"
@@ -87,10 +80,7 @@ MIN_SPEED, MAX_SPEED = 0.01, 10.0
 
 
 class Pilot:
-    """Drives one robot of several.
-
-    It holds a robot from the first key on, with zero velocity while no key counts, and lets go of it with `tab`.
-    """
+    """Drives one robot of several: from its first key on, at zero velocity while no key counts, until `tab`."""
 
     def __init__(self, robot_ids: Sequence[int], speed: float, turn: float) -> None:
         self.robot_ids = tuple(robot_ids)

@@ -87,10 +87,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
-        return self._found
-
-    @cached_property
-    def _found(self) -> tuple[Pose2, int] | None:
         return self.lookup(names.MAP_FRAME, self.base_frame)
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:

@@ -36,9 +36,9 @@ from zteam.robot.client import (
     StopClient,
     StopResult,
     navigation_query,
+    pause_lists,
     start_robot,
 )
-from zteam.robot.goal_lists import pause_lists
 from zteam.simulator.client import SimulatorClient
 from zteam.view import frames, requests
 from zteam.view.team_view import TeamView

@@ -18,8 +18,7 @@ from zteam.monitor.observer import LINK, PRESENCE, TeamObserver
 from zteam.node.log_client import kept_lines
 from zteam.node.logs import LogLine
 from zteam.node.process_node import ProcessNode
-from zteam.robot.client import DESCRIBE, DescribeReply
-from zteam.robot.goal_lists import find_lists
+from zteam.robot.client import DESCRIBE, DescribeReply, find_lists
 from zteam.simulator.client import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.transforms import FrameInfo
 from zteam.transforms.client import BundleReply, find_frames

@@ -19,8 +19,7 @@ from zteam.messages import (
     Twist,
     Vector3,
 )
-from zteam.robot.behaviors.asking import ask
-from zteam.robot.behaviors.behavior import declared_inputs
+from zteam.robot.behaviors.behavior import ask, declared_inputs
 from zteam.robot.behaviors.registry import find_behavior
 from zteam.robot.process.inputs import RobotInputs
 

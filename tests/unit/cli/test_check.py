@@ -10,7 +10,7 @@ import pytest
 from support.commands import exit_code
 from support.pages import DOCS, blocks_of, find_file
 from zteam.cli import main as zteam
-from zteam.robot.trials import check, worlds
+from zteam.robot.trials import check
 
 FAULTY = """
 import math
@@ -44,7 +44,7 @@ blind:Blind: 2 things are wrong in 22 trials
 @pytest.fixture(autouse=True)
 def short_drives(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is printed does not depend on how long the behaviour drives in the worlds, nor on other load."""
-    monkeypatch.setattr(worlds, "SECONDS", 1.0)
+    monkeypatch.setattr(check, "SECONDS", 1.0)
     monkeypatch.setattr(check, "TICK", 2.0)
 
 

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import param
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
+from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.robot.behaviors.registry import BEHAVIORS
-from zteam.robot.process.parameters import BehaviorParameters
+from zteam.robot.process.node import RobotNode
 from zteam.team.file.entries import behavior_of
 from zteam.team.file.reading import load_team
 
@@ -29,9 +31,10 @@ TEAM = {
 def run(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Runs `zteam param WORDS` in a team; returns exit code, output and errors."""
     for name, (behavior, given) in TEAM.items():
-        node = ProcessNode(name, hub.bus(), Stop())
+        node, robot_id = Node(name, hub.bus(), Stop()), names.robot_id_of(name)
+        assert robot_id is not None
         node.become_present()
-        BehaviorParameters(node, BEHAVIORS[behavior], behavior, given)
+        RobotNode(node, BEHAVIORS[behavior], RobotOptions(robot_id, behavior, given))
     monkeypatch.setattr(param, "open_bus", lambda _options: hub.bus())
 
     def run(*words: str) -> tuple[int, str, str]:

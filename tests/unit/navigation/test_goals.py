@@ -19,7 +19,7 @@ from zteam.navigation.client import TaskResult, goal_message
 from zteam.navigation.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.node.node import Node
 from zteam.node.shutdown import Stop
-from zteam.robot.goal_lists import find_lists, pause_lists
+from zteam.robot.client import find_lists, pause_lists
 from zteam.team.testing.in_memory import RunningNode
 from zteam.testing import run_node
 

@@ -9,12 +9,13 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.transport import TIMED_OUT
 from zteam.errors import BusError
-from zteam.node.process_node import ProcessNode
+from zteam.node.node import Node
+from zteam.node.process_options import RobotOptions
 from zteam.node.shutdown import Stop
 from zteam.node.stopping import EngageRequest, StopReply, StopService
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.client import CONFIRM_LIMIT, ParametersClient, StopClient, StopResult
-from zteam.robot.process.parameters import BehaviorParameters
+from zteam.robot.process.node import RobotNode
 from zteam.simulator.client import SimStatus
 
 NAME = "robot_1"
@@ -26,9 +27,9 @@ def test_a_robot_that_is_not_there_is_named(hub: MemoryHub) -> None:
     client = ParametersClient(hub.bus())
     with pytest.raises(BusError, match=r"^no process robot_7, and no other .* start a team with 'zteam up'$"):
         client.describe("robot_7")
-    node = ProcessNode(NAME, hub.bus(), Stop())
+    node = Node(NAME, hub.bus(), Stop())
     node.become_present()
-    BehaviorParameters(node, Forward, "forward", {})
+    RobotNode(node, Forward, RobotOptions(1, "forward"))
     text = r"^no process robot_7 with parameters; there is robot_1$"
     with pytest.raises(BusError, match=text):
         client.describe("robot_7")

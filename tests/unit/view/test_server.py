@@ -33,8 +33,7 @@ from zteam.messages import (
     Vector3,
 )
 from zteam.node.stopping import StopSwitch
-from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query
-from zteam.robot.goal_lists import serve_list
+from zteam.robot.client import CANCEL, CancelReply, CancelRequest, navigation_query, serve_list
 from zteam.view.frames import PATH, POSES, SAMPLES, TEAM
 from zteam.view.requests import MAX_BYTES
 

@@ -5,10 +5,7 @@ from collections.abc import Mapping, Sequence
 
 
 def assign(costs: Sequence[Sequence[float]]) -> list[int]:
-    """The column of each row in the cheapest assignment of a square table of costs.
-
-    The same costs always give the same assignment. It takes n³ steps for n rows.
-    """
+    """The column of each row in the cheapest assignment of a square table of costs: always the same; n³ steps."""
     count = len(costs)
     row_prices, column_prices = [0.0] * (count + 1), [0.0] * (count + 1)
     # Rows and columns count from 1 here; column 0 holds the row that has no column yet.
@@ -63,10 +60,7 @@ class Assignment:
         return self.slots.keys() != members.keys() or now // _PERIOD != self._looked
 
     def look(self, now: int, members: Mapping[int, Sequence[float]], places: Sequence[tuple[float, float]]) -> None:
-        """Assign the slots at these places (as many as members) with the least sum of squared distances.
-
-        Straight ways to slots that are assigned so do not cross.
-        """
+        """Assign the slots at these places, one a member: least squared distances, so straight ways do not cross."""
         self._looked = now // _PERIOD
         robots = sorted(members)
         costs = [[math.dist(members[robot], place) ** 2 for place in places] for robot in robots]

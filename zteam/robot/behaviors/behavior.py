@@ -1,4 +1,5 @@
-"""What a behaviour is, and the further inputs that it may declare."""
+"""What a behaviour is, which further inputs it may declare, and how it is asked: only when its data is there, and with
+the safety layer under its answer."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +11,10 @@ from zteam import names
 from zteam.errors import BehaviorError, UsageError
 from zteam.messages import Message, NavigationStatus, Twist
 from zteam.messages.message import check_message_type
-from zteam.robot.view import View
+from zteam.messages.planar import checked_command
+from zteam.robot.safety.layer import SafetyLayer, old_scan
+from zteam.robot.safety.surroundings import STALE_AFTER
+from zteam.robot.view import NO_POSE, View
 
 _EXAMPLE = 'inputs = {"goal": ("goal_pose", PoseStamped)}'
 
@@ -35,17 +39,17 @@ def declared_inputs(inputs: Mapping[str, tuple[str, type[Message]]], robot_id: i
     return [DeclaredInput(name, names.input_key(robot_id, topic), kind) for name, (topic, kind) in inputs.items()]
 
 
-def check_inputs(inputs: Any) -> None:
-    """Raise UsageError that names the first mistake in what a behaviour declares."""
+def check_inputs(what: str, inputs: Any) -> None:
+    """Raise UsageError that names the first mistake in what a behaviour declares; its text begins with `what`."""
     if not isinstance(inputs, Mapping):
-        raise UsageError(f"inputs is {inputs!r}, not a dict such as {_EXAMPLE}")
+        raise UsageError(f"{what} is {inputs!r}, not a dict such as {_EXAMPLE}")
     for name, declared in inputs.items():
         if not (isinstance(name, str) and isinstance(declared, tuple) and len(declared) == 2):
-            raise UsageError(f"inputs: {name!r}: {declared!r} is no topic with its type: {_EXAMPLE}")
+            raise UsageError(f"{what}: {name!r}: {declared!r} is no topic with its type: {_EXAMPLE}")
         try:
             _check_input(*declared)
         except UsageError as error:
-            raise UsageError(f"inputs: {name!r}: {error}") from None
+            raise UsageError(f"{what}: {name!r}: {error}") from None
 
 
 def _check_input(topic: Any, kind: Any) -> None:
@@ -131,3 +135,40 @@ class Behavior:
     def missing(self, view: View) -> list[str]:
         """What the behaviour itself still needs before the robot may call itself ready."""
         return []
+
+
+def old_data(behavior: Behavior, view: View) -> str:
+    """Why the behaviour cannot be asked: what it drives by is missing or old; empty if it can."""
+    if (trouble := old_scan(view)) or not behavior.uses_tf:
+        return trouble
+    own = view.map_from_base()
+    if own is None:
+        return NO_POSE
+    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"
+
+
+def ask(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    """The velocity that the behaviour wants, zero on old data, and why it is not what it is for ("" if it is)."""
+    if trouble := old_data(behavior, view):
+        return Twist(), trouble
+    wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
+    return wanted, behavior.reason
+
+
+def decide(behavior: Behavior, view: View, layer: SafetyLayer | None = None) -> tuple[Twist, str]:
+    """As `ask`, made safe by `layer`, which remembers what came before; without one this is the first step."""
+    wanted, reason = ask(behavior, view)
+    command, trouble = (layer or SafetyLayer()).limit(wanted, view, reason)
+    return command, trouble or reason
+
+
+def missing(view: View, behavior: Behavior) -> list[str]:
+    """What the robot lacks before it is ready, as nouns for its status; empty = ready."""
+    lacking = []
+    if view.scan is None:
+        lacking.append(view.scan_needs or f"a first scan ({names.scan_key(view.robot_id, 0)})")
+    if view.odom is None:
+        lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
+    if view.map_from_base() is None:
+        lacking.append(f"its own pose in {names.MAP_FRAME} ({names.TF}, from zteam-tf)")
+    return lacking + behavior.missing(view)

@@ -37,10 +37,7 @@ class Around:
     def drive_to(
         self, view: View, x: float, y: float, limits: SpeedLimits, but: int | None = None, room: float = 0.0
     ) -> Twist:
-        """The velocity towards (x, y) of the own base frame. The robot `but` is not in the way.
-
-        What stands within `room` metres of the place is not either.
-        """
+        """The velocity towards (x, y) in the base frame; neither `but` nor what is `room` m from it is in the way."""
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
         heading = self.find_heading(view, bearing, distance - room, but)
         heading = bearing if heading is None else heading

@@ -130,7 +130,6 @@ class Follow(LineMember):
         return self._lead(view, own, place, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
-        """It is near enough, or is told to."""
         if not self.params.max_linear:
             return "its parameter max_linear is 0"
         if self._successor is not None:
@@ -148,6 +147,5 @@ class Follow(LineMember):
         return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
 
     def missing(self, view: View) -> list[str]:
-        """The leader's pose, as long as it is not there or old."""
         seen, _ = see_robot(view, self.params.leader, view.base_frame, self.params.stale_after)
         return [] if seen else [f"the pose of its leader {names.robot_name(self.params.leader)}"]

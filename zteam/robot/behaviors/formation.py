@@ -184,7 +184,6 @@ class Formation(Behavior):
         self._making_way.forget()
 
     def missing(self, view: View) -> list[str]:
-        """The leader's pose, as long as it is not there or old."""
         leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
         return [] if leader else [f"the pose of its leader {names.robot_name(self.leader)}"]
 
@@ -227,7 +226,6 @@ class Formation(Behavior):
         return self._around.drive_to(view, goal.x, goal.y, limits)
 
     def why_it_rests(self) -> str:
-        """It is in its slot, or is told to."""
         return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
 
     def _members(self, view: View) -> dict[int, Pose2]:

@@ -21,10 +21,7 @@ _LEAST_NORM = 1e-3
 
 
 def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
-    """The goal in `map`, or None and why it is refused.
-
-    A goal in another frame is taken to `map` with the newest transform.
-    """
+    """The goal in `map`, by the newest transform of its frame; or None, and why it is refused."""
     place, turn = message.pose.position, message.pose.orientation
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, (place.x, place.y, norm))):
@@ -276,7 +273,6 @@ class GoTo(Behavior):
         return self._escape.free(view, command)
 
     def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
         return "its parameter speed is 0"
 
     def _take(self, message: PoseStamped, view: View) -> None:

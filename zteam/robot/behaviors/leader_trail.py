@@ -177,10 +177,7 @@ class LeaderTrail:
 
 
 def fit(samples: Sequence[Sample], place: float, reach: float) -> tuple[float, float]:
-    """The point at `place` of the parabola nearest to all samples within `reach`, by least squares.
-
-    With too few different samples it lies between those on either side.
-    """
+    """The point at `place` of the least-squares parabola of all samples within `reach`; with too few, as `between`."""
     s0 = s1 = s2 = s3 = s4 = x0 = x1 = x2 = y0 = y1 = y2 = 0.0
     for at, (x, y, _yaw) in samples:
         u = (at - place) / reach

@@ -136,7 +136,11 @@ class Line:
             # Those that were cut off may come back soon.
             gone = gone - {robot for robot, since in self._cut_off.items() if view.now - since < CUT_OFF_FOR}
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-        leaders = _told_leaders(statuses, view.robot_id, leader)
+        # What follows in another way, as in a formation, tells no gap, and counts as a head.
+        leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
+        leaders.pop(view.robot_id, None)
+        if leader is not None:
+            leaders[view.robot_id] = leader
         before = chain_before(view.robot_id, leaders)
         if before is None:
             return Place(reason="the robots follow each other in a circle")
@@ -191,7 +195,7 @@ class Line:
         if len(line) > 1:
             # The next number at which it is an end's turn that has not told more.
             ends = (line[0], 0), (line[-1], 1)
-            self._turn_on(min(self._until(told.get(robot, self.turns), rest) for robot, rest in ends))
+            self.turn_on(min(self._until(told.get(robot, self.turns), rest) for robot, rest in ends))
 
     def _ahead(self, number: int) -> int:
         """How many turns a number is ahead; 0 if it is behind, also round the end of the numbers."""
@@ -203,20 +207,9 @@ class Line:
         ahead = self._ahead(number)
         return ahead + ((self.turns + ahead) % 2 != rest)
 
-    def _turn_on(self, turns: int) -> None:
+    def turn_on(self, turns: int = 1) -> None:
+        """The line is led from its other end, so many times more."""
         self.turns = (self.turns + turns) % _ROUND
-
-    def hand_over(self) -> None:
-        """It is this robot's turn, and it turns the line."""
-        self._turn_on(1)
-
-
-def _told_leaders(statuses: Mapping[int, Any], own: int, leader: int | None) -> dict[int, int]:
-    """The robot that each was started to follow; the own one as it is set now."""
-    # What follows in another way, as in a formation, tells no gap, and counts as a head.
-    leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
-    leaders.pop(own, None)
-    return leaders if leader is None else {**leaders, own: leader}
 
 
 def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
@@ -232,10 +225,7 @@ def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
 
 
 def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool]:
-    """The robots from the head to the last one behind the own robot, the last of `line`; and whether it has branches.
-
-    Robots behind a branch are left out.
-    """
+    """The robots from the head to the last one behind the end of `line`, or a branch; and whether it has any."""
     behind = {leader: robot for robot, leader in leaders.items()}
     branches = {leader for robot, leader in leaders.items() if behind[leader] != robot}
     while line[-1] in behind and line[-1] not in branches:

@@ -45,7 +45,6 @@ class LineMember(Behavior):
         self._head.rest()
 
     def _find_place(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> Place:
-        """As `Line.find_place`."""
         may_turn = self.turns != NO_TURNS
         place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
         self.turns = self._line.turns if may_turn else NO_TURNS
@@ -83,11 +82,10 @@ class LineMember(Behavior):
 
     def _turn_line(self) -> None:
         """The line is led from its other end from now on."""
-        self._line.hand_over()
+        self._line.turn_on()
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
-        """It is near enough to the robot ahead, or a robot of its line is silent."""
         if self._silent is not None:
             return waits_for(self._silent, "is silent")
         if self.follows is None:

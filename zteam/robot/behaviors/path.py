@@ -94,7 +94,6 @@ class FollowPath(Behavior):
         )
 
     def why_it_rests(self) -> str:
-        """It is told to, or its path is no longer than it sees ahead."""
         return "its parameter speed is 0" if not self.params.speed else "its path leads to where it stands"
 
     def _find_place(self, own: Pose2) -> float:

@@ -64,10 +64,7 @@ class Polyline:
         self.append(x, y)
 
     def at(self, s: float) -> Pose2:
-        """The point at `s` and the direction of the path there; its beginning or its end where `s` is beyond.
-
-        Raises IndexError without a point.
-        """
+        """The point at `s`, or the end nearest to it, and the direction there. Raises IndexError without a point."""
         if len(self._s) < 2:
             return Pose2(*self._points[0], 0.0)
         piece = self._piece(min(max(s, self.start), self.end))
@@ -82,10 +79,7 @@ class Polyline:
         return self._point(self._piece(s), s)
 
     def project(self, x: float, y: float, low: float = -math.inf, high: float = math.inf) -> float:
-        """The place nearest to this point, of those from `low` to `high`; the first of equally near ones.
-
-        Raises IndexError without a point.
-        """
+        """The place from `low` to `high` nearest to a point, the first of equal ones. Raises IndexError if empty."""
         points, places = self._points, self._s
         low = min(max(low, self.start), self.end)
         high = min(max(high, low), self.end)

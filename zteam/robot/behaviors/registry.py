@@ -4,6 +4,7 @@ import importlib
 import inspect
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterable
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -13,7 +14,7 @@ import msgspec
 
 from zteam.config.entry_points import BEHAVIORS as GROUP
 from zteam.config.entry_points import load_offered, offered
-from zteam.config.problems import Problem, problems_of
+from zteam.config.problems import problems_of
 from zteam.errors import UsageError, did_you_mean
 from zteam.robot.behaviors.behavior import Behavior, check_inputs
 from zteam.robot.behaviors.follow import Follow
@@ -22,9 +23,7 @@ from zteam.robot.behaviors.go_to import GoTo
 from zteam.robot.behaviors.path import FollowPath
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.wander import Wander
-from zteam.robot.parameters import Parameter
-from zteam.robot.parameters import parameters_of as parameters_of
-from zteam.robot.parameters import values_of as values_of
+from zteam.robot.parameters import Parameter, parameters_of
 
 _ZTEAM = str(Path(__file__).parents[2])
 _OF_ROS = {
@@ -39,24 +38,16 @@ _OF_ROS = {
 
 
 def explain(error: BaseException) -> str:
-    """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
-    return f"{_place(error)}{error_text(error)}{_way_out(error)}"
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised; the line is the user's."""
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
+    # The text of a SyntaxError names the line.
+    place = f"{own[-1].filename}:{own[-1].lineno}: " if own and not isinstance(error, SyntaxError) else ""
+    return f"{place}{error_text(error)}{_way_out(error)}"
 
 
 def error_text(error: BaseException) -> str:
     """The type of an error and what it says, on one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
-
-
-def _place(error: BaseException) -> str:
-    """`file:line: ` of the user's own line that ended the import; empty if none was run."""
-    if isinstance(error, SyntaxError):
-        # Its text names the line.
-        return ""
-    import traceback
-
-    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
-    return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
 
 
 def is_own(filename: str) -> bool:
@@ -73,16 +64,13 @@ def _way_out(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError):
         return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
     quoted = str(error).split("'")
-    return _name_of_zteam(quoted[1]) if error.name == "zteam" and len(quoted) > 1 else ""
-
-
-def _name_of_zteam(name: str) -> str:
-    """What a name that `zteam` lacks may stand for."""
+    if error.name != "zteam" or len(quoted) < 2:
+        return ""
     from zteam import messages
 
-    if name in dir(messages):
-        return f" (from zteam.messages import {name})"
-    return did_you_mean(name, dir(sys.modules["zteam"]))
+    name = quoted[1]
+    is_message = name in dir(messages)
+    return f" (from zteam.messages import {name})" if is_message else did_you_mean(name, dir(sys.modules["zteam"]))
 
 
 BEHAVIORS: dict[str, type[Behavior]] = {
@@ -96,7 +84,7 @@ BEHAVIORS: dict[str, type[Behavior]] = {
     "formation": Formation,
 }
 _STEP = "def step(self, view): return Twist(Vector3(0.2))"
-DETERMINISTIC = frozenset({"idle", "forward", "avoid", "follow", "path", "go_to", "formation"})
+DETERMINISTIC = BEHAVIORS.keys() - {"wander"}
 """Those that draw no random numbers: with them, every seed gives the same run."""
 
 
@@ -112,20 +100,13 @@ def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None
 
 def read_params(spec: str, kind: type[Behavior], params: dict[str, Any], robot_id: int | None = None) -> Any:
     """The parameters of the behaviour `spec` as its `Params`. Raises UsageError that names every mistake."""
-    problems = parameter_problems(spec, kind, params)
+    problems = problems_of(params, kind.Params, takes=f"{spec} takes")
     if problems:
         raise UsageError(f"behaviour {spec}: {'; '.join(map(str, problems))}")
     read = msgspec.convert(params, kind.Params)
     if robot_id is not None and getattr(read, "leader", None) == robot_id:
         raise UsageError(f"behaviour {spec}: robot {robot_id} cannot follow itself; name another robot")
     return read
-
-
-def parameter_problems(
-    spec: str, kind: type[Behavior], params: dict[str, Any], near: Iterable[str] = ()
-) -> list[Problem]:
-    """Every mistake in the parameters of the behaviour `spec`; `near` are other words that a key may stand for."""
-    return problems_of(params, kind.Params, takes=f"{spec} takes", near=near)
 
 
 def look_in(folders: Iterable[str | Path]) -> None:
@@ -153,10 +134,7 @@ def find_behavior(spec: str) -> type[Behavior]:
 
 
 def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]) -> Any:
-    """What is called `name` in the user's `module`. An error calls it `what`, and names what of the module `fits`.
-
-    Raises UsageError.
-    """
+    """What the user's `module` calls `name`, for `what`. Raises UsageError, which names what of the module `fits`."""
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
@@ -183,10 +161,7 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     except TypeError:
         text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
         raise UsageError(f"behaviour {spec!r}: {text}") from None
-    try:
-        check_inputs(found.inputs)
-    except UsageError as error:
-        raise UsageError(f"behaviour {spec!r}: {error}") from None
+    check_inputs(f"behaviour {spec!r}: inputs", found.inputs)
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
     try:
@@ -208,16 +183,9 @@ def _suggestion(spec: str, known: Iterable[str]) -> str:
     place = PathFinder.find_spec(spec)
     if place is None or place.origin is None or not place.origin.endswith(".py"):
         return ""
-    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in _classes_in(Path(place.origin)))}?)"
-
-
-def _classes_in(path: Path) -> list[str]:
-    """Names of the classes in a source file that may be behaviours; `Class` where there is none."""
-    try:
-        text = path.read_text(errors="replace")
-    except OSError:
-        return ["Class"]
-    return re.findall(r"^class (\w+)\((?!.*Struct\b)", text, re.MULTILINE) or ["Class"]
+    text = Path(place.origin).read_text(errors="replace")
+    classes = re.findall(r"^class (\w+)\((?!.*Struct\b)", text, re.MULTILINE) or ["Class"]
+    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in classes)}?)"
 
 
 def _is_behavior(found: object) -> bool:

@@ -125,10 +125,7 @@ def share_for_room(
     right: float,
     half_width: float,
 ) -> float:
-    """The share that walls beside these places of the trail need.
-
-    The places and the other robots, whose hits do not count, are in the own base frame.
-    """
+    """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
     beside = half_width + MARGIN
     # What is further to the side needs nothing.
     side = max(left, right) + beside

@@ -37,7 +37,6 @@ class Forward(Behavior):
         return Twist(linear=Vector3(x=self.params.speed))
 
     def why_it_rests(self) -> str:
-        """It is told to, or to drive backwards with a base that cannot."""
         return "its parameter speed is 0" if not self.params.speed else "its base does not drive backwards"
 
 
@@ -67,7 +66,6 @@ class Avoid(Behavior):
         return Twist() if self.reason else Twist(linear=Vector3(x=self.params.speed))
 
     def why_it_rests(self) -> str:
-        """It drives unless it is told not to."""
         return "its parameter speed is 0"
 
     def _obstruction(self, view: View) -> str:

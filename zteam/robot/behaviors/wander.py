@@ -119,7 +119,6 @@ class Wander(LineMember):
         return command
 
     def why_it_rests(self) -> str:
-        """It drives or turns unless it is told not to."""
         return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
 
     def _step_alone(self, view: View, scan: LaserScan) -> Twist:
@@ -143,10 +142,7 @@ class Wander(LineMember):
         return self._escape.free(view, Twist(angular=Vector3(z=self._side * self.params.turn_rate)))
 
     def _bearing_of_teammate(self, view: View) -> float | None:
-        """Of one in the way ahead (rad), which the laser may look over; None if there is none.
-
-        Both keep the room to turn in, or they might stand side by side for ever.
-        """
+        """Of one ahead (rad) within the room that both need to turn in, which the laser may look over; or None."""
         found = None
         for mate in view.teammates:
             x, y, room = mate.pose.x, mate.pose.y, view.base.radius + mate.base.radius + SIDE_MARGIN

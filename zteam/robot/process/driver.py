@@ -2,13 +2,16 @@
 
 import logging
 import math
-from collections.abc import Callable, Set
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import msgspec
 
+from zteam import names
+from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
@@ -17,12 +20,14 @@ from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Cause, Reason
-from zteam.robot.behaviors import View
-from zteam.robot.behaviors.asking import ask, missing, old_data
+from zteam.robot.behaviors import Behavior, View
+from zteam.robot.behaviors.behavior import ask, missing, old_data
+from zteam.robot.behaviors.registry import read_params
+from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
+from zteam.robot.parameters import parameters_of, values_of
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.process.parameters import BehaviorParameters
-from zteam.robot.safety import LimitsOnly, SafetyLayer
-from zteam.robot.safety.motion import DRIVE_MARGIN
+from zteam.robot.safety import SafetyLayer
+from zteam.robot.safety.motion import DRIVE_MARGIN, limit_speed
 from zteam.robot.scans import look_along
 
 log = logging.getLogger("zteam")
@@ -33,10 +38,7 @@ ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
 
 
 class SafetyLog:
-    """The safety layer's lines in the robot's log: one when it stops the robot, one when the way is free again.
-
-    Fed with every step: what the driver wanted, and why that was stopped.
-    """
+    """Logs once when the safety layer stops or slows the robot, and once when the way is free again."""
 
     def __init__(self, behavior: str) -> None:
         """`behavior` is the name that the lines show of it."""
@@ -77,29 +79,33 @@ def _cause(trouble: str, view: View) -> str:
 
 
 class Driver:
-    """Asks the behaviour of a robot, and has its status told.
+    """Asks the behaviour of a robot, has its status told, and answers the queries of its parameters.
 
-    The node calls `step` without `node.changed`: nothing that it goes by changes meanwhile.
+    The node calls `step` without `node.changed`: nothing that it goes by changes meanwhile. Parameters that are set
+    count from the next step on, so no step sees them change.
     """
 
     def __init__(
         self,
         node: Node,
         inputs: RobotInputs,
-        parameters: BehaviorParameters,
+        kind: type[Behavior],
         status: StatusReport,
         options: RobotOptions,
         team: Callable[[], tuple[int, ...]],
     ) -> None:
-        """`team()`: ids of the robots that are alive."""
+        """`kind` is the class of the behaviour; `team()`: ids of the robots that are alive."""
         self._node, self._team = node, team
         self._inputs = inputs
-        self._parameters = parameters
+        self._kind = kind
         self.status = status
         self.robot_id = options.robot_id
         self._seed = options.seed
-        self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if options.safety else LimitsOnly
-        self._make_behavior(parameters.given)
+        self._has_layer = options.safety
+        self._parameters = options.params
+        """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
+        outlast a jump back in time."""
+        self._make_behavior(self._parameters)
         behavior = self.behavior
         self._watch = StepWatch(
             f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
@@ -119,18 +125,43 @@ class Driver:
         self._pauses = Pauses()
         self._heard_from = 0.0
         """Real time: the host time from which on there was no pause."""
+        node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
+        node.bus.serve(names.service_key(node.name, SET), SetRequest, self._set)
+
+    def _read(self, parameters: dict[str, Any]) -> Any:
+        """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""
+        return read_params(self.status.behavior, self._kind, parameters, self.robot_id)
+
+    def _describe(self) -> DescribeReply:
+        values = values_of(self._read(self._parameters))
+        return DescribeReply(self.status.behavior, parameters_of(self._kind.Params), values)
+
+    def _set(self, request: SetRequest) -> SetReply:
+        with self._node.changed:
+            before, name = values_of(self._read(self._parameters)), self.status.behavior
+            given = {**self._parameters, **request.parameters}
+            try:
+                values = values_of(self._read(given))
+                unknown = [key for key in request.parameters if key not in values]
+                if unknown:
+                    # `Params` lacks it and does not forbid it: at the start it is ignored.
+                    takes = ", ".join(values) or "no parameters"
+                    raise UsageError(f"behaviour {name}: {unknown[0]}: unknown key; {name} takes {takes}")
+            except UsageError as error:
+                return SetReply(before, refused=str(error))
+            self._parameters = given
+        for key in request.parameters:
+            log.info("parameter %s is %r, was %r", key, values[key], before[key])
+        return SetReply(values)
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
-        self.behavior = self.status.tells_of = self._parameters.make_behavior(parameters)
+        self.behavior = self.status.tells_of = self._kind(self._read(parameters))
         self._given = parameters
         """The parameters that the behaviour has."""
-        self._layer, self.safety = self._make_layer(), SafetyLog(self.status.behavior)
+        self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
     def _ask(self, view: View) -> tuple[Twist, str]:
-        """As `ask`. The log says once if a step looks transforms up undeclared: it would drive on by old ones.
-
-        Teammates come with their age.
-        """
+        """As `ask`; logs once if a step looks transforms up undeclared, but for teammates, whose age it sees."""
         behavior = self.behavior
 
         def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
@@ -146,12 +177,6 @@ class Driver:
     def begin_anew(self) -> None:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
-
-    def _silent(self) -> Set[int]:
-        """Real time: the robots that are silent though they could be heard."""
-        if self._rested:
-            self._heard_from = monotonic()
-        return self._inputs.declared.silent(None, max(self._heard_from, FREEZES.look()))
 
     def step(self, due: Due) -> Twist | None:
         """The command of the step that is `due`; None while the gate is shut."""
@@ -176,7 +201,10 @@ class Driver:
         driver = RobotDriver.BEHAVIOR
         if choice is not None:
             driver, wanted, reason = *choice, ""
-        command, trouble = self._layer.limit(wanted, view, reason)
+        if self._has_layer:
+            command, trouble = self._layer.limit(wanted, view, reason)
+        else:
+            command, trouble = limit_speed(wanted, view.base)
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
@@ -193,7 +221,10 @@ class Driver:
         if self._pauses.take(now, inputs.scan_interval, in_lockstep=in_lockstep) and dt:
             # The base has stood meanwhile.
             dt, self._rested = 0.0, True
-        silent = inputs.declared.silent(now) if in_lockstep else self._silent()
+        if not in_lockstep and self._rested:
+            self._heard_from = monotonic()
+        heard_from = 0.0 if in_lockstep else max(self._heard_from, FREEZES.look())
+        silent = inputs.declared.silent(now if in_lockstep else None, heard_from)
         return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
 
     def _note(self, due: Due, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:
@@ -204,11 +235,11 @@ class Driver:
 
     def _prepare_behavior(self) -> None:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
-        parameters = self._parameters.given
+        parameters = self._parameters
         if self._begins_anew:
             self._make_behavior(parameters)
         elif self._given is not parameters:
-            self.behavior.params, self._given = self._parameters.read(parameters), parameters
+            self.behavior.params, self._given = self._read(parameters), parameters
             self.behavior.on_params()
         else:
             return

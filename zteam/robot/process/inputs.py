@@ -210,7 +210,6 @@ class RobotInputs:
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
 
     def take_scan(self, scan: LaserScan) -> None:
-        """A scan has come."""
         before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)
         if 0 < before < self.scan_stamp:
             # A single long one is an outage.
@@ -218,7 +217,6 @@ class RobotInputs:
             self.scan_interval = min(last, self._last_interval)
 
     def take_odom(self, odom: Odometry) -> None:
-        """Odometry has come."""
         self.odom = odom
 
     def take_base(self, robot_id: int, message: BaseInfo) -> None:

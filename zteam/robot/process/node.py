@@ -17,7 +17,6 @@ from zteam.messages import (
     BaseInfo,
     LaserScan,
     Odometry,
-    RobotState,
     TFMessage,
     Tick,
     Twist,
@@ -33,7 +32,6 @@ from zteam.robot.behaviors.behavior import declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
-from zteam.robot.process.parameters import BehaviorParameters
 from zteam.simulator.client import absence_text, read_status
 
 log = logging.getLogger("zteam")
@@ -51,30 +49,22 @@ _LOOKS = 3
 """Looks, a second apart, until something that does not come is missing."""
 NO_POSES = f"no new poses on '{names.TF}' (zteam-tf)"
 """What the status says while scans come without them."""
-_TELL_EVERY = 5
-"""Seconds between two lines about the others that GO waits for."""
 
 
 class DataWatch:
-    """What a robot waits for before it drives: a place in the world, its first data, the rest of its team. And, in real
-    time, why nothing comes any more: simulated time then stands still, and no step is taken.
-    """
+    """Finds out why a robot's data does not come, or no longer comes: in real time no step is taken then."""
 
     def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
         self._deaf = 0
         """Looks in a row at which no other process answered."""
         self._is_out = False
         """Whether nothing comes any more, and was said to."""
-        self._is_logged = False
         self._poses = 0
         """Stamp of the newest transforms at the last look."""
         self._node = node
         self._inputs = inputs
         self._driver = driver
         self._looks = 0
-        self._ready_for = 0
-        """Seconds since the robot is ready, or since the last line."""
-        self._told = ""
         self._scan: LaserScan | None = None
         """The newest at the last look."""
 
@@ -84,8 +74,6 @@ class DataWatch:
         if self._looks >= _LOOKS:
             self._find_absence()
             self._node.look()
-        with self._node.changed:
-            self._tell()
 
     def _find_absence(self) -> None:
         """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
@@ -133,12 +121,10 @@ class DataWatch:
                 return
             self._is_out = bool(why)
             if why:
-                # The log has the router's loss and return.
-                self._is_logged = self._node.link_up
-                self._node.report(
-                    Due(0), self._driver.status.driver, Twist(), f"no data: {why}", logged=self._is_logged
-                )
-            elif self._is_logged:
+                # The log has the router's loss already.
+                is_new, driver = self._node.link_up, self._driver.status.driver
+                self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=is_new)
+            else:
                 log.info("data comes again")
 
     def _look_at_poses(self) -> None:
@@ -151,17 +137,6 @@ class DataWatch:
                 if not self._driver.behavior.uses_tf:
                     log.info("%s", NO_POSES if is_old else "poses come again")
                 self._driver.status.say_again()
-
-    def _tell(self) -> None:
-        """Log what GO waits for, if that takes long (under `node.changed`)."""
-        waiting_for = self._node.team.waiting_for
-        if self._node.readiness.state != RobotState.READY or not waiting_for:
-            self._ready_for = 0
-            return
-        self._ready_for += 1
-        if self._ready_for > _TELL_EVERY and waiting_for != self._told:
-            self._ready_for, self._told = 0, waiting_for
-            log.info("ready; GO waits for %s", waiting_for)
 
 
 class RobotNode:
@@ -181,8 +156,7 @@ class RobotNode:
         self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
         readiness = Readiness(gated=options.gate)
         self.status = StatusReport(node, self._id, options.behavior, readiness, node.switch, safety=options.safety)
-        parameters = BehaviorParameters(node, kind, options.behavior, options.params)
-        self.driver = Driver(node, self._inputs, parameters, self.status, options, self._team)
+        self.driver = Driver(node, self._inputs, kind, self.status, options, self._team)
         self._lateness = Lateness()
         """Of scans, and of velocities that others send."""
         self._alive: TokenSet | None = None

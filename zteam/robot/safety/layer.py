@@ -109,7 +109,7 @@ class SafetyLayer:
         seconds, forwards = self._reaction + 0.5 * braking, real.x > 0.0 and abs(real.y) <= 0.5 * real.x
         is_blind = forwards if sight.beams is None else real.speed and sight.silent.size
         if is_blind and sight.beams is not None:
-            is_blind = sight.is_blind(self._outline, real, seconds, self._mates.bearings(view))
+            is_blind = sight.is_blind(self._outline, real, seconds, view.teammates)
         if is_blind:
             return Velocity(turn=asked.turn), f"blind {side}"
         is_seen = sight.looks_along(real, seconds, forwards)

@@ -246,17 +246,11 @@ limits_of = lru_cache(maxsize=256)(BaseLimits)
 """The limits of a base: worked out once, for a robot looks at those of its teammates in each step."""
 
 
-class LimitsOnly:
-    """What is left without the safety layer: the limits of the base, and numbers that are numbers."""
-
-    def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
-        """`wanted` within the limits of speed, and why it was cut ("" = it was not)."""
-        limits = limits_of(view.base)
-        motion = limits.motion_of(wanted)
-        return (Twist(), NO_NUMBER) if motion is None else (limits.command_of(motion), "")
-
-    def halt(self, view: View) -> None:
-        """As of `SafetyLayer`: nothing is remembered."""
+def limit_speed(wanted: Twist, base: Base) -> tuple[Twist, str]:
+    """Without the safety layer: `wanted` within the limits of speed, and why it was cut ("" = it was not)."""
+    limits = limits_of(base)
+    motion = limits.motion_of(wanted)
+    return (Twist(), NO_NUMBER) if motion is None else (limits.command_of(motion), "")
 
 
 def at_least(motion: Velocity, measured: Velocity | None) -> Velocity:

@@ -6,6 +6,7 @@ Teammates are told by their poses: the laser looks over low bodies, and lasers d
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.messages.planar import pose2_of
 from zteam.robot.safety.motion import Outline, limits_of, outline_of, place_after
 from zteam.robot.scans import Beams, beams_of
-from zteam.robot.view import View, own_pose
+from zteam.robot.view import Teammate, View, own_pose
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class LaserCoverage:
         if is_silent is None or not is_silent.any():
             self._whole = now
             return
-        bearings = beams.directions.angles
+        bearings = beams.angles
         sectors = np.remainder((bearings + yaw) * (_SECTORS / math.tau), _SECTORS).astype(np.intp) % _SECTORS
         if self._whole > 0:
             # The beams were then where they are now, or nearly so.
@@ -83,11 +84,13 @@ class LaserCoverage:
         """Whether the laser looks to all bearings within `spare` (rad) of one."""
         return self._half > 3.1 or abs(normalize_angle(bearing - self._middle)) + spare <= self._half
 
-    def is_blind(self, outline: Outline, motion: Velocity, seconds: float, mates: list[tuple[float, float]]) -> bool:
-        """Whether a beam that says nothing points into the way; those towards `mates` (x, y) are explained."""
+    def is_blind(self, outline: Outline, motion: Velocity, seconds: float, mates: Iterable[Teammate]) -> bool:
+        """Whether a beam that says nothing points into the way; those towards `mates` are explained."""
         silent, (laser_x, laser_y) = self.silent, self.laser
-        for x, y in mates:
-            silent = silent[np.abs(_wrap(silent - math.atan2(y - laser_y, x - laser_x))) > DAZZLE_ANGLE]
+        for mate in mates:
+            if mate.age <= STALE_AFTER:
+                bearing = math.atan2(mate.pose.y - laser_y, mate.pose.x - laser_x)
+                silent = silent[np.abs(_wrap(silent - bearing)) > DAZZLE_ANGLE]
         if not silent.size:
             return False
         seconds = max(seconds, 0.3 / motion.speed) / _LOOKS
@@ -175,12 +178,10 @@ class TeammateTracker:
         """Of the robot in `map`, in this step."""
 
     def look(self, view: View) -> None:
-        known, self._known = self._known, {}
+        known, self._known, self._here = self._known, {}, own_pose(view)
         for robot_id in sorted({*view.bases, *view.team} - {view.robot_id}):
             base, mate = view.bases.get(robot_id, DEFAULT_BASE), known.get(robot_id)
-            self._known[robot_id] = mate if mate and mate.base is base else _TrackedTeammate(robot_id, base)
-        self._here = own_pose(view)
-        for mate in self._known.values():
+            mate = self._known[robot_id] = mate if mate and mate.base is base else _TrackedTeammate(robot_id, base)
             at = view.lookup(names.MAP_FRAME, mate.frame)
             age = (view.now - at[1]) / 1e9 if at is not None and at[1] else 0.0
             if at is None or age > FORGET_AFTER or not math.isfinite(sum(at[0])):
@@ -189,10 +190,7 @@ class TeammateTracker:
                 mate.take(*at, max(0.0, age))
 
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
-        """The teammates that may come into a disc of the base frame until they stand, in metres.
-
-        They begin to brake `reaction` seconds from now.
-        """
+        """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
         here, found = self._here, []
         if here is None or not self._known:
             return []
@@ -206,11 +204,6 @@ class TeammateTracker:
                 if away <= radius + way + growth:
                     found.append(_near(mate, here.inverse().compose(mate.pose), here.yaw, way, growth))
         return found
-
-    def bearings(self, view: View) -> list[tuple[float, float]]:
-        """Where all teammates are whose pose is fresh, as (x, y) in the base frame."""
-        found = (view.base_from_robot(robot_id) for robot_id in self._known)
-        return [(at[0].x, at[0].y) for at in found if at and (not at[1] or view.is_fresh(at[1], 0.5))]
 
 
 def _near(mate: _TrackedTeammate, at: Pose2, yaw: float, way: float, growth: float) -> NearTeammate:
@@ -281,7 +274,7 @@ class Surroundings:
                 (start, step, _), way = beams.laser, self._travelled
                 few = max(1, int(_FINEST / max(abs(step), 1e-9) + 1e-6))
                 self._known = kernels.see(
-                    self._known, beams.directions.axes, beams.distances, (start, step), few,
+                    self._known, beams.axes, beams.distances, (start, step), few,
                     (*view.laser, 0.0), max(REACH, reach), way, way - SPAN,
                 )  # fmt: skip
 

@@ -1,4 +1,7 @@
-"""All trials of a behaviour. Each is one comparison of two runs with new objects, as after a reset."""
+"""All trials of a behaviour. Each is one comparison of two runs with new objects, as after a reset.
+
+The last ones drive in the simulator: a small world, another robot, and the safety layer under both, as in a team.
+"""
 
 import inspect
 import linecache
@@ -7,31 +10,45 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from zteam import names
 from zteam.clock import monotonic, thread_time
+from zteam.config.resources import find_world
 from zteam.errors import BehaviorError, EncodeError, UsageError
-from zteam.geometry import Velocity
+from zteam.geometry import Pose2, Velocity
 from zteam.messages import Message, Twist
+from zteam.messages.base import DEFAULT_BASE
 from zteam.messages.cdr import encode
 from zteam.node.faults import dump_stacks, stacks_in
-from zteam.robot.behaviors.asking import ask
-from zteam.robot.behaviors.behavior import Behavior
+from zteam.robot.behaviors.behavior import Behavior, ask, decide
 from zteam.robot.behaviors.registry import error_text, find_behavior, is_own, read_params
+from zteam.robot.behaviors.straight import Forward, ForwardParams
+from zteam.robot.safety import SafetyLayer
 from zteam.robot.safety.motion import BaseLimits
-from zteam.robot.trials.situations import POSES, ROBOT, SITUATIONS, STALE_SITUATIONS, ViewMaker, bounds, given_params
-from zteam.robot.trials.worlds import PLACES, SECONDS, Start, drive
+from zteam.robot.trials.situations import (
+    DT,
+    LEADER,
+    POSES,
+    ROBOT,
+    SITUATIONS,
+    STALE_SITUATIONS,
+    ViewMaker,
+    bounds,
+    given_params,
+    lookup_in,
+)
 from zteam.robot.view import View
+from zteam.simulator.core import Engine, Observation
+from zteam.simulator.core.to_messages import odometry_message, scan_message
+from zteam.simulator.world import World, add_robot, load_world
 
-Kind = Literal[
-    "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "differs", "old", "touched"
-]  # fmt: skip
 T = TypeVar("T")
 
 TICK = 0.1
@@ -40,6 +57,8 @@ WAIT = 1.0
 """Seconds of the host's clock that a step may take: on a crowded machine a step waits for the processor."""
 SLOW_STEPS = 3
 """So many steps above TICK or WAIT are the behaviour's fault; a single one may be the machine's."""
+SECONDS = 10.0
+"""Simulated seconds of a drive."""
 HANGS_AFTER = 5.0
 """Seconds after which a step counts as one that does not return."""
 _LOOK_EVERY = 0.1
@@ -67,7 +86,7 @@ _HINTS = {
 class Fault(msgspec.Struct, frozen=True):
     """One thing that a behaviour does wrong."""
 
-    kind: Kind
+    kind: str
     text: str
     """What it does, with the behaviour as the subject that is left out: `step raises …`."""
     hint: str
@@ -108,7 +127,7 @@ class Trial:
         self.error: BaseException | None = None
         """What went wrong in zteam itself."""
 
-    def blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+    def blame(self, kind: str, text: str, hint: str = "", place: str = "") -> None:
         place = place or self.place_of("step")
         self.faults.setdefault((kind, place), Fault(kind, text, hint, place))
 
@@ -116,7 +135,6 @@ class Trial:
         """What a new object answers to these views."""
         subject, before = Subject(self), len(self.answers)
         for view in views:
-            subject.prepare(view)
             subject.step(view)
         return self.answers[before:]
 
@@ -165,16 +183,13 @@ class Subject:
         self._behavior.params = self._read(params)
         self._call("on_params", self._behavior.on_params)
 
-    def prepare(self, view: View) -> None:
-        """Ask what it lacks before it is ready."""
+    def step(self, view: View) -> tuple[Twist, str]:
+        """The velocity that it wants, and its reason. First it is asked what it lacks before it is ready."""
         lacks: Any = self._call("missing", lambda: self._behavior.missing(view))
         if not (isinstance(lacks, list) and all(isinstance(noun, str) for noun in lacks)):
             place = self._trial.place_of("missing")
             self._blame("type", f"missing returned {lacks!r}", "return a list of texts, [] for ready", place)
             raise TrialOver
-
-    def step(self, view: View) -> tuple[Twist, str]:
-        """The velocity that it wants, and its reason."""
         trial, before = self._trial, _bytes_of(view)
         began, worked = monotonic(), thread_time()
         trial.began = began
@@ -215,7 +230,7 @@ class Subject:
             if value:
                 self._blame("ignored", f"step sets {name} = {value!r}, which moves nothing", _NO_SPEED)
 
-    def _blame(self, kind: Kind, text: str, hint: str = "", place: str = "") -> None:
+    def _blame(self, kind: str, text: str, hint: str = "", place: str = "") -> None:
         self._trial.blame(kind, text + self._label, hint, place)
 
     def _call(self, method: str, call: Callable[[], T]) -> T:
@@ -287,15 +302,78 @@ def _try_bounds(trial: Trial) -> None:
                 changed.step(view)
 
 
+class Start(NamedTuple):
+    """Where both robots of a trial begin, in `map`, and the speed of the other one (m/s)."""
+
+    own: Pose2
+    other: Pose2
+    speed: float = 0.0
+
+
+PLACES = {
+    "a robot stands in its way": Start(Pose2(-1.0, 0.0, 0.0), Pose2(0.8, 0.0, math.pi)),
+    "a robot drives towards it": Start(Pose2(-2.0, 0.0, 0.0), Pose2(2.5, 0.1, math.pi), 0.4),
+    "a wall is right behind it": Start(Pose2(-4.4, 0.0, 0.0), Pose2(-2.0, 1.0, -0.5 * math.pi), 0.3),
+    "it starts in a corner": Start(Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
+}
+"""By the name of the trial."""
+
+
+def drive(
+    step: Callable[[View], tuple[Twist, str]], place: Start, inputs: Mapping[str, Any]
+) -> tuple[float, float, list[Pose2]]:
+    """Drive in the simulator for SECONDS with the velocities and reasons of `step`; `inputs` are those of its views.
+
+    Returns metres, seconds in which the safety layer held the robot, and its pose in each tick against something.
+    """
+    world, starts = _load(), {LEADER: place.other, ROBOT: place.own}
+    robots = {i: add_robot(world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
+    engine, other = Engine(world, robots=robots), Forward(ForwardParams(place.speed))
+    layers = {i: SafetyLayer() for i in robots}
+    commands: dict[int, Twist] = {}
+    at, contacts, travelled, held = place.own, list[Pose2](), 0.0, 0.0
+    for _ in range(round(SECONDS / DT)):
+        observation = engine.step(commands)
+        robot = observation.robots[ROBOT]
+        travelled, at = travelled + math.dist(robot.truth[:2], at[:2]), robot.truth
+        contacts += [at] if robot.stall else []
+        view = _view(observation, ROBOT, inputs)
+        wanted, reason = step(view)
+        commands[ROBOT], cause = layers[ROBOT].limit(wanted, view, reason)
+        held += DT if cause else 0.0
+        commands[LEADER], _reason = decide(other, _view(observation, LEADER, {}), layers[LEADER])
+    return travelled, held, contacts
+
+
 def _drive(place: Start, trial: Trial) -> None:
-    found = drive(Subject(trial).step, place, trial.moment.messages())
-    if found.contact_at is not None:
-        x, y, _ = found.contact_at
-        text = f"it drove against something for {found.contact:.1f} s, at x {x:.1f}, y {y:.1f}"
+    travelled, held, contacts = drive(Subject(trial).step, place, trial.moment.messages())
+    if contacts:
+        x, y, _ = contacts[0]
+        text = f"it drove against something for {DT * len(contacts):.1f} s, at x {x:.1f}, y {y:.1f}"
         hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
         trial.blame("touched", text, hint)
-    trial.note = f"{found.travelled:.1f} m in {SECONDS:g} s"
-    trial.note += f"; the safety layer held it for {found.cut:.1f} s" if found.cut else ""
+    trial.note = f"{travelled:.1f} m in {SECONDS:g} s"
+    trial.note += f"; the safety layer held it for {held:.1f} s" if held else ""
+
+
+def _view(observation: Observation, robot_id: int, inputs: Mapping[str, Any]) -> View:
+    now = observation.stamp
+    return View(
+        now=now,
+        dt=DT if observation.tick > 1 else 0.0,
+        robot_id=robot_id,
+        scan=scan_message(observation, robot_id, 0),
+        odom=odometry_message(observation, robot_id),
+        lookup=lookup_in({i: robot.truth for i, robot in observation.robots.items()}, now),
+        team=tuple(observation.robots),
+        bases=dict.fromkeys(observation.robots, DEFAULT_BASE),
+        inputs=inputs,
+    )
+
+
+@cache
+def _load() -> World:
+    return load_world(find_world("arena"))
 
 
 def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], None]]:
@@ -309,18 +387,14 @@ def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], None]]:
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
-def run_trials(
-    spec: str, kind: type[Behavior], params: dict[str, Any], leave_out: Collection[str] = ()
-) -> Iterator[TrialResult]:
+def run_trials(spec: str, kind: type[Behavior], params: dict[str, Any]) -> Iterator[TrialResult]:
     """Try the behaviour `spec`; each result as soon as it is there. A behaviour that is slow or hangs ends the trials.
 
-    The trials of these names are left out. Raises UsageError where `params` are not what it takes.
+    Raises UsageError where `params` are not what it takes.
     """
     given = given_params(spec, kind, params)
     read_params(spec, kind, given, ROBOT)
     for name, act in all_trials(kind).items():
-        if name in leave_out:
-            continue
         began, trial = monotonic(), Trial(spec, kind, given)
         _run(trial, act)
         faults = [*trial.faults.values()]

@@ -62,7 +62,8 @@ ROBOT = 1
 LEADER = 0
 STEPS = 12
 """Views of a situation: longer than a second, so that what depends on time shows."""
-_DT = 0.1
+DT = 0.1
+"""Seconds from one view to the next, and of a tick of Stage's worlds."""
 _BEAMS, _FOV = 1081, math.radians(270.25)
 _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
@@ -100,7 +101,13 @@ class ViewMaker:
         """What it knows at `seconds`; `ages` (s) are those of its own pose and of the others'."""
         now = to_ns(seconds)
         own, others = lookup_in(poses, now - to_ns(ages[0])), lookup_in(poses, now - to_ns(ages[1]))
-        alone = {names.MAP_FRAME, names.robot_frame(ROBOT, names.BASE_FOOTPRINT)}
+        base, scan, odom = names.robot_frame(ROBOT, names.BASE_FOOTPRINT), None, None
+        alone = {names.MAP_FRAME, base}
+        if ranges is not None:
+            scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
+            # As of a scan that came over the bus.
+            scan.ranges.flags.writeable = False
+            odom = Odometry(Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)), base)
 
         def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
             return (own if {target, source} <= alone else others)(target, source)
@@ -109,8 +116,8 @@ class ViewMaker:
             now=now,
             dt=dt,
             robot_id=ROBOT,
-            scan=None if ranges is None else _scan(ranges, now),
-            odom=None if ranges is None else _odom(now),
+            scan=scan,
+            odom=odom,
             lookup=lookup,
             team=tuple(sorted(POSES)),
             bases=dict.fromkeys(POSES, DEFAULT_BASE),
@@ -120,7 +127,7 @@ class ViewMaker:
     def views(self, ranges: np.ndarray | None = None, poses: Poses = POSES, **more: Any) -> Iterator[View]:
         """STEPS views in a row, by default in the middle of a room."""
         for step in range(STEPS):
-            yield self.view(1.0 + step * _DT, _DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
+            yield self.view(1.0 + step * DT, DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
 
     def messages(self, robots: Collection[int] = ()) -> Mapping[str, Any]:
         """What a view holds of its inputs when empty messages have come from these robots; without any, none at all."""
@@ -131,31 +138,15 @@ class ViewMaker:
         return MappingProxyType(found)
 
 
-def _scan(ranges: np.ndarray, now: int) -> LaserScan:
-    scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
-    # As of a scan that came over the bus.
-    scan.ranges.flags.writeable = False
-    return scan
-
-
-def _odom(now: int) -> Odometry:
-    """It has not driven since its start."""
-    return Odometry(
-        header=Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)),
-        child_frame_id=names.robot_frame(ROBOT, names.BASE_FOOTPRINT),
-    )
-
-
 def _moved(moment: ViewMaker) -> Iterator[View]:
     """It stands somewhere else from the middle on, as after `zteam sim move`."""
     for step in range(STEPS):
         is_late = step >= STEPS // 2
         ranges, poses = (0.5 * room(), _ELSEWHERE) if is_late else (room(), POSES)
-        yield moment.view(1.0 + step * _DT, _DT if step else 0.0, ranges, poses)
+        yield moment.view(1.0 + step * DT, DT if step else 0.0, ranges, poses)
 
 
 def _odd_times(moment: ViewMaker) -> Iterator[View]:
-    """Time stands still, and then leaps."""
     now = 1.0
     for dt in (0.0, 0.1, 0.0, 0.0, 0.1, 5.0, 0.1, 1e-9):
         now += dt
@@ -163,7 +154,6 @@ def _odd_times(moment: ViewMaker) -> Iterator[View]:
 
 
 def _near(moment: ViewMaker) -> Iterator[View]:
-    """A robot stands right before it."""
     angles = np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)
     ranges = np.where(np.abs(angles) < 0.5, 0.15, room())
     return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})

@@ -13,10 +13,11 @@ from typing import Any
 import msgspec
 
 from zteam.clock import HOST_FACTOR
+from zteam.config.problems import problems_of
 from zteam.errors import UsageError
 from zteam.node.launcher import Report, report
 from zteam.node.shutdown import Stop, exit_hard_later
-from zteam.robot.behaviors.registry import find_behavior, look_in, parameter_problems
+from zteam.robot.behaviors.registry import find_behavior, look_in
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
 from zteam.team.own_code import files_since, find_body, other_file
@@ -61,7 +62,7 @@ def answer(question: Question) -> Answer:
         kind = find_behavior(question.spec)
     except UsageError as error:
         return Answer(str(error))
-    found = parameter_problems(question.spec, kind, question.params, question.near)
+    found = problems_of(question.params, kind.Params, takes=f"{question.spec} takes", near=question.near)
     topics = [topic for topic, _ in kind.inputs.values()]
     return Answer(mistakes=[(list(problem.path), problem.text) for problem in found], topics=topics)
 

@@ -33,7 +33,7 @@ from zteam.robot.behaviors.behavior import check_inputs
 def test_a_mistake_is_told(inputs: Any, text: str) -> None:
     """Each mistake names the input and what is wrong, on one line."""
     with pytest.raises(UsageError) as caught:
-        check_inputs(inputs)
+        check_inputs("inputs", inputs)
     assert str(caught.value).startswith("inputs")
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -50,4 +50,4 @@ def test_a_mistake_is_told(inputs: Any, text: str) -> None:
 )
 def test_what_may_be_declared(inputs: Any) -> None:
     """Own topics, topics of every robot, keys of one robot and of the team, of zteam and of one's own."""
-    check_inputs(inputs)
+    check_inputs("inputs", inputs)

@@ -9,11 +9,11 @@ import pytest
 
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.messages import Twist
-from zteam.robot.behaviors.asking import ask
+from zteam.robot.behaviors.behavior import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.robot.behaviors.straight import Forward
+from zteam.robot.trials.check import PLACES, drive
 from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
-from zteam.robot.trials.worlds import PLACES, drive
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
 """The leader stands so near before it that it has nothing to do."""

@@ -11,13 +11,9 @@ from support.limits import LIMIT
 from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.bus import MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
-from zteam.node.process_node import ProcessNode
-from zteam.node.shutdown import Stop
-from zteam.robot.client import SET, ParametersClient
-from zteam.robot.process.parameters import BehaviorParameters
+from zteam.robot.client import SET
 
 NAME = "robot_1"
 
@@ -193,13 +189,19 @@ class Open(Behavior):
 
     Params = OpenParams
 
+    def step(self, view: View) -> Twist:
+        """It stands."""
+        return Twist()
+
 
 def test_an_unknown_name_is_refused_where_params_do_not_forbid_it() -> None:
     """At the start a further key is ignored; a set that would change nothing is refused."""
-    hub = MemoryHub()
-    BehaviorParameters(ProcessNode(NAME, hub.bus(), Stop()), Open, "Open", {"further": 1})
-    with pytest.raises(UsageError, match="sped: unknown key; Open takes speed"):
-        ParametersClient(hub.bus()).set(NAME, {"sped": 0.3})
+    robot = RealTimeRobot(Open, further=1)
+    try:
+        with pytest.raises(UsageError, match="sped: unknown key; Open takes speed"):
+            robot.parameters().set(NAME, {"sped": 0.3})
+    finally:
+        robot.close()
 
 
 def test_a_set_on_a_wildcard_is_refused(robot: RealTimeRobot) -> None:

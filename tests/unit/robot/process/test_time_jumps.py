@@ -10,7 +10,7 @@ from support.limits import LIMIT
 from support.real_time_robot import NEVER, TICK, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.asking import ask
+from zteam.robot.behaviors.behavior import ask
 from zteam.robot.process import driver
 from zteam.robot.process import node as robot_module
 

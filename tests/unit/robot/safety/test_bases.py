@@ -13,7 +13,7 @@ from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist
 from zteam.messages.base import Base, base_of
-from zteam.robot.safety import LimitsOnly
+from zteam.robot.safety.motion import limit_speed
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import Limits, Robot, World, base_info
@@ -28,12 +28,10 @@ _FREE = (-math.inf, math.inf)
 class Loop:
     """A robot in the simulator's core that asks for a velocity, and what is left of it."""
 
-    def __init__(
-        self, robot: Robot, *, wall_at: float = 3.0, tick: float = 0.1, layer: LimitsOnly | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, *, wall_at: float = 3.0, tick: float = 0.1, has_layer: bool = True) -> None:
         world: World = replace(make_world(robot, wall_at=wall_at), interval=round(tick * NS_PER_S))
         self._engine, self._base, self._tick = Engine(world), base_of(base_info(robot)), tick
-        self._layer = layer or SafetyLayer()
+        self._layer = SafetyLayer() if has_layer else None
         self.seen = self._engine.step({})
         self.left = Twist()
         self.why = ""
@@ -58,7 +56,7 @@ class Loop:
             now=now, dt=0.0 if first else self._tick, robot_id=0, scan=scan, odom=odom, base=self._base,
             lookup=lambda target, source: (Pose2(0.0, 0.0, 0.0), now),
         )  # fmt: skip
-        self.left, self.why = self._layer.limit(wanted, view)
+        self.left, self.why = self._layer.limit(wanted, view) if self._layer else limit_speed(wanted, view.base)
         before, self.seen = self.seen.robots[0].truth, self._engine.step({0: self.left})
         self.driven += math.dist(before[:2], self.seen.robots[0].truth[:2])
         self.stalled = self.stalled or self.seen.robots[0].stall
@@ -187,10 +185,10 @@ def test_an_omni_base_moves_at_an_angle_too() -> None:
 def test_without_the_layer_an_omni_base_moves_sideways_within_its_limits() -> None:
     """`--no-safety` leaves the limits of speed and nothing else; a base that is not omni does not move sideways."""
     limits = Limits((-1.0, 1.0), (-0.4, 0.4), (-1.0, 1.0))
-    loop = Loop(make_robot(drive="omni", velocity=limits), layer=LimitsOnly())
+    loop = Loop(make_robot(drive="omni", velocity=limits), has_layer=False)
     loop.step(drive(0.3, vy=0.9))
     assert (loop.left.linear.x, loop.left.linear.y) == (0.3, 0.4)
-    loop = Loop(make_robot(velocity=limits), layer=LimitsOnly())
+    loop = Loop(make_robot(velocity=limits), has_layer=False)
     loop.step(drive(0.3, vy=0.9))
     assert (loop.left.linear.x, loop.left.linear.y) == (0.3, 0.0)
 

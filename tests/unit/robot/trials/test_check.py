@@ -9,7 +9,7 @@ import pytest
 from support.candidates import MINE, Candidate, faults_of, only_fault
 from zteam.errors import UsageError
 from zteam.robot.behaviors.registry import BEHAVIORS
-from zteam.robot.trials import worlds
+from zteam.robot.trials import check
 from zteam.robot.trials.check import run_trials
 from zteam.testing import find_faults
 
@@ -21,7 +21,7 @@ GIVEN: dict[str, dict[str, Any]] = {"path": {"waypoints": [[0.0, 0.0], [2.0, 0.0
 @pytest.mark.parametrize("name", BEHAVIORS)
 def test_a_shipped_behaviour_passes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is wrong with any behaviour that comes with zteam, in more than twenty trials."""
-    monkeypatch.setattr(worlds, "SECONDS", 5.0)
+    monkeypatch.setattr(check, "SECONDS", 5.0)
     results = [*run_trials(name, BEHAVIORS[name], GIVEN.get(name, {}))]
     assert not faults_of(results)
     assert len(results) > 20
@@ -123,7 +123,7 @@ def test_an_error_of_the_constructor_is_found(folder: Path) -> None:
 @pytest.mark.ci
 def test_faults_are_told_as_texts_for_a_test(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam.testing.find_faults`: each fault once, with line and first trial."""
-    monkeypatch.setattr(worlds, "SECONDS", 0.5)
+    monkeypatch.setattr(check, "SECONDS", 0.5)
     mine = Candidate(folder, f"{MINE}return Twist(Vector3(0.0 * len(view.scan.ranges), 0.1))\n")
     importlib.invalidate_caches()
     place = mine.place("def step")

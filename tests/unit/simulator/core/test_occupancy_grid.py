@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from support.small_worlds import make_box, make_robot
+from support.small_worlds import is_occupied, make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.simulator.core.casting import is_occupied
 from zteam.simulator.core.occupancy_grid import map_message, map_metadata
 from zteam.simulator.world.bodies import Surface, boundary_slabs, place_blocks
 from zteam.simulator.world.model import Floorplan, Obstacle, Shape, World

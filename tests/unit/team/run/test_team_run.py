@@ -20,9 +20,9 @@ from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, RouterOptions
 from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
-from zteam.node.launcher import start_robot
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
+from zteam.robot.client import start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.launch.plan import MEMBER
