@@ -185,7 +185,7 @@ class Settings(msgspec.Struct, frozen=True):
     def reader(self, entity: Entity) -> Reader:
         return Reader(entity, self.units, self.remarks)
 
-    def count(self, what: str, number: int, most: int, place: TextPlace) -> None:
+    def add_up(self, what: str, number: int, most: int, place: TextPlace) -> None:
         """Count what all models of a world have together; raises WorldError when it is too much."""
         self.counts[what] += number
         if self.counts[what] > most:
@@ -253,7 +253,7 @@ def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block
         text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
         settings.remarks.add(place, text)
         boxes = [(0, rows, 0, columns)]
-    settings.count("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
+    settings.add_up("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
     for bottom, top, left, right in boxes:
         x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
@@ -307,7 +307,7 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
             bottom, top, left, right = occupied_box(found) or (0, 0, 0, 0)
             found = found[bottom:top, left:right].copy()
         grid = found.occupied if isinstance(found, FloorMap) else found
-        settings.count("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
+        settings.add_up("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
         settings.bitmaps[key] = found
     found = settings.bitmaps[key]
     if isinstance(found, FloorMap) or found.size:
@@ -325,7 +325,7 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
-    settings.count("points of blocks", count, MAX_ALL_POINTS, entity.place)
+    settings.add_up("points of blocks", count, MAX_ALL_POINTS, entity.place)
     z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:

@@ -111,7 +111,7 @@ class _Parser:
             if self._token.kind is TokenKind.EOF:
                 return root
             name = self._expect(TokenKind.NAME, "a property, an entity, 'include' or 'define'")
-            if name.text == "define":
+            if name.written == "define":
                 self._parse_define()
             else:
                 self._parse_item(name, root, 1)
@@ -149,12 +149,12 @@ class _Parser:
         self._skip_lines()
         base = self._expect(TokenKind.NAME, f"the type or macro that {name} is made of")
         self._skip_lines()
-        macro = Macro(base.text, base.place, self._at)
+        macro = Macro(base.written, base.place, self._at)
         self._skip_body()
-        if name.text in self._macros:
+        if name.written in self._macros:
             self._remarks.add(name.place, f"macro {name} is defined already: the first definition stays")
         else:
-            self._macros[name.text] = macro
+            self._macros[name.written] = macro
 
     def _skip_body(self) -> None:
         """Like Stage, look only for the ')' that belongs to the '('."""
@@ -175,7 +175,7 @@ class _Parser:
                 raise name.place.error(f"{name} has neither a value on its line nor a body in ( )")
             owner.children.append(self._parse_entity(name, level))
         else:
-            owner.properties[name.text] = self._parse_property(name)
+            owner.properties[name.written] = self._parse_property(name)
 
     def _parse_entity(self, name: Token, level: int) -> Entity:
         if level > MAX_NESTING:
@@ -183,7 +183,7 @@ class _Parser:
         self._entities += 1
         if self._entities > MAX_ENTITIES:
             raise name.place.error(f"more than {MAX_ENTITIES} entities once macros are expanded")
-        entity = Entity(name.text, name.text, name.place)
+        entity = Entity(name.written, name.written, name.place)
         self._replay_macros(entity, level)
         self._parse_body(entity, level)
         return entity
@@ -213,7 +213,7 @@ class _Parser:
             if self._token.kind is TokenKind.EOF:
                 raise opening.place.error("this '(' is never closed")
             item = self._expect(TokenKind.NAME, "a property, an entity or ')'")
-            if item.text == "define":
+            if item.written == "define":
                 raise item.place.error("'define' belongs at the top level of a file, not inside ( )")
             self._parse_item(item, entity, level + 1)
 
@@ -229,5 +229,5 @@ class _Parser:
         else:
             hint = "; text needs quotes" if self._token.kind is TokenKind.NAME else ""
             raise self._token.place.error(f"expected the value of {name}, found {self._token}{hint}")
-        values, written = tuple(token.value for token in tokens), tuple(token.text for token in tokens)
-        return Property(name.text, values, name.place, written)
+        values, written = tuple(token.value for token in tokens), tuple(token.written for token in tokens)
+        return Property(name.written, values, name.place, written)

@@ -99,16 +99,16 @@ class TokenKind(enum.Enum):
 
 
 class Token(NamedTuple):
-    """One token. `text` is as written, without quotes; `value` is the same, but of a number what it is."""
+    """One token. `written` is its text, without quotes; `value` is the same, but of a number what it is."""
 
     kind: TokenKind
-    text: str
+    written: str
     place: TextPlace
     value: str | float
 
     def __str__(self) -> str:
         if self.kind in (TokenKind.NAME, TokenKind.STRING):
-            return f"{self.text!r:.60}"
+            return f"{self.written!r:.60}"
         return f"{self.value:g}" if self.kind is TokenKind.NUMBER else self.kind.value
 
 
@@ -212,7 +212,7 @@ class Splicer:
         self._open_files.append(path.resolve() if path else Path(file))
         tokens = read_tokens(text, file, self._remarks)
         for token in tokens:
-            if token.kind is TokenKind.NAME and token.text == "include":
+            if token.kind is TokenKind.NAME and token.written == "include":
                 self._include(token.place, next(tokens))
             elif token.kind is not TokenKind.EOF or is_top:
                 self._add(token)
@@ -227,11 +227,11 @@ class Splicer:
     def _include(self, place: TextPlace, name: Token) -> None:
         if name.kind is not TokenKind.STRING:
             raise name.place.error(f'expected the name of the file to include, such as "map.inc", found {name}')
-        path = find_file(name.text, self._folder)
+        path = find_file(name.written, self._folder)
         if path is None:
             raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
         if path.resolve() in self._open_files:
-            raise name.place.error(f"{name.text!r} includes itself")
+            raise name.place.error(f"{name.written!r} includes itself")
         if len(self._open_files) > MAX_INCLUDE_DEPTH:
             raise name.place.error(f"includes nest deeper than {MAX_INCLUDE_DEPTH}")
         if self._files >= MAX_FILES:

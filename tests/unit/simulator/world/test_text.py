@@ -56,7 +56,7 @@ def test_of_a_malformed_number_the_beginning_is_taken(text: str, value: float) -
     """What C's atof, and so Stage, makes of signs, points and digits in any order; a remark says where and what."""
     remarks = Remarks()
     (token, _) = read_tokens(text, "w.world", remarks)
-    assert (token.value, token.text) == (value, text)
+    assert (token.value, token.written) == (value, text)
     expected = f"w.world:1:1: {text!r} is not a number: {value:g} is taken, as Stage does"
     assert [str(remark) for remark in remarks.all()] == [expected]
 
@@ -99,7 +99,7 @@ def test_places_count_lines_and_columns_from_one() -> None:
 def test_a_carriage_return_alone_ends_a_line() -> None:
     """Files of old Macintoshes have lines and comments like any other, in Stage and here."""
     tokens = list(read_tokens("a # b\rc\r\rd", "w.world", Remarks()))
-    assert [(token.text, token.place.line) for token in tokens if token.text.strip()] == [("a", 1), ("c", 2), ("d", 4)]
+    assert [(token.written, token.place.line) for token in tokens if token.written.strip()] == [("a", 1), ("c", 2), ("d", 4)]
 
 
 def test_an_open_string_ends_with_its_line() -> None:
