@@ -427,8 +427,7 @@ def check_strangers(facts: Facts) -> Iterator[Finding]:
     if facts.strangers:
         shown = [*facts.strangers[:_SHOWN], *(["…"] if len(facts.strangers) > _SHOWN else [])]
         count = counted(len(facts.strangers), "session")
-        text = f"{count} at the router of programs that are none of zteam's: {'; '.join(shown)}"
-        yield note("sessions", f"{text} ('ss -tnp' on their host lists the processes)")
+        yield note("sessions", f"{count} at the router of programs that are none of zteam's: {'; '.join(shown)}")
 
 
 _HARMLESS = CLOCKS_APART + 0.5 * LATE

@@ -13,14 +13,7 @@ from zteam.bus.lateness import Lateness
 from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import BusError
-from zteam.messages import (
-    BaseInfo,
-    LaserScan,
-    Odometry,
-    TFMessage,
-    Tick,
-    Twist,
-)
+from zteam.messages import BaseInfo, LaserScan, Odometry, RobotState, TFMessage, Tick, Twist
 from zteam.messages.tf_stamps import bases_stamp
 from zteam.messages.topics import is_latched
 from zteam.node.node import Due, Node
@@ -49,10 +42,14 @@ _LOOKS = 3
 """Looks, a second apart, until something that does not come is missing."""
 NO_POSES = f"no new poses on '{names.TF}' (zteam-tf)"
 """What the status says while scans come without them."""
+_TELL_EVERY = 5
+"""Seconds between two lines about the others that GO waits for."""
 
 
 class DataWatch:
-    """Finds out why a robot's data does not come, or no longer comes: in real time no step is taken then."""
+    """Finds out what a robot waits for: GO, its first data, or in real time data that no longer comes. No step is taken
+    then.
+    """
 
     def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
         self._deaf = 0
@@ -64,7 +61,10 @@ class DataWatch:
         self._node = node
         self._inputs = inputs
         self._driver = driver
-        self._looks = 0
+        self._looks = self._ready_for = 0
+        """Seconds since the start, and since the robot is ready or the last line about GO."""
+        self._told = ""
+        """What GO waits for, in that line."""
         self._scan: LaserScan | None = None
         """The newest at the last look."""
 
@@ -74,6 +74,16 @@ class DataWatch:
         if self._looks >= _LOOKS:
             self._find_absence()
             self._node.look()
+        with self._node.changed:
+            self._tell_what_go_waits_for()
+
+    def _tell_what_go_waits_for(self) -> None:
+        waiting_for = self._node.team.waiting_for
+        waits = self._node.readiness.state == RobotState.READY and waiting_for
+        self._ready_for = self._ready_for + 1 if waits else 0
+        if self._ready_for > _TELL_EVERY and waiting_for != self._told:
+            self._ready_for, self._told = 0, waiting_for
+            log.info("ready; GO waits for %s", waiting_for)
 
     def _find_absence(self) -> None:
         """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""

@@ -9,10 +9,11 @@ from support.log_capture import captured_log
 from support.real_time_robot import RealTimeRobot
 from support.transports import wait_until_true
 from zteam.behaviors import Behavior, View
-from zteam.messages import RobotDriver, RobotState, Twist, Vector3
+from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
 from zteam.node import node as node_module
 from zteam.robot.behaviors.follow import Follow
 from zteam.robot.behaviors.straight import Idle
+from zteam.robot.process import node as robot_module
 
 
 class Asks(Behavior):
@@ -243,3 +244,28 @@ def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.Monke
         robot.wait_for_status(lambda status: status.text.startswith("waiting for a first scan (robot_1/base_scan)"))
     finally:
         robot.close()
+
+
+@pytest.mark.gate
+def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the monitor waits for is in its log once, when it has been ready for a while, and again when it changes."""
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
+    monkeypatch.setattr(robot_module, "_TELL_EVERY", 2)
+    with captured_log() as log:
+        robot = RealTimeRobot(Asks, gate=True)
+        try:
+            robot.say_team(TeamStatus(waiting_for="robot_2: no process yet"))
+            robot.say_base_info()
+            robot.say_statics()
+            robot.say_odometry(1)
+            robot.say_transforms(1)
+            robot.say_time(1)
+            robot.say_scan(1)
+            log.wait_for("ready; GO waits for robot_2: no process yet")
+            seen = robot.statuses
+            robot.say_team(TeamStatus(waiting_for="robot_2: waiting for a first scan"))
+            log.wait_for("ready; GO waits for robot_2: waiting for a first scan")
+            assert robot.statuses > seen
+            assert log.count("no process yet") == 1
+        finally:
+            robot.close()

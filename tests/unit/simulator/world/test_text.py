@@ -99,7 +99,8 @@ def test_places_count_lines_and_columns_from_one() -> None:
 def test_a_carriage_return_alone_ends_a_line() -> None:
     """Files of old Macintoshes have lines and comments like any other, in Stage and here."""
     tokens = list(read_tokens("a # b\rc\r\rd", "w.world", Remarks()))
-    assert [(token.written, token.place.line) for token in tokens if token.written.strip()] == [("a", 1), ("c", 2), ("d", 4)]
+    words = [token for token in tokens if token.written.strip()]
+    assert [(token.written, token.place.line) for token in words] == [("a", 1), ("c", 2), ("d", 4)]
 
 
 def test_an_open_string_ends_with_its_line() -> None:
