@@ -121,6 +121,8 @@ class World:
             try:
                 status = answer.result()
             except BusError as error:
+                # The end of a process says more.
+                watch.check()
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
             watch.take_status(status)
             arrived = partial(watch.view.reaches, status.now, status.robots)
