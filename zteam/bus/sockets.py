@@ -78,7 +78,7 @@ def process_at(endpoint: str) -> str:
     except (OSError, ValueError):
         return ""
     sockets = {f"socket:[{row[9]}]" for row in rows if row[1] == end}
-    for process in Path("/proc").glob("[0-9]*"):
+    for process in Path("/proc").glob("[0-9]*") if sockets else ():
         # Another user's, or it has just ended.
         with suppress(OSError):
             if any(str(link.readlink()) in sockets for link in (process / "fd").iterdir()):
@@ -90,7 +90,11 @@ def process_at(endpoint: str) -> str:
 def _find(links: set[Ends]) -> Iterator[socket.socket]:
     """This process's sockets of TCP links. They are Zenoh's, which closes them."""
     wanted = {(src.partition("/")[2], dst.partition("/")[2]) for src, dst in links}
-    for path in list(Path("/dev/fd").iterdir()):
+    paths = list[Path]()
+    # Without a descriptor left, nothing is found.
+    with suppress(OSError):
+        paths += Path("/dev/fd").iterdir()
+    for path in paths:
         # No socket, or closed meanwhile.
         with suppress(OSError):
             connection = socket.socket(fileno=int(path.name))

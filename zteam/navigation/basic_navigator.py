@@ -69,7 +69,6 @@ class BasicNavigator:
         self._clock = link.clock if isinstance(link, Node) else team_clock(link)
         self._changed = threading.Condition(threading.RLock())
         """Notified when there is news."""
-        self._count = 0
         """Goals of the task."""
         self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._notify)
         self._nag, self._waits_since = Every(10.0), math.inf
@@ -141,7 +140,6 @@ class BasicNavigator:
         goals = [_message(pose) for pose in poses]
         if not goals:
             raise UsageError("followWaypoints: give at least one pose")
-        self._count = len(goals)
         self._client.send(goals[0], goals[1:])
         return True
 
@@ -176,7 +174,7 @@ class BasicNavigator:
             status.estimated_time_remaining,
             messages.Duration(since.sec, since.nanosec),
             status.recoveries,
-            self._count - 1 - len(self._client.further),
+            self._client.waypoint,
             status.text,
         )
 

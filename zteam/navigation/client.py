@@ -5,6 +5,7 @@ Goals are taken by the robot's navigation, or by the behaviour go_to that the ro
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -153,8 +154,10 @@ class NavigationClient:
         """The newest goal."""
         self.is_pending = False
         """Whether the newest goal is still to be sent."""
-        self.further: list[PoseStamped] = []
+        self._further: deque[PoseStamped] = deque()
         """Goals that follow the newest one, each when the one before is reached."""
+        self.waypoint = 0
+        """The place of the newest goal among those that were sent with it."""
         self.taker = ""
         """NAVIGATION, GO_TO, or empty while nothing is known to take goals."""
         self._behavior = ""
@@ -235,7 +238,7 @@ class NavigationClient:
             if self.watch is not None:
                 self.watch.end(TaskResult.FAILED, "a new goal took its place")
             watch = self.watch = GoalWatch(goal)
-            self.further, self.is_pending = [*further], True
+            self._further, self.waypoint, self.is_pending = deque(further), 0, True
         self._flush()
         return watch
 
@@ -265,7 +268,7 @@ class NavigationClient:
     def withdraw(self) -> bool:
         """Give up what is not sent yet; returns whether that is the newest goal too."""
         with self._lock:
-            self.further.clear()
+            self._further.clear()
             watch = self.watch
             if watch is None or not self.is_pending:
                 return False
@@ -315,8 +318,9 @@ class NavigationClient:
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
             if (own := self._sent) is not None:
                 own.take(status)
-                if self.further and own.result == TaskResult.SUCCEEDED:
-                    self.watch, self.is_pending = GoalWatch(self.further.pop(0)), True
+                if self._further and own.result == TaskResult.SUCCEEDED:
+                    self.watch, self.is_pending = GoalWatch(self._further.popleft()), True
+                    self.waypoint += 1
             if self._yields:
                 self._take_other(status)
         self._flush()

@@ -28,7 +28,7 @@ class Teammate(NamedTuple):
     pose: Pose2
     """In the own base frame."""
     age: float
-    """Seconds since it was there."""
+    """Seconds between now and the stamp of its pose."""
     base: Base
 
     def along(self, heading: float) -> tuple[float, float]:
@@ -76,7 +76,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         for robot_id in sorted({*self.team, *self.bases} - {self.robot_id}):
             at = lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
             if at is not None:
-                age = max(0.0, (self.now - at[1]) / 1e9) if at[1] else 0.0
+                age = abs(self.now - at[1]) / 1e9 if at[1] else 0.0
                 found.append(Teammate(robot_id, at[0], age, self.bases.get(robot_id, DEFAULT_BASE)))
         return tuple(found)
 
@@ -87,6 +87,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
+        return self._found
+
+    @cached_property
+    def _found(self) -> tuple[Pose2, int] | None:
         return self.lookup(names.MAP_FRAME, self.base_frame)
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:

@@ -421,9 +421,13 @@ def listen(host: str, port: int) -> tuple[socket.socket, int]:
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
     for chosen in (*range(port, port + 21), 0) if port else (0,):
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener = socket.create_server((address[0], chosen), family=family, backlog=BACKLOG)
+            listener.bind((address[0], chosen))
+            listener.listen(BACKLOG)
         except OSError as error:
+            listener.close()
             last = error
         else:
             return listener, int(listener.getsockname()[1])

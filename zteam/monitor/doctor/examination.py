@@ -71,8 +71,12 @@ def check_certificate(tls: TlsFiles) -> Finding:
     if fault := own_fault(tls):
         text, _, step = fault.partition(": ")
         return problem("certificate", text, step)
-    name, expires = own_identity(tls)
-    left, folder = expires - wall_ns() / 1e9, Path(tls.certificate).parent
+    return check_expiry(*own_identity(tls), Path(tls.certificate).parent)
+
+
+def check_expiry(name: str, expires: float, folder: Path) -> Finding:
+    """How long a certificate in `folder` is valid that ends at `expires`, in seconds since the Unix epoch."""
+    left = expires - wall_ns() / 1e9
     if left > _SOON:
         return ok("certificate", f"{name}, valid for {left // _DAY:.0f} days")
     text = f"the certificate {name} {'expires' if left > 0.0 else 'has expired'} on {utc_text(expires)}"

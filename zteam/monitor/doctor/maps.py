@@ -90,10 +90,13 @@ def _has_size_of(found: MapInfo, world: MapInfo) -> bool:
 
 
 def _overlaps(found: MapInfo, world: MapInfo) -> bool:
-    """Whether the circles round the two maps do."""
-    middles, reach = [], 0.0
-    for grid in (found, world):
-        width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
-        middles.append(Pose2(grid.x, grid.y, grid.yaw).compose(Pose2(width / 2, height / 2, 0.0)))
-        reach += math.hypot(width, height) / 2
-    return math.dist(middles[0][:2], middles[1][:2]) < reach
+    (left, bottom, right, top), (low_x, low_y, high_x, high_y) = _box(found), _box(world)
+    return left < high_x and low_x < right and bottom < high_y and low_y < top
+
+
+def _box(grid: MapInfo) -> tuple[float, float, float, float]:
+    """Least x and y, greatest x and y."""
+    width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
+    origin = Pose2(grid.x, grid.y, grid.yaw)
+    xs, ys, _ = zip(*(origin.compose(Pose2(u, v, 0.0)) for u in (0.0, width) for v in (0.0, height)), strict=True)
+    return min(xs), min(ys), max(xs), max(ys)

@@ -58,6 +58,9 @@ class FollowedTeam(Gate):
     def _adopt(self, robot_id: int, member: KnownRobot) -> None:
         """The running monitor reports GO."""
 
+    def take_simulator(self, sessions: frozenset[str]) -> None:
+        """The running monitor reports the epoch."""
+
     def waiting_for(self, *, reasons: bool = True) -> str:
         return super().waiting_for(reasons=reasons) or "the running monitor"
 

@@ -6,12 +6,14 @@ from typing import Any
 
 from zteam import names
 from zteam.bus.graph import tell_rivals
+from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.messages.topics import has_one_writer
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
+from zteam.node.rivals import Writers
 from zteam.node.tokens import TokenLossFilter
 from zteam.simulator.client import SimStatus, find_status
 
@@ -44,8 +46,8 @@ class WriterWatch:
     has. The processes themselves are told too.
 
     The simulator tells which ones command: a subscription to all commands would slow down every tick of lock-step.
-    Of all other keys that have one publisher at a time, and of commands without a simulator, zteam's sessions say what
-    they publish.
+    Where there is no simulator, the watch subscribes to the commands itself. Of all other keys that have one publisher
+    at a time, zteam's sessions say what they publish.
     """
 
     def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
@@ -53,6 +55,7 @@ class WriterWatch:
         self._team = team
         self._seen = seen
         self._due = Every(LOOK)
+        self._heard: Writers[int] | None = None
         self._told: dict[str, list[str]] = {}
         """By key: the sessions that publish on it, where there is more than one."""
         self._published: dict[str, list[str]] = {}
@@ -68,7 +71,7 @@ class WriterWatch:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
         if not self._due.due():
             return
-        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else {}
+        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else self._listen()
         if self._ask_all.due():
             self._published = self._find_publishers()
         if commanding is not None:
@@ -78,10 +81,9 @@ class WriterWatch:
     def _find_publishers(self) -> dict[str, list[str]]:
         """The sessions that publish on each key that has one publisher, where there are more."""
         found: dict[str, set[str]] = {}
-        # On cmd_vel the simulator publishes what a robot answers in lock-step.
-        told_by_simulator = f"/{names.CMD_VEL}" if self._seen.alive(names.SIMULATOR) else ()
         for each in self._node.bus.declarations():
-            if each.publishes and has_one_writer(each.key) and not each.key.endswith(told_by_simulator):
+            # On cmd_vel the simulator publishes what a robot answers in lock-step.
+            if each.publishes and has_one_writer(each.key) and not each.key.endswith(f"/{names.CMD_VEL}"):
                 found.setdefault(each.key, set()).add(each.session)
         return {key: sorted(sessions) for key, sessions in found.items() if len(sessions) > 1}
 
@@ -95,6 +97,23 @@ class WriterWatch:
             self._team.take_world(status.robots)
             self._team.take_tick(status.tick, monotonic())
         return status.writers
+
+    def _listen(self) -> dict[int, list[str]] | None:
+        clock = self._node.clock
+        if not clock.decided or clock.simulated:
+            return None
+        if self._heard is None:
+            self._heard = Writers[int]()
+            self._node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_command)
+        with self._node.changed:
+            heard = self._heard.recent(monotonic())
+        return {robot_id: sorted(sessions) for robot_id, sessions in heard.items() if len(sessions) > 1}
+
+    def _on_command(self, sample: RawSample) -> None:
+        target = names.split_robot_key(sample.key)
+        if target is not None and self._heard is not None:
+            with self._node.changed:
+                self._heard.take(target[0], sample.source, monotonic())
 
     def _tell(self, found: dict[str, list[str]]) -> None:
         texts = []

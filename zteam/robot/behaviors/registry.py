@@ -6,6 +6,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
@@ -183,8 +184,10 @@ def _suggestion(spec: str, known: Iterable[str]) -> str:
     place = PathFinder.find_spec(spec)
     if place is None or place.origin is None or not place.origin.endswith(".py"):
         return ""
-    text = Path(place.origin).read_text(errors="replace")
-    classes = re.findall(r"^class (\w+)\((?!.*Struct\b)", text, re.MULTILINE) or ["Class"]
+    text = ""
+    with suppress(OSError):
+        text = Path(place.origin).read_text(errors="replace")
+    classes = re.findall(r"^class (\w+)\((?!.*(?:Struct|Enum|NamedTuple|Error)\b)", text, re.MULTILINE) or ["Class"]
     return f" (did you mean {' or '.join(f'{spec}:{name}' for name in classes)}?)"
 
 

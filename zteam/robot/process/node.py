@@ -56,6 +56,7 @@ class DataWatch:
         """Looks in a row at which no other process answered."""
         self._is_out = False
         """Whether nothing comes any more, and was said to."""
+        self._is_logged = False
         self._poses = 0
         """Stamp of the newest transforms at the last look."""
         self._node = node
@@ -131,10 +132,10 @@ class DataWatch:
                 return
             self._is_out = bool(why)
             if why:
-                # The log has the router's loss already.
-                is_new, driver = self._node.link_up, self._driver.status.driver
-                self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=is_new)
-            else:
+                # The log has the router's loss and return.
+                self._is_logged, driver = self._node.link_up, self._driver.status.driver
+                self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=self._is_logged)
+            elif self._is_logged:
                 log.info("data comes again")
 
     def _look_at_poses(self) -> None:

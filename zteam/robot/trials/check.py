@@ -41,6 +41,7 @@ from zteam.robot.trials.situations import (
     STALE_SITUATIONS,
     ViewMaker,
     bounds,
+    elsewhere,
     given_params,
     lookup_in,
 )
@@ -279,13 +280,15 @@ def _look(make: Callable[[ViewMaker], Iterable[View]], trial: Trial) -> None:
 
 
 def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
-    """A robot that drives while poses are old, and stands or fails while these are unknown, drives by them."""
-    answers = trial.look(trial.moment.views(ages=ages))
-    own, known, unknown = ages[0] > 0.0, dict(trial.faults), list[Velocity]()
+    """A robot that other old poses would move otherwise, and that stands or fails while these are unknown, drives by
+    them."""
+    own, unknown = ages[0] > 0.0, list[Velocity]()
+    here, *there = (str(trial.look(trial.moment.views(poses=each, ages=ages))) for each in (POSES, *elsewhere(own=own)))
+    known = dict(trial.faults)
     with suppress(TrialOver):
         unknown = trial.look(trial.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
     trial.faults = known
-    if any(map(any, answers)) and not any(map(any, unknown)):
+    if any(each != here for each in there) and not any(map(any, unknown)):
         hint = "stand unless view.is_fresh(stamp, 0.5)" + ("; set uses_tf = True" if own else "")
         trial.blame("old", f"it drives by poses that are {max(ages):g} s old", hint)
 
@@ -320,38 +323,46 @@ PLACES = {
 
 
 def drive(
-    step: Callable[[View], tuple[Twist, str]], place: Start, inputs: Mapping[str, Any]
-) -> tuple[float, float, list[Pose2]]:
+    step: Callable[[View], tuple[Twist, str]],
+    place: Start,
+    inputs: Mapping[str, Any],
+    touch: Callable[[Pose2], None] = lambda _: None,
+) -> tuple[float, float]:
     """Drive in the simulator for SECONDS with the velocities and reasons of `step`; `inputs` are those of its views.
 
-    Returns metres, seconds in which the safety layer held the robot, and its pose in each tick against something.
+    Returns metres, and seconds in which the safety layer held the robot. `touch(pose)` is called in each tick in which
+    it stands against something.
     """
     world, starts = _load(), {LEADER: place.other, ROBOT: place.own}
     robots = {i: add_robot(world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
     engine, other = Engine(world, robots=robots), Forward(ForwardParams(place.speed))
     layers = {i: SafetyLayer() for i in robots}
     commands: dict[int, Twist] = {}
-    at, contacts, travelled, held = place.own, list[Pose2](), 0.0, 0.0
+    at, travelled, held = place.own, 0.0, 0.0
     for _ in range(round(SECONDS / DT)):
         observation = engine.step(commands)
         robot = observation.robots[ROBOT]
         travelled, at = travelled + math.dist(robot.truth[:2], at[:2]), robot.truth
-        contacts += [at] if robot.stall else []
+        if robot.stall:
+            touch(at)
         view = _view(observation, ROBOT, inputs)
         wanted, reason = step(view)
         commands[ROBOT], cause = layers[ROBOT].limit(wanted, view, reason)
         held += DT if cause else 0.0
         commands[LEADER], _reason = decide(other, _view(observation, LEADER, {}), layers[LEADER])
-    return travelled, held, contacts
+    return travelled, held
 
 
 def _drive(place: Start, trial: Trial) -> None:
-    travelled, held, contacts = drive(Subject(trial).step, place, trial.moment.messages())
-    if contacts:
-        x, y, _ = contacts[0]
-        text = f"it drove against something for {DT * len(contacts):.1f} s, at x {x:.1f}, y {y:.1f}"
-        hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
-        trial.blame("touched", text, hint)
+    contacts = list[Pose2]()
+    try:
+        travelled, held = drive(Subject(trial).step, place, trial.moment.messages(), contacts.append)
+    finally:
+        if contacts:
+            x, y, _ = contacts[0]
+            text = f"it drove against something for {DT * len(contacts):.1f} s, at x {x:.1f}, y {y:.1f}"
+            hint = "the safety layer sees only what the laser has seen: look before you turn or back up"
+            trial.blame("touched", text, hint)
     trial.note = f"{travelled:.1f} m in {SECONDS:g} s"
     trial.note += f"; the safety layer held it for {held:.1f} s" if held else ""
 

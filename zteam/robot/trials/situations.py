@@ -69,6 +69,7 @@ _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
 POSES: Poses = {LEADER: (1.5, 0.3, 0.2), ROBOT: (0.0, 0.0, 0.0), 2: (-1.5, -0.5, 0.0)}
 _ELSEWHERE: Poses = {LEADER: (-0.43, 2.1, 1.5), ROBOT: (0.4, -0.6, 0.9), 2: (1.3, 1.0, 0.0)}
+_CLOSE: Poses = {LEADER: (0.17, -0.06, -0.7), ROBOT: (-0.05, -0.02, -0.3), 2: (-0.2, 0.11, 0.4)}
 
 
 def room(beams: int = _BEAMS) -> np.ndarray:
@@ -183,6 +184,11 @@ STALE_SITUATIONS: dict[str, tuple[float, float]] = {
     "all poses are 3 s old": (3.0, 3.0),
 }
 """By name: the ages (s) of its own pose and of the others'."""
+
+
+def elsewhere(*, own: bool) -> list[Poses]:
+    """Other poses than POSES, with another `own` one only if asked for: far apart, and close together."""
+    return [poses if own else {**poses, ROBOT: POSES[ROBOT]} for poses in (_ELSEWHERE, _CLOSE)]
 
 
 _INSIDE = 1e-3

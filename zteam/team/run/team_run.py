@@ -161,7 +161,7 @@ class TeamRun:
         """Start a robot's process, which the team does not need, as the team's own were started; its name."""
         name, job = robot_job(self.launch, request.robot, request.behavior)
         with self._start_lock:
-            if self.state is RunState.STOPPING:
+            if self.state in (RunState.STOPPING, RunState.ENDED):
                 raise BusError("the team is stopping")
             member = self.supervisor.members.get(name)
             if (member is not None and member.running) or find_processes(tools, name):

@@ -26,7 +26,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from zteam.bus.options import TlsFiles
 from zteam.clock import wall_ns
 from zteam.errors import UsageError, ZteamError, did_you_mean
-from zteam.monitor.doctor.examination import check_certificate
+from zteam.monitor.doctor.examination import check_expiry
 from zteam.names import name_problem
 from zteam.node.kinds import ROUTER
 from zteam.team.security.access import Rights, access_control
@@ -423,7 +423,8 @@ def prepare(folder: Path, team: str, rights: Mapping[str, Rights], namespace: st
             authority.issue([name for name in names if not authority.is_complete(name)])
     warnings = []
     for name in names:
-        found = check_certificate(files_of(folder, name))
+        own = load_certificate(folder / f"{name}.pem")
+        found = check_expiry(name_in(own), own.not_valid_after_utc.timestamp(), folder)
         if found.level != "ok":
             text = f"{found.text}: {found.next_step}"
             if found.level == "problem":

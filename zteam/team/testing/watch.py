@@ -356,6 +356,12 @@ class Watch:
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
+        try:
+            self._check_at_end()
+        finally:
+            self._at_end = False
+
+    def _check_at_end(self) -> None:
         self.check()
         if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.

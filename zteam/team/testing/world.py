@@ -9,7 +9,7 @@ from concurrent.futures import wait
 from functools import partial
 
 from zteam import names
-from zteam.clock import HOST_FACTOR
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
 from zteam.node.kinds import kind_of
 from zteam.simulator.client import SimStatus, StepRequest
@@ -85,18 +85,18 @@ class World:
             self._step(1)
 
     def _until_in_real_time(self, condition: Callable[[], bool], end: float, within: float) -> None:
-        came_true = False
+        came_true, last, since = False, self.now, monotonic()
 
         def is_over() -> bool:
-            nonlocal came_true
+            nonlocal came_true, last, since
             came_true = condition()
+            if self.now != last:
+                last, since = self.now, monotonic()
+            elif monotonic() - since > STALL_LIMIT:
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
             return came_true or self.now > end
 
-        last = self.now
-        while not self._watch.wait(is_over, STALL_LIMIT):
-            if self.now == last:
-                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
-            last = self.now
+        self._watch.wait(is_over, math.inf)
         if not came_true:
             raise self._not_true(within)
         self._watch.wait_for_silent()
@@ -125,7 +125,11 @@ class World:
                 watch.check()
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from None
             watch.take_status(status)
-            arrived = partial(watch.view.reaches, status.now, status.robots)
+
+            def arrived(status: SimStatus = status) -> bool:
+                # Each look at the view looks for processes that have failed.
+                return watch.view.reaches(status.now, status.robots)
+
             if not arrived():
                 # No message was lost in tens of thousands of ticks, but the bus does not promise that.
                 watch.sim.repeat()

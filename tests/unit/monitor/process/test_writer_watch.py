@@ -5,7 +5,6 @@ import socket
 
 import pytest
 
-from support.lockstep_doubles import show_simulator
 from support.log_capture import captured_log
 from support.named_sessions import open_named
 from zteam import names
@@ -112,17 +111,19 @@ def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: 
     assert desk.tell() == []
 
 
-def test_without_a_simulator_the_sessions_say_which_command(
-    hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With one it knows better: it has a publisher of the commands itself."""
-    monkeypatch.setattr(desk.watch, "_ask_all", Every(0.0))
+def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
+    """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
     robot, rival = open_named(hub, "robot_3"), open_named(hub, "joystick")
     publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
+    desk.tell()
+    for publisher in publishers:
+        publisher.put(Twist())
+    assert desk.tell() == []
+    desk.node.clock.use_wall()
+    assert desk.tell() == []
+    publishers[0].put(Twist())
+    assert desk.tell() == []
+    publishers[1].put(Twist())
     ((kind, robot_id, text),) = desk.tell()
     assert (kind, robot_id) == ("writers", 3)
     assert "2 processes: robot_3 (process " in text and ", joystick (process " in text
-    simulator = show_simulator(hub.bus())
-    assert desk.tell() == [("writers", 3, "is commanded by one process again")]
-    simulator.close()
-    assert len(desk.tell()) == len(publishers) - 1

@@ -14,6 +14,7 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
+from support.certificates import Authority
 from zteam.errors import UsageError, ZteamError
 from zteam.monitor.doctor import examination
 from zteam.team.security import certificates
@@ -230,6 +231,16 @@ def test_a_certificate_that_ends_is_told_in_time(folder: Path, later: Callable[[
     assert issued.state == "expired"
     with pytest.raises(ZteamError, match=r"robot_1\.1 has expired on .*: zteam certs renew robot_1"):
         prepare(folder, "", RIGHTS, "", ["robot_1"])
+
+
+def test_a_team_does_not_start_with_a_certificate_that_has_expired(tmp_path: Path) -> None:
+    """The error names it, its end and the way out, where OpenSSL would refuse it too."""
+    Authority(tmp_path).issue("robot_1", days=-1.0)
+    (tmp_path / CA_KEY).unlink()
+    with pytest.raises(
+        ZteamError, match=rf"robot_1\.1 has expired on \d.*: zteam certs renew robot_1 --folder {tmp_path}"
+    ):
+        prepare(tmp_path, "", RIGHTS, "", ["robot_1"])
 
 
 def test_no_certificate_outlives_the_authority(folder: Path, later: Callable[[float], None]) -> None:
