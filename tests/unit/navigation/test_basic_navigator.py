@@ -97,6 +97,17 @@ def test_waypoints_follow_each_other(navigator: zteam.BasicNavigator, navigation
     assert [goal.pose.position.x for goal in navigation.goals] == [1.0, 2.0, 3.0]
 
 
+def test_a_canceled_task_stays_at_its_waypoint(navigator: zteam.BasicNavigator, navigation: FakeNavigation) -> None:
+    """The goals that do not go out any more are no waypoints behind it."""
+    navigator.followWaypoints([Pose2(x, 0.0, 0.0) for x in (1.0, 2.0, 3.0)])
+    navigation.say(State.SUCCEEDED)
+    navigation.say(State.RECOVERING)
+    navigator.cancelTask()
+    feedback = navigator.getFeedback()
+    assert feedback is not None
+    assert feedback.current_waypoint == 1
+
+
 def test_waypoints_end_with_the_first_that_fails(navigator: zteam.BasicNavigator, navigation: FakeNavigation) -> None:
     """No goal is sent after one that was not reached."""
     navigator.followWaypoints([Pose2(1.0, 0.0, 0.0), Pose2(2.0, 0.0, 0.0)])

@@ -71,12 +71,12 @@ def test_one_silent_beam_is_bridged(half_deg: float, speed: float) -> None:
 
 def test_a_teammate_explains_dazzled_beams() -> None:
     """Beams around a teammate that stands far ahead are dazzled by its laser: the robot drives on; without the
-    teammate they hide the way."""
-    for team, expected in (((0, 1), 0.4), ((0,), 0.0)):
+    teammate, or where the stamp of its pose is 2 s off, they hide the way."""
+    for team, off, expected in (((0, 1), 0, 0.4), ((0,), 0, 0.0), ((0, 1), 20 * TICK, 0.0), ((0, 1), -20 * TICK, 0.0)):
         layer = SafetyLayer()
         for tick in range(10):
             now = START + tick * TICK
-            ahead = (Pose2(0.0, 0.0, 0.0), now), (Pose2(6.0, 0.0, 0.0), now)
+            ahead = (Pose2(0.0, 0.0, 0.0), now), (Pose2(6.0, 0.0, 0.0), now + off)
             view = make_view(
                 scan_with(math.nan, 2.0, 0.0, now),
                 now=now,

@@ -143,9 +143,16 @@ def test_a_parameter_that_is_missing_is_asked_for(folder: Path) -> None:
         next(run_trials("path", BEHAVIORS["path"], {"waypoints": 3}))
 
 
-def test_to_keep_clear_of_an_old_pose_is_right(folder: Path) -> None:
-    """A behaviour that drives without poses too, and turns where another robot was 3 s ago, is careful, not wrong."""
-    body = """near = any(abs(mate.pose.x) < 1.0 for mate in view.teammates)
+@pytest.mark.parametrize(
+    "body",
+    [
+        """near = any(abs(mate.pose.x) < 1.0 for mate in view.teammates)
         return Twist(angular=Vector3(z=0.5)) if near else Twist(Vector3(0.2))
-"""
+""",
+        "return Twist(Vector3(0.2 * bool(view.teammates)))\n",
+    ],
+    ids=["drives without poses too", "drives in the same way whatever they are"],
+)
+def test_to_keep_clear_of_an_old_pose_is_right(body: str, folder: Path) -> None:
+    """A behaviour that turns where another robot was 3 s ago, or waits for others, is careful, not wrong."""
     assert not faults_of(Candidate(folder, f"{MINE}{body}").try_it())
