@@ -187,7 +187,10 @@ class Router:
         self._options = msgspec.structs.replace(options, listen=listen)
         """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
+        self._made: list[Path] = []
+        """Folders that are removed with the note, the innermost first."""
         try:
+            self._made += [folder for folder in self._note.parents if not folder.exists()]
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
         except OSError as error:
@@ -334,6 +337,8 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
+            for folder in self._made:
+                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]

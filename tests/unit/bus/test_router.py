@@ -42,7 +42,7 @@ def test_a_router_is_found_as_long_as_it_runs(tmp_path: Path, monkeypatch: pytes
 def test_a_router_works_without_a_folder_for_its_state(
     folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is found by its endpoint only."""
+    """It makes one while it runs if it can, else it is found by its endpoint only."""
     (tmp_path / "closed").write_text("no folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / folder / "below"))
     router = Router(RouterOptions(("tcp/127.0.0.1:0",)))
@@ -52,6 +52,7 @@ def test_a_router_works_without_a_folder_for_its_state(
     finally:
         router.close()
     assert find_local_routers() == []
+    assert [path.name for path in tmp_path.iterdir()] == ["closed"]
 
 
 def _session(router: Router, namespace: str | None = None) -> Bus:
