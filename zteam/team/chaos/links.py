@@ -11,6 +11,7 @@ import struct
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from zteam import names
 from zteam.bus import Bus
@@ -29,6 +30,8 @@ _MOST_HELD = 1 << 22
 """Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
+_MOST = 8
+"""Connections of a link: a process has two of its own, and others may reach its port."""
 _REST = 1.0
 """Host seconds without new connections after one could not be taken."""
 _RESET = struct.pack("ii", 1, 0)
@@ -46,7 +49,8 @@ class Link:
         """Done with the next change."""
         self._refuses = False
         """Whether its connections were reset and new ones are."""
-        self._connections: set[asyncio.Task[None]] = set()
+        self._connections: dict[asyncio.Task[None], _Pump] = {}
+        """The oldest first, with what comes from the router."""
         self._healing: asyncio.TimerHandle | None = None
 
     @property
@@ -79,36 +83,57 @@ class Link:
         """Accept connections and pass them on."""
         with self._listener:
             while True:
+                # The one that was waited for at the cut is held by `_pass_on`, all others by the system.
+                while self.up.stalled:
+                    await asyncio.wait([self.changed])
                 try:
                     near, _ = await self._loop.sock_accept(self._listener)
                 except OSError as error:
                     log.error("a link takes no connection until there is room: %s", error)
                     await asyncio.wait([self.changed], timeout=_REST)
                     continue
-                connection = self._loop.create_task(self._pass_on(near))
-                self._connections.add(connection)
-                connection.add_done_callback(self._connections.discard)
+                if self._refuses or not self._has_room():
+                    _reset(near)
+                    continue
+                far = socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET)
+                down = _Pump(self, far, near, lambda: self.down)
+                connection = self._loop.create_task(self._pass_on(near, far, down))
+                self._connections[connection] = down
+                connection.add_done_callback(partial(self._end, near, far))
 
-    async def _pass_on(self, near: socket.socket) -> None:
+    def _has_room(self) -> bool:
+        """Whether it may have one more: the oldest that the router has not answered makes room."""
+        if len(self._connections) < _MOST:
+            return True
+        silent = next((each for each, down in self._connections.items() if not down.has_read), None)
+        if silent is not None:
+            del self._connections[silent]
+            silent.cancel()
+        return silent is not None
+
+    async def _pass_on(self, near: socket.socket, far: socket.socket, down: "_Pump") -> None:
         """Pass on the bytes of a process's connection, until both directions have ended."""
-        family = socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET
-        with suppress(OSError), near, socket.socket(family, socket.SOCK_STREAM) as far:
-            try:
-                if self._refuses:
-                    raise ConnectionResetError
-                while self.up.stalled:
-                    await asyncio.wait([self.changed])
-                far.setblocking(False)
-                for end in (near, far):
-                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                await self._loop.sock_connect(far, self.target)
-                await asyncio.gather(
-                    _Pump(self, near, far, lambda: self.up).run(), _Pump(self, far, near, lambda: self.down).run()
-                )
-            except (OSError, asyncio.CancelledError):
-                for end in (near, far):
-                    end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
-                raise
+        with suppress(OSError):
+            while self.up.stalled:
+                await asyncio.wait([self.changed])
+            far.setblocking(False)
+            for end in (near, far):
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            await self._loop.sock_connect(far, self.target)
+            await asyncio.gather(_Pump(self, near, far, lambda: self.up).run(), down.run())
+            near.close()
+            far.close()
+
+    def _end(self, near: socket.socket, far: socket.socket, connection: asyncio.Task[None]) -> None:
+        """Reset a connection that has not ended by itself, even one that was cancelled before it began."""
+        self._connections.pop(connection, None)
+        _reset(near, far)
+
+
+def _reset(*ends: socket.socket) -> None:
+    for end in ends:
+        with end, suppress(OSError):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
 
 
 class _Pump:
@@ -119,6 +144,8 @@ class _Pump:
         self._held = asyncio.Queue[tuple[float, bytes]]()
         """Bytes, with the host time at which they came; none at the end."""
         self._size = 0
+        self.has_read = False
+        """Whether the source has sent any."""
         self._room = asyncio.Event()
         """Whether bytes were written since it was cleared."""
 
@@ -144,6 +171,7 @@ class _Pump:
                 data = await asyncio.get_running_loop().sock_recv(self._source, _CHUNK)
             except OSError:
                 data = b""
+            self.has_read |= bool(data)
             self._size += len(data)
             self._held.put_nowait((monotonic(), data))
 

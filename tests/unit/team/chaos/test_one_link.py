@@ -3,6 +3,7 @@
 import socket
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -97,6 +98,11 @@ def pass_by(ends: Ends) -> None:
     for _ in range(2):
         near.sendall(b"x")
         assert read(far, 1) == b"x"
+
+
+def count_descriptors() -> int:
+    """Those of this process."""
+    return len([*Path("/dev/fd").iterdir()])
 
 
 @pytest.mark.ci
@@ -228,6 +234,43 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     near.close()
     assert read(far, 4) == b"stop"
     assert far.recv(1) == b""
+
+
+def test_connections_without_an_answer_keep_no_process_away(ends: Ends) -> None:
+    """Of those that the router has not answered the oldest makes room; those that it has answered stay, and there are
+    no more than a few."""
+    link = ends.link()
+    pairs = []
+    for _ in range(8):
+        for _ in range(2):
+            silent, far = ends.connect(link)
+        silent.sendall(b"x")
+        assert read(far, 1) == b"x"
+        far.sendall(b"y")
+        assert read(silent, 1) == b"y"
+        pairs.append((silent, far))
+    assert ends.are_refused(link)
+    for near, far in pairs:
+        near.sendall(b"on")
+        assert read(far, 2) == b"on"
+
+
+def test_a_cut_link_takes_no_descriptors(ends: Ends) -> None:
+    """What connects again and again waits in the system, and a connection that is still wanted gets through."""
+    link = ends.link()
+    link.change(Wire(stalled=True), Wire(stalled=True))
+    pass_by(ends)
+    before = count_descriptors()
+    for _ in range(40):
+        ends.near(link).close()
+    pass_by(ends)
+    # `pass_by` has a link and a connection of its own, and one more may have been waited for before the cut.
+    assert count_descriptors() <= before + 10
+    ends.near(link).sendall(b"on")
+    link.change()
+    while not (came := ends.server.accept()[0]).recv(2):
+        came.close()
+    came.close()
 
 
 def test_links_leave_nothing_open(ends: Ends) -> None:
