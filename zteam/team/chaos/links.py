@@ -41,8 +41,10 @@ _RESET = struct.pack("ii", 1, 0)
 class Link:
     """The link of one process. Any thread may change it."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, listener: socket.socket, target: tuple[str, int]) -> None:
-        self._loop, self._listener, self.target = loop, listener, target
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, told: asyncio.Event, listener: socket.socket, target: tuple[str, int]
+    ) -> None:
+        self._loop, self._told, self._listener, self.target = loop, told, listener, target
         self.up = self.down = Wire()
         """From the process to the router, and back."""
         self.changed: asyncio.Future[None] = loop.create_future()
@@ -86,16 +88,21 @@ class Link:
                 # The one that was waited for at the cut is held by `_pass_on`, all others by the system.
                 while self.up.stalled:
                     await asyncio.wait([self.changed])
+                near = None
                 try:
                     near, _ = await self._loop.sock_accept(self._listener)
+                    if self._refuses or not self._has_room():
+                        _reset(near)
+                        continue
+                    far = socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET)
                 except OSError as error:
-                    log.error("a link takes no connection until there is room: %s", error)
+                    if near is not None:
+                        _reset(near)
+                    if not self._told.is_set():
+                        self._told.set()
+                        log.error("a link takes no connection until there is room: %s", error)
                     await asyncio.wait([self.changed], timeout=_REST)
                     continue
-                if self._refuses or not self._has_room():
-                    _reset(near)
-                    continue
-                far = socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET)
                 down = _Pump(self, far, near, lambda: self.down)
                 connection = self._loop.create_task(self._pass_on(near, far, down))
                 self._connections[connection] = down
@@ -211,6 +218,8 @@ class Links:
     def __init__(self) -> None:
         runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
         self._loop, self._closed = runner.get_loop(), asyncio.Event()
+        self._told = asyncio.Event()
+        """Whether it was logged that a link cannot take a connection."""
         self._links: dict[str, Link] = {}
 
         def run() -> None:
@@ -224,7 +233,7 @@ class Links:
         """A new link to this address, at a free port of the loopback interface. Raises OSError."""
         listener = socket.create_server(("127.0.0.1", 0))
         listener.setblocking(False)
-        link = Link(self._loop, listener, (host, port))
+        link = Link(self._loop, self._told, listener, (host, port))
         asyncio.run_coroutine_threadsafe(link.serve(), self._loop)
         return link
 

@@ -1,14 +1,19 @@
 """One link: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
 
+import errno
+import os
 import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from zteam.clock import monotonic
+from zteam.team.chaos import links
 from zteam.team.chaos.links import Link, Links, most_held
 from zteam.team.chaos.means import Wire
 
@@ -253,6 +258,32 @@ def test_connections_without_an_answer_keep_no_process_away(ends: Ends) -> None:
     for near, far in pairs:
         near.sendall(b"on")
         assert read(far, 2) == b"on"
+
+
+@pytest.mark.parametrize("call", ["accept", "__init__"])
+def test_links_without_a_descriptor_rest_and_say_so_once(
+    ends: Ends, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """For the connection of a process or for that to the router; they take connections when there is room again."""
+    real, left = getattr(socket.socket, call), [3]
+
+    def take(self: socket.socket, *args: Any, **options: Any) -> Any:
+        if threading.current_thread().name == "links" and "fileno" not in options and left[0]:
+            left[0] -= 1
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return real(self, *args, **options)
+
+    monkeypatch.setattr(links, "_REST", 0.01)
+    made = [ends.link(), ends.link()]
+    with captured_log() as log:
+        monkeypatch.setattr(socket.socket, call, take)
+        refused = [ends.are_refused(made[i % 2]) for i in range(3)] if call == "__init__" else []
+        near, far = ends.connect(made[0])
+        near.sendall(b"x")
+        assert read(far, 1) == b"x"
+        ends.connect(made[1])
+    assert (left, refused) == ([0], [True] * len(refused))
+    assert log.lines == ["a link takes no connection until there is room: [Errno 24] Too many open files"]
 
 
 def test_a_cut_link_takes_no_descriptors(ends: Ends) -> None:
