@@ -196,15 +196,31 @@ class _Pump:
                 part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
                 if not part:
                     break
-                await asyncio.get_running_loop().sock_sendall(self._sink, part)
-                rest = rest[len(part) :]
+                count = await self._send(part)
+                rest = rest[count:]
                 if wire.rate is not None:
-                    free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
+                    free_at = max(free_at, now - _SLICE) + count / wire.rate
             if not data:
                 self._sink.shutdown(socket.SHUT_WR)
                 return
             self._size -= len(data)
             self._room.set()
+
+    async def _send(self, part: memoryview) -> int:
+        """Send what the sink takes now; without room 0, when there is some or the wire has changed."""
+        # Not `sock_sendall`, which goes on during a cut.
+        try:
+            return self._sink.send(part)
+        except BlockingIOError:
+            loop = asyncio.get_running_loop()
+            # Cancelled when there is some, as often as the loop finds it.
+            has_room = loop.create_future()
+            loop.add_writer(self._sink, has_room.cancel)
+            try:
+                await asyncio.wait([has_room, self._link.changed], return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                loop.remove_writer(self._sink)
+            return 0
 
 
 def most_held(wire: Wire) -> int:

@@ -187,6 +187,34 @@ def test_a_cut_link_passes_nothing_and_loses_nothing(ends: Ends) -> None:
     assert read(came, 4) == b"late"
 
 
+def test_a_cut_stops_what_waits_for_the_router(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router that reads again during a cut gets nothing of what the link had begun to send."""
+    link, passed, real = ends.link(), list[int](), socket.socket.send
+    near, far = ends.connect(link)
+    near.setblocking(False)
+    for _ in range(3):
+        with pytest.raises(BlockingIOError):
+            while True:
+                near.send(bytes(1 << 16))
+        pass_by(ends)
+    link.change(Wire(stalled=True), Wire(stalled=True))
+    pass_by(ends)
+
+    def send(self: socket.socket, data: bytes) -> int:
+        count = real(self, data)
+        if self.getpeername() == far.getsockname() and self.getsockname() == far.getpeername():
+            passed.append(count)
+        return count
+
+    monkeypatch.setattr(socket.socket, "send", send)
+    while not is_silent(far):
+        far.recv(1 << 20)
+        pass_by(ends)
+    assert not passed
+    link.change()
+    assert far.recv(1)
+
+
 def test_a_reset_link_ends_its_connections_and_refuses_new_ones(ends: Ends) -> None:
     """Both ends of a connection hear of a reset, a new connection ends at once, and after it the link connects."""
     link = ends.link()
