@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import zenoh
@@ -54,6 +54,10 @@ _OPEN_TRIES = 20
 
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
 """What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
+_MOST = 1 << 26
+"""Bytes of it that are decoded."""
+
+T = TypeVar("T")
 
 
 class RouterMetadata(msgspec.Struct):
@@ -109,14 +113,30 @@ class RouterRecord(msgspec.Struct):
     sessions: list[RouterSession] = msgspec.field(default_factory=list)
 
 
+_RECORD, _REQUEST = msgspec.json.Decoder(RouterRecord), msgspec.json.Decoder(ReleaseRequest)
+"""Made before there are threads: msgspec 0.22 crashes if two use a type for the first time at once."""
+
+
+def _decode(decoder: msgspec.json.Decoder[T], payload: bytes, what: str) -> T | None:
+    """What others have sent; None if it cannot be read."""
+    try:
+        if len(payload) > _MOST:
+            raise msgspec.DecodeError(f"its {len(payload)} bytes are more than {_MOST}")
+        return decoder.decode(payload)
+    except _UNREADABLE as error:
+        log.debug("%s: %s", what, error)
+    return None
+
+
 def read_record(session: zenoh.Session, router: str = "") -> RouterRecord | None:
     """The record of a router, by default of the one that the session is connected to."""
     # By its id: routers that are linked to it would answer too.
     for zid in [router] if router else session.info.routers_zid():
         for reply in session.get(f"@/{zid}/router", timeout=1.0):
             if reply.ok is not None:
-                with suppress(*_UNREADABLE):
-                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=RouterRecord)
+                record = _decode(_RECORD, reply.ok.payload.to_bytes(), "admin space")
+                if record is not None:
+                    return record
     return None
 
 
@@ -167,7 +187,10 @@ class Router:
         self._options = msgspec.structs.replace(options, listen=listen)
         """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
+        self._made: list[Path] = []
+        """Folders that are removed with the note, the innermost first."""
         try:
+            self._made += [folder for folder in self._note.parents if not folder.exists()]
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
         except OSError as error:
@@ -247,13 +270,11 @@ class Router:
     def _answer(self, query: zenoh.Query) -> None:
         """Promise the port to the router of a team of the same user, if no other team is here and the clients can
         follow."""
+        request = _decode(_REQUEST, query.payload.to_bytes() if query.payload else b"", "question for the port")
         with query:
-            promised = None
-            with suppress(*_UNREADABLE):
-                request = msgspec.json.decode(query.payload.to_bytes() if query.payload else b"", type=ReleaseRequest)
-                promised = self._promise(request)
+            promised = None if request is None else self._promise(request)
             query.reply(RELEASE, msgspec.json.encode(promised))
-        if promised is not None:
+        if request is not None and promised is not None:
             with self._changed:
                 self._heirs.add(request.session)
 
@@ -316,6 +337,8 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
+            for folder in self._made:
+                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]

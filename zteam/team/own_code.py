@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Iterable
+from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,15 +62,21 @@ def _file(module: Any) -> str | None:
 
 
 def file_of(module: str) -> str | None:
-    """The file of a module that this process has imported or would import; None if there is none. Imports nothing but
-    the package that the module is in."""
-    if module in sys.modules:
-        return _file(sys.modules[module])
-    try:
-        spec = find_spec(module)
-    except ImportError:
-        return None
-    return spec.origin if spec is not None and spec.has_location else None
+    """The file of a module that this process has imported or would import; None if there is none. Imports nothing."""
+    return _locate(module)[0]
+
+
+def _locate(module: str) -> tuple[str | None, Iterable[str]]:
+    """The file of a module, and the folders of its parts."""
+    loaded = sys.modules.get(module)
+    if loaded is not None:
+        return _file(loaded), getattr(loaded, "__path__", ())
+    package, _, name = module.rpartition(".")
+    # `find_spec` of a part would import its package.
+    spec = PathFinder.find_spec(name, [*_locate(package)[1]]) if package else find_spec(name)
+    if spec is None:
+        return None, ()
+    return spec.origin if spec.has_location else None, spec.submodule_search_locations or ()
 
 
 def other_file(module: str, file: str, right: Container[str] = ()) -> str | None:

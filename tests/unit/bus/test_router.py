@@ -21,8 +21,8 @@ from support.limits import LIMIT
 from support.transports import RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus import router as routers
-from zteam.bus.options import RELEASE, RouterOptions, client_config, host_port, open_session, router_config
-from zteam.bus.router import PortInUseError, Router, find_local_routers, open_team_router, read_admin
+from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session, router_config
+from zteam.bus.router import PortInUseError, ReleaseRequest, Router, find_local_routers, open_team_router, read_admin
 from zteam.names import token_key
 
 
@@ -42,7 +42,7 @@ def test_a_router_is_found_as_long_as_it_runs(tmp_path: Path, monkeypatch: pytes
 def test_a_router_works_without_a_folder_for_its_state(
     folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is found by its endpoint only."""
+    """It makes one while it runs if it can, else it is found by its endpoint only."""
     (tmp_path / "closed").write_text("no folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / folder / "below"))
     router = Router(RouterOptions(("tcp/127.0.0.1:0",)))
@@ -52,6 +52,7 @@ def test_a_router_works_without_a_folder_for_its_state(
     finally:
         router.close()
     assert find_local_routers() == []
+    assert [path.name for path in tmp_path.iterdir()] == ["closed"]
 
 
 def _session(router: Router, namespace: str | None = None) -> Bus:
@@ -314,8 +315,9 @@ def test_a_router_on_demand_that_has_just_begun_is_asked_until_it_answers() -> N
 
 
 @pytest.mark.parametrize("nonsense", [b"", b"7", b'{"uid": 0}', b'{"uid": "0", "session": "\xff", "secure": 1}'])
-def test_nonsense_ends_no_router(nonsense: bytes) -> None:
-    """Neither the one that is asked for its port nor the one that asks."""
+def test_nonsense_ends_no_router(nonsense: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    """Neither the one that is asked for its port, which logs why, nor the one that asks."""
+    caplog.set_level(logging.DEBUG, "zteam.router")
     with on_demand() as router, closing(_session(router)) as client, ExitStack() as ends:
         config = client_config(BusOptions(connect=router.endpoint))
         stranger = ends.enter_context(open_session(config, "usual"))
@@ -326,9 +328,23 @@ def test_nonsense_ends_no_router(nonsense: bytes) -> None:
 
         ends.callback(stranger.declare_queryable(RELEASE, answer).undeclare)
         list(stranger.get(RELEASE, payload=nonsense))
+        assert any(line.startswith("question for the port: ") for line in caplog.messages)
         assert client.instance in sessions_at(router.endpoint)
         with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
             assert read_admin(BusOptions(connect=team.endpoint)) is not None
+
+
+def test_what_is_too_long_is_not_read(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """A question for the port and a router's record have a bound, as all that others send."""
+    caplog.set_level(logging.DEBUG, "zteam.router")
+    request = ReleaseRequest(Owner.of_this_process(), "0", secure=False)
+    with on_demand() as router, open_session(client_config(BusOptions(connect=router.endpoint)), "usual") as stranger:
+        monkeypatch.setattr(routers, "_MOST", 50)
+        (reply,) = stranger.get(RELEASE, payload=msgspec.json.encode(request))
+        assert reply.ok is not None and reply.ok.payload.to_bytes() == b"null"
+        assert read_admin(BusOptions(connect=router.endpoint)) is None
+    question, record = (line.partition(": ")[0] for line in caplog.messages if "bytes are more than 50" in line)
+    assert (question, record) == ("question for the port", "admin space")
 
 
 def test_a_teams_router_that_returns_gets_its_port_back() -> None:

@@ -26,11 +26,18 @@ def lab(empty_folder: Path) -> Path:
 
 
 def test_files_are_found_without_imports(lab: Path) -> None:
-    """Of modules, packages and parts of a package without a file; nothing of them is run."""
-    found = {name: file_of(name) for name in ("single", "pack", "spaces.part", "spaces", "no", "no.part")}
-    expected = {"single": "single.py", "pack": "pack/__init__.py", "spaces.part": "spaces/part.py"}
-    assert {name: file for name, file in found.items() if file} == {k: str(lab / v) for k, v in expected.items()}
-    assert not sys.modules.keys() & {"single", "pack", "spaces.part"}
+    """Of modules, packages and their parts, those with a file; nothing of them is run."""
+    for name, text in {
+        "ends/__init__.py": "raise SystemExit", "ends/part.py": "",
+        "broken/__init__.py": "def", "broken/part.py": "", "spaces/deep/part.py": "",
+    }.items():  # fmt: skip
+        (lab / name).parent.mkdir(exist_ok=True)
+        (lab / name).write_text(text)
+    files = ["single", "pack/__init__", "pack/part", "spaces/part", "spaces/deep/part", "ends/part", "broken/part"]
+    expected = {file.removesuffix("/__init__").replace("/", "."): str(lab / f"{file}.py") for file in files}
+    assert {name: file_of(name) for name in expected} == expected
+    assert [file_of(name) for name in ("spaces", "single.part", "pack.no", "no", "no.part")] == [None] * 5
+    assert not sys.modules.keys() & {*expected, "spaces", "ends", "broken"}
 
 
 def test_what_was_imported_has_its_file(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ import struct
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from zteam import names
 from zteam.bus import Bus
@@ -29,6 +30,8 @@ _MOST_HELD = 1 << 22
 """Bytes that a delayed direction holds at most."""
 _SLICE = 0.02
 """Seconds of a limited rate that are sent at once."""
+_MOST = 8
+"""Connections of a link: a process has two of its own, and others may reach its port."""
 _REST = 1.0
 """Host seconds without new connections after one could not be taken."""
 _RESET = struct.pack("ii", 1, 0)
@@ -38,15 +41,18 @@ _RESET = struct.pack("ii", 1, 0)
 class Link:
     """The link of one process. Any thread may change it."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, listener: socket.socket, target: tuple[str, int]) -> None:
-        self._loop, self._listener, self.target = loop, listener, target
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, told: asyncio.Event, listener: socket.socket, target: tuple[str, int]
+    ) -> None:
+        self._loop, self._told, self._listener, self.target = loop, told, listener, target
         self.up = self.down = Wire()
         """From the process to the router, and back."""
         self.changed: asyncio.Future[None] = loop.create_future()
         """Done with the next change."""
         self._refuses = False
         """Whether its connections were reset and new ones are."""
-        self._connections: set[asyncio.Task[None]] = set()
+        self._connections: dict[asyncio.Task[None], _Pump] = {}
+        """The oldest first, with what comes from the router."""
         self._healing: asyncio.TimerHandle | None = None
 
     @property
@@ -79,36 +85,62 @@ class Link:
         """Accept connections and pass them on."""
         with self._listener:
             while True:
-                try:
-                    near, _ = await self._loop.sock_accept(self._listener)
-                except OSError as error:
-                    log.error("a link takes no connection until there is room: %s", error)
-                    await asyncio.wait([self.changed], timeout=_REST)
-                    continue
-                connection = self._loop.create_task(self._pass_on(near))
-                self._connections.add(connection)
-                connection.add_done_callback(self._connections.discard)
-
-    async def _pass_on(self, near: socket.socket) -> None:
-        """Pass on the bytes of a process's connection, until both directions have ended."""
-        family = socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET
-        with suppress(OSError), near, socket.socket(family, socket.SOCK_STREAM) as far:
-            try:
-                if self._refuses:
-                    raise ConnectionResetError
+                # The one that was waited for at the cut is held by `_pass_on`, all others by the system.
                 while self.up.stalled:
                     await asyncio.wait([self.changed])
-                far.setblocking(False)
-                for end in (near, far):
-                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                await self._loop.sock_connect(far, self.target)
-                await asyncio.gather(
-                    _Pump(self, near, far, lambda: self.up).run(), _Pump(self, far, near, lambda: self.down).run()
-                )
-            except (OSError, asyncio.CancelledError):
-                for end in (near, far):
-                    end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
-                raise
+                near = None
+                try:
+                    near, _ = await self._loop.sock_accept(self._listener)
+                    if self._refuses or not self._has_room():
+                        _reset(near)
+                        continue
+                    far = socket.socket(socket.AF_INET6 if ":" in self.target[0] else socket.AF_INET)
+                except OSError as error:
+                    if near is not None:
+                        _reset(near)
+                    if not self._told.is_set():
+                        self._told.set()
+                        log.error("a link takes no connection until there is room: %s", error)
+                    await asyncio.wait([self.changed], timeout=_REST)
+                    continue
+                down = _Pump(self, far, near, lambda: self.down)
+                connection = self._loop.create_task(self._pass_on(near, far, down))
+                self._connections[connection] = down
+                connection.add_done_callback(partial(self._end, near, far))
+
+    def _has_room(self) -> bool:
+        """Whether it may have one more: the oldest that the router has not answered makes room."""
+        if len(self._connections) < _MOST:
+            return True
+        silent = next((each for each, down in self._connections.items() if not down.has_read), None)
+        if silent is not None:
+            del self._connections[silent]
+            silent.cancel()
+        return silent is not None
+
+    async def _pass_on(self, near: socket.socket, far: socket.socket, down: "_Pump") -> None:
+        """Pass on the bytes of a process's connection, until both directions have ended."""
+        with suppress(OSError):
+            while self.up.stalled:
+                await asyncio.wait([self.changed])
+            far.setblocking(False)
+            for end in (near, far):
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            await self._loop.sock_connect(far, self.target)
+            await asyncio.gather(_Pump(self, near, far, lambda: self.up).run(), down.run())
+            near.close()
+            far.close()
+
+    def _end(self, near: socket.socket, far: socket.socket, connection: asyncio.Task[None]) -> None:
+        """Reset a connection that has not ended by itself, even one that was cancelled before it began."""
+        self._connections.pop(connection, None)
+        _reset(near, far)
+
+
+def _reset(*ends: socket.socket) -> None:
+    for end in ends:
+        with end, suppress(OSError):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
 
 
 class _Pump:
@@ -119,6 +151,8 @@ class _Pump:
         self._held = asyncio.Queue[tuple[float, bytes]]()
         """Bytes, with the host time at which they came; none at the end."""
         self._size = 0
+        self.has_read = False
+        """Whether the source has sent any."""
         self._room = asyncio.Event()
         """Whether bytes were written since it was cleared."""
 
@@ -144,6 +178,7 @@ class _Pump:
                 data = await asyncio.get_running_loop().sock_recv(self._source, _CHUNK)
             except OSError:
                 data = b""
+            self.has_read |= bool(data)
             self._size += len(data)
             self._held.put_nowait((monotonic(), data))
 
@@ -161,15 +196,31 @@ class _Pump:
                 part = rest if wire.rate is None else rest[: max(1, int(wire.rate * _SLICE))]
                 if not part:
                     break
-                await asyncio.get_running_loop().sock_sendall(self._sink, part)
-                rest = rest[len(part) :]
+                count = await self._send(part)
+                rest = rest[count:]
                 if wire.rate is not None:
-                    free_at = max(free_at, now - _SLICE) + len(part) / wire.rate
+                    free_at = max(free_at, now - _SLICE) + count / wire.rate
             if not data:
                 self._sink.shutdown(socket.SHUT_WR)
                 return
             self._size -= len(data)
             self._room.set()
+
+    async def _send(self, part: memoryview) -> int:
+        """Send what the sink takes now; without room 0, when there is some or the wire has changed."""
+        # Not `sock_sendall`, which goes on during a cut.
+        try:
+            return self._sink.send(part)
+        except BlockingIOError:
+            loop = asyncio.get_running_loop()
+            # Cancelled when there is some, as often as the loop finds it.
+            has_room = loop.create_future()
+            loop.add_writer(self._sink, has_room.cancel)
+            try:
+                await asyncio.wait([has_room, self._link.changed], return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                loop.remove_writer(self._sink)
+            return 0
 
 
 def most_held(wire: Wire) -> int:
@@ -183,6 +234,8 @@ class Links:
     def __init__(self) -> None:
         runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
         self._loop, self._closed = runner.get_loop(), asyncio.Event()
+        self._told = asyncio.Event()
+        """Whether it was logged that a link cannot take a connection."""
         self._links: dict[str, Link] = {}
 
         def run() -> None:
@@ -196,7 +249,7 @@ class Links:
         """A new link to this address, at a free port of the loopback interface. Raises OSError."""
         listener = socket.create_server(("127.0.0.1", 0))
         listener.setblocking(False)
-        link = Link(self._loop, listener, (host, port))
+        link = Link(self._loop, self._told, listener, (host, port))
         asyncio.run_coroutine_threadsafe(link.serve(), self._loop)
         return link
 

@@ -1,13 +1,19 @@
 """One link: whole, delayed, slow, stalled and reset, with plain sockets at both ends."""
 
+import errno
+import os
 import socket
 import threading
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from zteam.clock import monotonic
+from zteam.team.chaos import links
 from zteam.team.chaos.links import Link, Links, most_held
 from zteam.team.chaos.means import Wire
 
@@ -99,6 +105,11 @@ def pass_by(ends: Ends) -> None:
         assert read(far, 1) == b"x"
 
 
+def count_descriptors() -> int:
+    """Those of this process."""
+    return len([*Path("/dev/fd").iterdir()])
+
+
 @pytest.mark.ci
 def test_a_good_link_passes_all_bytes_both_ways_and_its_end(ends: Ends) -> None:
     """Megabytes come out as they went in, in both directions at once, and so does the end of each."""
@@ -176,6 +187,34 @@ def test_a_cut_link_passes_nothing_and_loses_nothing(ends: Ends) -> None:
     assert read(came, 4) == b"late"
 
 
+def test_a_cut_stops_what_waits_for_the_router(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router that reads again during a cut gets nothing of what the link had begun to send."""
+    link, passed, real = ends.link(), list[int](), socket.socket.send
+    near, far = ends.connect(link)
+    near.setblocking(False)
+    for _ in range(3):
+        with pytest.raises(BlockingIOError):
+            while True:
+                near.send(bytes(1 << 16))
+        pass_by(ends)
+    link.change(Wire(stalled=True), Wire(stalled=True))
+    pass_by(ends)
+
+    def send(self: socket.socket, data: bytes) -> int:
+        count = real(self, data)
+        if self.getpeername() == far.getsockname() and self.getsockname() == far.getpeername():
+            passed.append(count)
+        return count
+
+    monkeypatch.setattr(socket.socket, "send", send)
+    while not is_silent(far):
+        far.recv(1 << 20)
+        pass_by(ends)
+    assert not passed
+    link.change()
+    assert far.recv(1)
+
+
 def test_a_reset_link_ends_its_connections_and_refuses_new_ones(ends: Ends) -> None:
     """Both ends of a connection hear of a reset, a new connection ends at once, and after it the link connects."""
     link = ends.link()
@@ -228,6 +267,69 @@ def test_the_last_words_of_a_process_that_has_ended_pass(ends: Ends) -> None:
     near.close()
     assert read(far, 4) == b"stop"
     assert far.recv(1) == b""
+
+
+def test_connections_without_an_answer_keep_no_process_away(ends: Ends) -> None:
+    """Of those that the router has not answered the oldest makes room; those that it has answered stay, and there are
+    no more than a few."""
+    link = ends.link()
+    pairs = []
+    for _ in range(8):
+        for _ in range(2):
+            silent, far = ends.connect(link)
+        silent.sendall(b"x")
+        assert read(far, 1) == b"x"
+        far.sendall(b"y")
+        assert read(silent, 1) == b"y"
+        pairs.append((silent, far))
+    assert ends.are_refused(link)
+    for near, far in pairs:
+        near.sendall(b"on")
+        assert read(far, 2) == b"on"
+
+
+@pytest.mark.parametrize("call", ["accept", "__init__"])
+def test_links_without_a_descriptor_rest_and_say_so_once(
+    ends: Ends, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """For the connection of a process or for that to the router; they take connections when there is room again."""
+    real, left = getattr(socket.socket, call), [3]
+
+    def take(self: socket.socket, *args: Any, **options: Any) -> Any:
+        if threading.current_thread().name == "links" and "fileno" not in options and left[0]:
+            left[0] -= 1
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return real(self, *args, **options)
+
+    monkeypatch.setattr(links, "_REST", 0.01)
+    made = [ends.link(), ends.link()]
+    with captured_log() as log:
+        monkeypatch.setattr(socket.socket, call, take)
+        refused = [ends.are_refused(made[i % 2]) for i in range(3)] if call == "__init__" else []
+        near, far = ends.connect(made[0])
+        near.sendall(b"x")
+        assert read(far, 1) == b"x"
+        ends.connect(made[1])
+    assert (left, refused) == ([0], [True] * len(refused))
+    assert log.lines == ["a link takes no connection until there is room: [Errno 24] Too many open files"]
+
+
+def test_a_cut_link_takes_no_descriptors(ends: Ends) -> None:
+    """What connects again and again waits in the system, and a connection that is still wanted gets through."""
+    link = ends.link()
+    link.change(Wire(stalled=True), Wire(stalled=True))
+    pass_by(ends)
+    before = count_descriptors()
+    for _ in range(40):
+        ends.near(link).close()
+    pass_by(ends)
+    # `pass_by` has a link and a connection of its own, and one more may have been waited for before the cut.
+    assert count_descriptors() <= before + 10
+    ends.near(link).sendall(b"on")
+    link.change()
+    while not (came := ends.server.accept()[0]).recv(2):
+        came.close()
+    came.close()
 
 
 def test_links_leave_nothing_open(ends: Ends) -> None:
