@@ -125,7 +125,7 @@ class Participant:
     """The participants at the time of `team`."""
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
-    _state = TickState.NONE
+    state = TickState.NONE
     _heard = _begun = 0.0
     """When it came and when its step began, in host time."""
     stamp = 0
@@ -156,29 +156,14 @@ class Participant:
     @property
     def expected(self) -> bool:
         """Whether this is lock-step, or is going to be: then nothing may be done at other times than those of ticks."""
-        return self.active or bool(self.ticks.simulators)
-
-    @property
-    def active(self) -> bool:
-        """Whether this is lock-step."""
-        return self._state is not TickState.NONE
-
-    @property
-    def is_open(self) -> bool:
-        """Whether a tick waits for this process's step."""
-        return self._state is TickState.OPEN
-
-    @property
-    def is_answered(self) -> bool:
-        """Whether the newest tick was answered."""
-        return self._state is TickState.ANSWERED
+        return self.tick is not None or bool(self.ticks.simulators)
 
     def begin(self) -> Tick | None:
         """The open tick, if its last input has come; the caller answers it."""
         tick = self.tick
-        if tick is None or not self.is_open or not self._ready(tick):
+        if tick is None or self.state is not TickState.OPEN or not self._ready(tick):
             return None
-        self._state, self._begun = TickState.ACTING, monotonic()
+        self.state, self._begun = TickState.ACTING, monotonic()
         return tick
 
     def answer(self, tick: Tick, command: Twist | None) -> None:
@@ -189,7 +174,7 @@ class Participant:
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
             (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
-        self._state = TickState.ANSWERED
+        self.state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
 
@@ -199,7 +184,7 @@ class Participant:
 
     def _lacking(self) -> Lacking:
         tick = self.tick
-        return Lacking(self._lacks(tick) if tick is not None and self.is_open else [])
+        return Lacking(self._lacks(tick) if tick is not None and self.state is TickState.OPEN else [])
 
     def _on_tick(self, tick: Tick) -> None:
         if not self._node.speaks:
@@ -213,10 +198,11 @@ class Participant:
         self._node.set_time(self.stamp)
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
-            self._state = TickState.UNLISTED
+            self.state = TickState.UNLISTED
             self._done.put(Done(tick.epoch, tick.tick))
             return
-        seen = before if before is not None and self.is_open else self._answer
+        was_open = self.state is TickState.OPEN
+        seen = before if before is not None and was_open else self._answer
         is_new = (tick.epoch, tick.tick) != (seen.epoch, seen.tick)
         if tick.participants != self._listed:
             # What leaves during a tick may be back in the next one, as another process.
@@ -224,14 +210,14 @@ class Participant:
             if is_new:
                 ids = map(names.robot_id_of, tick.participants)
                 self.team = tuple(sorted(i for i in ids if i is not None))
-        if is_new or self.is_open:
-            self._state, self._heard = TickState.OPEN, monotonic()
+        if is_new or was_open:
+            self.state, self._heard = TickState.OPEN, monotonic()
         else:
-            self._state = TickState.ANSWERED
+            self.state = TickState.ANSWERED
             self.repeat()
             self._done.put(self._answer)
 
     def _forget(self) -> None:
         self.tick = None
-        self._state = TickState.NONE
+        self.state = TickState.NONE
         self._answer = Done()

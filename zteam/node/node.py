@@ -16,7 +16,7 @@ from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
 from zteam.messages.topics import has_one_writer, type_of_key
 from zteam.node.faults import offer_stacks
-from zteam.node.lockstep import Participant
+from zteam.node.lockstep import Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
 from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
@@ -265,17 +265,17 @@ class Node(ProcessNode):
         stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
         if self.is_of_ended_time(stamp):
             return False
-        if not part.active:
+        if part.tick is None:
             self._messages.handle_due(None)
             arrival.handle(key, message, self.clock.now())
-        elif problem := self._messages.take(arrival, part.stamp, is_open=part.is_open):
+        elif problem := self._messages.take(arrival, part.stamp, is_open=part.state is TickState.OPEN):
             self.bus.counters.drop(key, problem)
             return False
         return True
 
     def hear_stamp(self, stamp: int) -> None:
         """Data of the simulator of time `stamp` (ns) has come, whose tick may be on its way."""
-        if self.part.active:
+        if self.part.tick is not None:
             self._messages.hear(stamp, self.part.stamp)
 
     def need(self, lacks: Callable[[Tick], list[str]]) -> None:
@@ -370,7 +370,7 @@ class Node(ProcessNode):
         """A query has stopped or released its robot. In real time that waits neither for the next step nor for the end
         of one; in lock-step it counts from the next tick on.
         """
-        if self.part.active:
+        if self.part.tick is not None:
             return
         with self.changed:
             if self.is_stopped:
@@ -425,9 +425,9 @@ class Node(ProcessNode):
 
         The first tick is held until all are ready, and what that takes may come after the answer.
         """
-        if self.part.is_open:
+        if self.part.state is TickState.OPEN:
             self._step()
-        elif self.part.is_answered and not self.readiness.released:
+        elif self.part.state is TickState.ANSWERED and not self.readiness.released:
             self.look()
 
     def _step(self) -> None:
@@ -435,7 +435,7 @@ class Node(ProcessNode):
 
     def _begin(self) -> Due | None:
         part = self.part
-        if part.active:
+        if part.tick is not None:
             tick = part.begin()
             if tick is None:
                 return None

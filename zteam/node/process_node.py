@@ -68,8 +68,10 @@ class WatchedCondition(threading.Condition):
 
     def look(self) -> None:
         """Something has changed: wake the threads in `wait_until` if one of them is ready. Call it under the lock."""
-        if any(ready() for ready in self._awaited):
-            self.notify_all()
+        for ready in self._awaited:
+            if ready():
+                self.notify_all()
+                return
 
 
 class ProcessNode:

@@ -27,12 +27,12 @@ def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: Scripte
     desk = Desk(hub.bus())
     script.tick(1, NAME)
     script.tick(2)
-    assert (script.answers, desk.acted, desk.part.active, desk.part.tick) == ([], [], False, None)
+    assert (script.answers, desk.acted, desk.part.tick) == ([], [], None)
     assert desk.node.clock.now() == 0
     desk.node.become_present()
     script.tick(2)
     assert script.take() == [Done(1, 2)]
-    assert desk.part.active
+    assert desk.part.tick is not None
     desk.node.close()
 
 

@@ -41,7 +41,7 @@ def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: S
     desk = Desk(hub.bus())
     desk.node.become_present()
     script.tell(5 * INTERVAL)
-    assert (desk.node.clock.now(), desk.part.active) == (5 * INTERVAL, False)
+    assert (desk.node.clock.now(), desk.part.tick) == (5 * INTERVAL, None)
     desk.feed()
     assert (desk.fed, desk.acted, script.answers) == (1, [], [])
     desk.node.close()
@@ -51,20 +51,20 @@ def lose(desk: Desk, script: ScriptedSimulator) -> None:
     """Let the simulator vanish, and wait until that is certain."""
     script.vanish()
     with desk.node.changed:
-        desk.node.changed.wait_until(lambda: not desk.part.active, LIMIT)
-        assert not desk.part.active
+        desk.node.changed.wait_until(lambda: desk.part.tick is None, LIMIT)
+        assert desk.part.tick is None
 
 
 def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: ScriptedSimulator) -> None:
     """The next simulator may not work in lock-step: the participant is idle, and the clock counts."""
     script.tick(2, NAME)
     lose(desk, script)
-    assert (desk.part.active, desk.part.tick) == (False, None)
+    assert desk.part.tick is None
     assert desk.node.clock.now() == 2 * INTERVAL
     script.appear()
     script.tell(9 * INTERVAL)
     assert desk.node.clock.now() == 9 * INTERVAL
-    assert not desk.part.active
+    assert desk.part.tick is None
 
 
 def test_the_next_simulators_ticks_are_new(desk: Desk, script: ScriptedSimulator) -> None:
@@ -123,7 +123,7 @@ def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub
     forge(hub, 0, NAME)
     forge(hub, 0)
     log.wait_for(REFUSED)
-    assert (script.answers, desk.acted, desk.part.active) == ([], [], False)
+    assert (script.answers, desk.acted, desk.part.tick) == ([], [], None)
     script.tell(6 * INTERVAL)
     assert desk.node.clock.now() == 6 * INTERVAL
     assert desk.node.bus.counters.snapshot()[names.TICK].dropped == 1
@@ -161,6 +161,6 @@ def test_lock_step_ends_with_its_token(hub: MemoryHub, desk: Desk, script: Scrip
     other = ScriptedSimulator(hub, NAME)
     show_simulator(other.bus, lockstep=False)
     script.vanish()
-    assert desk.node.wait(lambda: not desk.part.active, LIMIT)
+    assert desk.node.wait(lambda: desk.part.tick is None, LIMIT)
     other.tell(9 * INTERVAL)
     assert desk.node.clock.now() == 9 * INTERVAL

@@ -67,9 +67,10 @@ class Polyline:
         """The point at `s`, or the end nearest to it, and the direction there. Raises IndexError without a point."""
         if len(self._s) < 2:
             return Pose2(*self._points[0], 0.0)
-        piece = self._piece(min(max(s, self.start), self.end))
+        s = min(max(s, self.start), self.end)
+        piece = self._piece(s)
         (ax, ay), (bx, by) = self._points[piece : piece + 2]
-        return Pose2(*self.point(s), math.atan2(by - ay, bx - ax))
+        return Pose2(*self._point(piece, s), math.atan2(by - ay, bx - ax))
 
     def point(self, s: float) -> tuple[float, float]:
         """The point at `s`, as `at`. Raises IndexError without a point."""

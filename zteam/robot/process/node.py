@@ -241,7 +241,7 @@ class RobotNode:
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
-        if self._node.part.active:
+        if self._node.part.tick is not None:
             return self._node.part.team
         if self._alive is None:
             # Not before: in lock-step, each token would wake every robot for nothing.

@@ -92,9 +92,9 @@ class Aggregator:
             return
         frames = TFMessage(description.moving_transforms(message))
         # The open tick of lock-step may still be on its way; the transforms that it brings left before it.
-        tick = self._bundle.begun(self._part.stamp) if self._part.active else 0
+        tick = self._bundle.begun(self._part.stamp) if self._part.tick is not None else 0
         self._merge(target[0], frames, tick)
-        if self._rate is None and not self._bundle.is_open and not self._part.active:
+        if self._rate is None and not self._bundle.is_open and self._part.tick is None:
             # No bundle is being filled that they could travel with.
             self._flush()
 
@@ -110,7 +110,7 @@ class Aggregator:
             return
         # Frames of other processes say nothing of the tick: their stamps may be of the past or of the future.
         robot_id, stamp = target[0], base_stamp(target[0], message)
-        if self._part.active:
+        if self._part.tick is not None:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
             self._take(robot_id, message, stamp)
