@@ -69,7 +69,7 @@ def build_parser() -> Parser:
     for sub in (issue, renew, revoke):
         sub.add_argument("names", nargs="+", metavar="NAME", help="a process, such as robot_1, or a tool's: operator")
     verb("list", _list, "list all certificates").add_argument("--json", action="store_true", help="print JSON")
-    verb("explain", _explain, "tell what a certificate may do").add_argument("name", metavar="NAME")
+    verb("explain", _explain, "show what a certificate may do").add_argument("name", metavar="NAME")
     return parser
 
 

@@ -233,7 +233,7 @@ class NavigationClient:
         return None if self.is_pending else self.watch
 
     def send(self, goal: PoseStamped, further: Iterable[PoseStamped] = ()) -> GoalWatch:
-        """Send a goal, stamped when it leaves, and then the `further` ones; its watch tells what becomes of it."""
+        """Send a goal, stamped when it leaves, and then the `further` ones. Returns its watch."""
         with self._lock:
             if self.watch is not None:
                 self.watch.end(TaskResult.FAILED, "a new goal took its place")

@@ -1,4 +1,4 @@
-"""What a robot does that does not get on: one behaviour after the other, and at last it gives up with the reason."""
+"""What a robot does that makes no progress: one behaviour after the other, and at last it gives up with the reason."""
 
 import math
 from collections.abc import Sequence
