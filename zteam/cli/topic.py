@@ -54,7 +54,8 @@ class _Audience:
     def show(self, what: str, graph: Graph) -> None:
         """Print that `what` is published, and the subscribers unless they are the same; warn if there is none."""
         self._matching = self._publisher.has_subscribers
-        # A session that closes may tell of a subscriber that it has no more; one that has just come tells its name now.
+        # A session that closes may report a subscriber that it no longer has. One that has just come reports its name
+        # now.
         found: list[str] | None = graph.subscribers(self._key) if self._matching else []
         if self._matching and not found:
             found = find_graph(self._bus).subscribers(self._key) or None

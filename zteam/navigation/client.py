@@ -94,7 +94,7 @@ class GoalWatch:
     """The newest that is about this goal."""
     result: TaskResult = TaskResult.UNKNOWN
     text: str = ""
-    """Why it ended as it did, or why the robot does not get on; empty where there is nothing to say."""
+    """Why it ended as it did, or why the robot makes no progress; empty where there is no reason."""
     is_replaced: bool = False
     """Whether it ended because another goal took its place."""
 

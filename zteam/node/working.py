@@ -61,7 +61,7 @@ def working_for(node: str) -> Iterator[None]:
 
 
 class Pauses:
-    """Whether there was a pause before a step. That a robot did not get on meanwhile does not count."""
+    """Whether there was a pause before a step. A robot that made no progress meanwhile is not stuck."""
 
     def __init__(self) -> None:
         self._time, self._host = 0, 0.0

@@ -102,7 +102,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return uniform(self.seed, self.robot_id, self.now, draw)
 
     def is_fresh(self, stamp: int, max_age: float) -> bool:
-        """Whether data of `stamp` is at most `max_age` seconds away from now: a stamp from the future counts as old."""
+        """Whether data of `stamp` is at most `max_age` seconds away from now: a stamp from the future is old, too."""
         return abs(self.now - stamp) <= max_age * 1e9
 
 

@@ -66,7 +66,7 @@ mimetypes.add_type("text/javascript", ".js")
 
 
 class PageFiles(StaticFiles):
-    """Serves the files of a page. A browser asks again for what it has, and is told that it has not changed."""
+    """Serves the files of a page. A browser asks again for what it has, and receives 304 where it has not changed."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         if path not in SCRIPTS:

@@ -275,7 +275,7 @@ class Gate:
         self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
 
     def _may_lead(self, robot_id: int) -> bool:
-        """Whether a robot is there, was there, which is told, or is still to come."""
+        """Whether a robot is there, is still to come, or was lost, which is reported as a loss."""
         if not self.gone and (robot_id in self.unready() or self.unknown()):
             return True
         member = self.members.get(robot_id)

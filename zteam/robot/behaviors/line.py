@@ -136,7 +136,7 @@ class Line:
             # Those that were cut off may come back soon.
             gone = gone - {robot for robot, since in self._cut_off.items() if view.now - since < CUT_OFF_FOR}
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-        # What follows in another way, as in a formation, tells no gap, and counts as a head.
+        # A robot that follows in another way, as in a formation, publishes no gap, and is a head.
         leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
         leaders.pop(view.robot_id, None)
         if leader is not None:

@@ -61,7 +61,7 @@ SLOW_STEPS = 3
 SECONDS = 10.0
 """Simulated seconds of a drive."""
 HANGS_AFTER = 5.0
-"""Seconds after which a step counts as one that does not return."""
+"""Seconds after which a step is one that does not return."""
 _LOOK_EVERY = 0.1
 """Host seconds between two looks at a step that is under way."""
 _TOLERANCE = 1e-6

@@ -98,3 +98,9 @@ def test_a_map_file_is_compared_with_the_world() -> None:
     assert check_map_file("lab.yaml", changed(x=0.0), sim_status()).text.startswith("lab.yaml differs from the world")
     lonely = check_map_file("lab.yaml", WORLD_MAP, None)
     assert (lonely.good, lonely.next_step) == (False, "zteam-sim WORLD")
+
+
+def test_a_map_beside_a_long_world_is_a_problem() -> None:
+    """The circles round the two meet, the maps do not."""
+    world, beside = MapInfo(0.0, 0.0, 0.0, 1.0, 100, 2), MapInfo(0.0, 50.0, 0.0, 1.0, 100, 1)
+    assert compare_with_world("mine", beside, world, "long").level == "problem"

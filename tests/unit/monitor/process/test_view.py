@@ -187,3 +187,12 @@ def test_robots_that_run_give_no_go() -> None:
     team.take_team(TeamStatus(state=TeamState.GO, epoch=1, team_size=2, ready=np.array([0, 1], np.int32)))
     assert team.all_running()
     assert [event.kind for event in team.take_events()] == ["status", "team"]
+
+
+def test_the_epoch_is_the_running_monitors() -> None:
+    """Another simulator after GO changes nothing here: the status that comes has its epoch."""
+    team = FollowedTeam()
+    for session, epoch in (("one", 1), ("two", 2)):
+        team.take_team(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=1, ready=np.array([0], np.int32)))
+        team.take_simulator(frozenset({session}))
+    assert team.epoch == 2
