@@ -149,3 +149,11 @@ def test_a_fault_is_found(what: str, folder: Path) -> None:
     fault = only_fault(mine.try_it(in_worlds=kind == "touched"), kind)
     assert fault.text.startswith(text)
     assert fault.place == mine.place(line)
+
+
+@pytest.mark.few(1)
+def test_what_was_touched_before_an_error_is_found(folder: Path) -> None:
+    """A behaviour that backs into something and then raises does two things wrong."""
+    body = "if view.now > 5e9:\n            raise ValueError\n        return Twist(Vector3(-0.5))\n"
+    results = Candidate(folder, f"{MINE}{body}").try_it(in_worlds=True)
+    assert {fault.kind for result in results for fault in result.faults} == {"raises", "touched"}
