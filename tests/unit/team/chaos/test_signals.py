@@ -87,14 +87,14 @@ def test_a_frozen_process_goes_on_by_itself(hub: MemoryHub, name: str) -> None:
 def test_an_earlier_pause_does_not_end_a_later_one() -> None:
     """What lets a process go on after its pause ends with that pause."""
     child = start(STATES)
-    signals, before = Signals(lambda: {"robot_1": child.process}), threading.active_count()
+    signals, before = Signals(lambda: {"robot_1": child.process}), set(threading.enumerate())
     for _ in range(3):
         signals.send("robot_1", "pause", 3600.0)
         signals.send("robot_1", "resume")
     signals.send("robot_1", "pause", 3600.0)
-    wait_until_true(lambda: threading.active_count() == before + 1)
+    wait_until_true(lambda: len(set(threading.enumerate()) - before) == 1)
     signals.send("robot_1", "kill")
-    wait_until_true(lambda: threading.active_count() <= before)
+    wait_until_true(lambda: not set(threading.enumerate()) - before)
     child.finish()
 
 
