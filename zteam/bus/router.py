@@ -256,7 +256,7 @@ class Router:
 
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
-            links.take(event)
+            links.count(event)
             if event.kind != zenoh.SampleKind.PUT:
                 self._idle_since = monotonic()
             self._changed.notify_all()

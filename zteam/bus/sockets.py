@@ -21,7 +21,7 @@ class LinkCount:
     def __init__(self) -> None:
         self._links = Counter[str]()
 
-    def take(self, event: zenoh.TransportEvent) -> bool:
+    def count(self, event: zenoh.TransportEvent) -> bool:
         """Count a beginning or an end. Whether it begins a link in the place of one whose end has not been told."""
         session, begins = str(event.transport.zid), event.kind == zenoh.SampleKind.PUT
         replaces = begins and self._links[session] > 0

@@ -69,7 +69,7 @@ def test_in_memory_a_message_that_is_handed_over_is_not_copied(hub: MemoryHub) -
     for _ in range(2):
         hub.bus().subscribe("a", Float32, lambda _, message: heard.append(message))
     sent = Float32(0.5)
-    hub.bus().publisher("a", Float32).hand_over(sent)
+    hub.bus().publisher("a", Float32).put_owned(sent)
     assert len(heard) == 2
     assert all(message is sent for message in heard)
 

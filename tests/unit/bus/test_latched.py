@@ -95,7 +95,7 @@ def test_what_fits_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     for timestamp in (5, 6, 7):
         desk.open["map"].on_token(TOKEN, True)
         desk.answer(timestamp)
-        desk.open["map"].take(sample(timestamp), WRITER)
+        desk.open["map"].receive(sample(timestamp), WRITER)
         assert desk.read().items == [timestamp]
         desk.open["map"].on_token(TOKEN, False)
 
@@ -120,10 +120,10 @@ def test_nothing_older_comes_after_something_newer() -> None:
     desk = Desk()
     reader = desk.read()
     desk.open["map"].on_token(TOKEN, True)
-    desk.open["map"].take(sample(6), WRITER)
+    desk.open["map"].receive(sample(6), WRITER)
     desk.answer(5)
     for _ in range(2):
-        desk.open["map"].take(sample(0), WRITER)
+        desk.open["map"].receive(sample(0), WRITER)
     assert reader.items == [6, 0, 0]
     assert desk.read().items == [6]
 
@@ -133,8 +133,8 @@ def test_a_stamp_that_is_ahead_silences_no_publisher() -> None:
     desk = Desk()
     reader = desk.read()
     desk.open["map"].on_token(TOKEN, True)
-    desk.open["map"].take(RawSample("map", b"", "", 10**6, "f1", -3600.0), WRITER)
-    desk.open["map"].take(sample(6), WRITER)
+    desk.open["map"].receive(RawSample("map", b"", "", 10**6, "f1", -3600.0), WRITER)
+    desk.open["map"].receive(sample(6), WRITER)
     assert reader.items == [10**6, 6]
     assert desk.read().items == [6]
 
@@ -159,10 +159,10 @@ def test_a_message_that_comes_while_another_is_handled_waits() -> None:
         handled(sample.timestamp, threading.current_thread().name)
 
     desk.all.subscribe("map", handle)
-    slow = threading.Thread(target=desk.open["map"].take, args=(sample(1), WRITER), name="slow")
+    slow = threading.Thread(target=desk.open["map"].receive, args=(sample(1), WRITER), name="slow")
     slow.start()
     assert begun.wait(LIMIT)
-    desk.open["map"].take(sample(2), WRITER)
+    desk.open["map"].receive(sample(2), WRITER)
     assert handled.items == []
     may_end.set()
     slow.join(LIMIT)
@@ -180,8 +180,8 @@ def test_an_interrupted_handler_is_called_again() -> None:
 
     desk.all.subscribe("map", handle)
     with pytest.raises(KeyboardInterrupt):
-        desk.open["map"].take(sample(1), WRITER)
-    desk.open["map"].take(sample(2), WRITER)
+        desk.open["map"].receive(sample(1), WRITER)
+    desk.open["map"].receive(sample(2), WRITER)
     assert handled.items == [2]
 
 

@@ -30,11 +30,11 @@ def test_the_order_of_ends_and_beginnings_does_not_matter(events: list[Any], ses
     for order in permutations(events):
         links = LinkCount()
         for event in order:
-            links.take(event)
+            links.count(event)
         assert links.sessions == sessions
 
 
 def test_a_link_in_the_place_of_another_is_noticed() -> None:
     """It is one that begins before the end of the last one was told."""
     links = LinkCount()
-    assert [links.take(link(kind)) for kind in (BEGIN, BEGIN, END, END, BEGIN)] == [False, True, False, False, False]
+    assert [links.count(link(kind)) for kind in (BEGIN, BEGIN, END, END, BEGIN)] == [False, True, False, False, False]

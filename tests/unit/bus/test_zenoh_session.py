@@ -135,7 +135,7 @@ def test_an_end_that_was_not_told_is_seen(bus: Bus) -> None:
     bus.watch_tokens(["*"], told)
     told.wait_for(("here", True))
     (watch,) = (declared for declared in bus.transport._declared if isinstance(declared, TokenWatch))
-    watch.take("gone", True)
+    watch.receive("gone", True)
     assert ("here", False) not in told.wait_for(("gone", False))
 
 
@@ -143,7 +143,7 @@ def test_a_lost_router_says_nothing_of_tokens(bus: Bus, router: RouterProcess) -
     """Without a router a look takes no token as gone."""
     told = Inbox()
     watch = TokenWatch(bus.transport._session, "*", told, set(), bus.transport._presence)
-    watch.take("a", True)
+    watch.receive("a", True)
     router.kill()
     wait_until_true(lambda: not bus.transport.up)
     watch.look()

@@ -255,7 +255,7 @@ def test_a_message_that_is_handed_over_comes_as_any_other(sessions: Sessions) ->
     listener.subscribe_raw("a", lambda sample: raw(sample.payload))
     publisher = reaching(sender, "a")
     publisher.put(Done(tick=1))
-    publisher.hand_over(Done(tick=2))
+    publisher.put_owned(Done(tick=2))
     publisher.put(Done(tick=3))
     assert inbox.wait_for(("a", 3)) == [("a", 1), ("a", 2), ("a", 3)]
     assert raw.wait_count(3) == [encode(Done(tick=tick)) for tick in (1, 2, 3)]
