@@ -228,27 +228,6 @@ def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
         bus.close()
 
 
-@pytest.mark.parametrize("is_given", [False, True], ids=["on demand", "with --connect"])
-def test_a_port_of_another_program_is_named(endpoint: str, is_given: bool) -> None:
-    """If a program that is no Zenoh router has the port, one line names the port and the way out."""
-    port = int(endpoint.rpartition(":")[2])
-    with socket.create_server(("127.0.0.1", port)) as server:
-
-        def hang_up() -> None:
-            while True:
-                try:
-                    server.accept()[0].close()
-                except OSError:
-                    return
-
-        thread = threading.Thread(target=hang_up, daemon=True)
-        thread.start()
-        with pytest.raises(BusError, match=r"does not speak Zenoh.*--connect"):
-            connect(BusOptions(connect=endpoint if is_given else None), patience=0.2)
-        server.shutdown(socket.SHUT_RDWR)
-        thread.join(LIMIT)
-
-
 def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a shared machine two users' teams must not mix by accident; with --connect they may."""
     bus, owner = connect(BusOptions()), os.getuid()

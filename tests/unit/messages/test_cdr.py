@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -93,22 +92,6 @@ def test_a_bool_is_zero_or_one() -> None:
     """Any other byte is no truth value."""
     with pytest.raises(DecodeError, match="neither true nor false"):
         decode(Bool, b"\0\1\0\0\2")
-
-
-@pytest.mark.parametrize("padding", [0, 1, 2, 3])
-@pytest.mark.parametrize("text", ["", "a", "ab", "abc"])
-def test_an_older_robots_status_is_read(text: str, padding: int) -> None:
-    """A robot of before `is_stopped`, or of before `waits_for`, has a place in the team."""
-    status = RobotStatus(robot_id=3, text=text, gap=0.8, is_stopped=True, waits_for=2, blocked_by=1, goal_state=5)
-    whole = encode(status)
-    assert decode(RobotStatus, whole) == status
-    oldest = RobotStatus(robot_id=3, text=text, gap=0.8)
-    assert decode(RobotStatus, whole[:-13] + bytes(padding)) == oldest
-    assert decode(RobotStatus, whole[:-12] + bytes(padding)) == msgspec.structs.replace(oldest, is_stopped=True)
-    with pytest.raises(DecodeError):
-        decode(RobotStatus, whole[:-14])
-    with pytest.raises(DecodeError, match="is_stopped is neither true nor false"):
-        decode(RobotStatus, whole[:-13] + b"\2")
 
 
 def test_values_that_do_not_fit_are_named() -> None:
