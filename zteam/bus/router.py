@@ -48,10 +48,6 @@ _POLL = 0.002
 """Seconds between looks at a port that is about to become free."""
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
-_OPEN_TRIES = 20
-"""Before a router that was closed for new settings gives up."""
-
-
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
 """What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
 _MOST = 1 << 26
@@ -187,10 +183,7 @@ class Router:
         self._options = msgspec.structs.replace(options, listen=listen)
         """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
-        self._made: list[Path] = []
-        """Folders that are removed with the note, the innermost first."""
         try:
-            self._made += [folder for folder in self._note.parents if not folder.exists()]
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
         except OSError as error:
@@ -240,19 +233,9 @@ class Router:
             self._session, self._config = self._open(config, self._options.listen), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open_again()
+            self._session = self._open(self._config, self._options.listen)
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
-
-    def _open_again(self) -> zenoh.Session:
-        """With the settings it had. Its certificate may be about to be replaced, and its key fit in a moment only."""
-        for _ in range(_OPEN_TRIES):
-            try:
-                return self._open(self._config, self._options.listen)
-            except BusError as error:
-                log.debug("%s", error)
-                pause(_CONFIG_PERIOD)
-        return self._open(self._config, self._options.listen)
 
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
@@ -337,8 +320,6 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
-            for folder in self._made:
-                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]

@@ -20,7 +20,7 @@ from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
+from zteam.bus.stamps import read_stamp, stamping_as
 from zteam.bus.transport import (
     TIMED_OUT,
     Closeable,
@@ -115,17 +115,14 @@ class Aside:
             work()
 
 
-def read_sample(sample: zenoh.Sample, clocks: ClockWatch | None) -> RawSample:
-    """A sample of Zenoh; without `clocks` it has neither time nor source."""
+def read_sample(sample: zenoh.Sample, stamped: bool = True) -> RawSample:
+    """A sample of Zenoh; unless `stamped` it has neither time nor source."""
     encoding = str(sample.encoding)
     if encoding == _BYTES:
         encoding = ""
     key, payload = str(sample.key_expr), sample.payload.to_bytes()
-    if clocks is None:
-        return RawSample(key, payload, encoding)
-    stamp, source, delay = read_stamp(str(sample.timestamp or ""))
-    clocks.look(source, delay)
-    return RawSample(key, payload, encoding, stamp, source, delay)
+    stamp = read_stamp(str(sample.timestamp or "")) if stamped else ()
+    return RawSample(key, payload, encoding, *stamp)
 
 
 def sample_callback(handle: Callable[[zenoh.Sample], None]) -> Any:
@@ -281,7 +278,7 @@ class ZenohTransport:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self.instance = str(session.zid())
-        self._stamp, self._clocks = stamping_as(self.instance), ClockWatch()
+        self._stamp = stamping_as(self.instance)
         self._declared: set[Declared] = set()
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
@@ -349,8 +346,7 @@ class ZenohTransport:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
             return self._latched.subscribe(key_expr, handler)
-        clocks = self._clocks if stamped else None
-        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, clocks)))
+        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, stamped)))
 
     def _subscribe(self, key_expr: str, handle: Callable[[zenoh.Sample], None]) -> Closeable:
         def declare() -> Any:
@@ -361,7 +357,7 @@ class ZenohTransport:
 
     def _subscribe_latched(self, key_expr: str, subscription: LatchedSubscription) -> Closeable:
         def receive(sample: zenoh.Sample) -> None:
-            raw = read_sample(sample, self._clocks)
+            raw = read_sample(sample)
             subscription.receive(raw, _writer_of(sample, raw))
 
         def on_token(token: zenoh.Sample) -> None:
@@ -380,7 +376,7 @@ class ZenohTransport:
     def _ask_latched(self, token: str, receive: Callable[[RawSample], object], end: Callable[[], object]) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                receive(read_sample(reply.ok, self._clocks))
+                receive(read_sample(reply.ok))
 
         try:
             self._session.get(

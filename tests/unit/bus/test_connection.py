@@ -2,8 +2,6 @@
 
 import socket
 import struct
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -132,30 +130,6 @@ def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, mo
         session.close()
         asker.close()
         wire.close()
-
-
-ENDS = """
-import sys, threading
-from zteam.bus import BusOptions, connect, connection
-options, asked, opened = BusOptions(connect=sys.argv[1]), threading.Event(), connection.open_session
-def open_session(*arguments):
-    asked.set()
-    return opened(*arguments)
-bus = connect(options)
-connection.open_session = open_session
-check = connection.LinkCheck(bus.transport, bus.transport._session, options)
-bus.transport.before_close(check.wait)
-threading.Thread(target=check.run, args=[lambda: not bus.transport.closed], daemon=True).start()
-asked.wait()
-bus.close()
-"""
-
-
-@pytest.mark.ci
-def test_a_process_may_end_while_its_link_is_looked_at(router: RouterProcess) -> None:
-    """Just after its link came back; the interpreter would end the thread within Zenoh, which aborts the process."""
-    command = [sys.executable, "-c", ENDS, router.endpoint]
-    assert [subprocess.run(command, timeout=LIMIT, check=False).returncode for _ in range(4)] == [0] * 4
 
 
 @pytest.mark.gate
