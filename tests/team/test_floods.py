@@ -190,11 +190,8 @@ def test_robots_drive_beside_a_flood(team: TeamFixture) -> None:
     team.wait_for_go()
     all_drive(team, (0, 1, 2))
     for flooding, driving in (
-        (slow_subscriber(team), (0, 1, 2)),
         (flood(team, send_large), (0, 1, 2)),
-        (flood(team, send_many), (0, 1, 2)),
         (flood(team, partial(send_on, "robot_1/cmd_vel", BACKWARDS)), (0, 2)),
-        (flood(team, partial(send_on, ALL_ROBOTS, BACKWARDS)), (0, 1, 2)),
         (flood(team, invent_robots), (0, 1, 2)),
     ):
         with flooding:
@@ -231,22 +228,22 @@ def threads(team: TeamFixture) -> dict[str, int]:
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("held", ["robot_1/alive/z{}", "sim/alive/z{}", "z{}/alive/z"])
-def test_tokens_make_no_threads(team: TeamFixture, held: str) -> None:
-    """A plain client holds three thousand tokens of one name, or of many: no process makes threads for them, the team
+def test_tokens_make_no_threads(team: TeamFixture) -> None:
+    """A plain client holds thousands of tokens of one name, and of many: no process makes threads for them, the team
     drives on, and a second robot_1 is refused. When they have ended, the team drives on as well."""
     team.start("office", robots=3, lockstep=False)
     team.wait_for_go()
     all_drive(team, (0, 1, 2))
     before = threads(team)
     with zenoh.open(zenoh.Config.from_json5(settings_of(team))) as session:
-        tokens = [session.liveliness().declare_token(held.format(number)) for number in range(TOKENS)]
-        assert len(tokens) == TOKENS
+        keys = [held.format(number) for held in ("robot_1/alive/z{}", "z{}/alive/z") for number in range(TOKENS)]
+        tokens = [session.liveliness().declare_token(key) for key in keys]
         all_drive(team, (0, 1, 2))
         grown = {name: count - before[name] for name, count in threads(team).items()}
         assert max(grown.values()) <= 2, grown
         second = team.spawn("zteam-robot", "--id", "1", name="second")
         assert team.wait_for_exit(second) == 1
         team.wait_for_line(second, f"robot_1 is taken by process {team.pid('robot_1')}")
+        del tokens
     all_drive(team, (0, 1, 2))
     assert max(count - before[name] for name, count in threads(team).items()) <= 2

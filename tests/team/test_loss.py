@@ -152,49 +152,20 @@ def test_a_chain_closes_without_a_killed_robot_and_forms_again(team: TeamFixture
     assert_is_line(team, 4, 0.15)
 
 
-def test_with_stop_a_chain_stands_behind_a_killed_robot(team: TeamFixture, tmp_path: Path) -> None:
-    """The robots in front of it drive on."""
-    launch(team, tmp_path, 4, follow='on_leader_lost = "stop"', in_process=True)
-    team.run(2.0)
-    team.stop("robot_2")
-    team.run(0.5)
-    stood = [team.robot(i).pose for i in (2, 3)]
-    team.run(2.0)
-    assert [team.robot(i).pose for i in (2, 3)] == stood
-    assert gaps(team, 0, 1) == pytest.approx([GAP], abs=0.1)
-    assert team.robot(1).speed == pytest.approx(0.4, abs=0.02)
-
-
-@pytest.mark.parametrize("law", ["trail", "direct"])
-def test_the_first_robot_takes_over(team: TeamFixture, tmp_path: Path, law: str) -> None:
-    """It drives past the killed leader and goes on as that did; the others follow. The next one does so after it."""
-    follow = f'law = "{law}"\non_leader_lost = "takeover"'
-    launch(team, tmp_path, 3, follow=follow, in_process=True)
-    team.run(2.0)
-    team.stop("robot_0")
-    assert watch(team, 3, 12.0) > TOUCHING
-    assert team.robot(1).pose.x > team.robot(0).pose.x + 1.5
-    assert team.robot(1).pose[1:] == pytest.approx((0.0, 0.0), abs=0.05)
-    assert team.robot(1).speed == pytest.approx(0.2)
-    assert gaps(team, 1, 2) == pytest.approx([GAP], abs=0.1)
-    team.stop("robot_1")
-    assert watch(team, 3, 12.0) > TOUCHING
-    assert team.robot(2).pose.x > team.robot(1).pose.x + 1.5
-
-
-def test_a_chain_forms_again_behind_a_leader_that_comes_back(
+def test_the_first_robot_takes_over_until_its_leader_comes_back(
     team: TeamFixture, same_team: TeamFixture, tmp_path: Path
 ) -> None:
-    """The robots that took over are far ahead of it: they turn round, let it through, and follow it.
-
-    The run is the same with processes that are killed, and in one process.
-    """
+    """It drives past the killed leader and goes on as that did; the others follow. When the leader is back they turn
+    round, let it through, and follow it. The run is the same with processes that are killed, and in one process."""
     found = []
     for one, in_process in ((team, False), (same_team, True)):
         launch(one, tmp_path, 3, follow='on_leader_lost = "takeover"', in_process=in_process)
         one.run(2.0)
         (one.stop if in_process else one.kill)("robot_0")
-        one.run(12.0)
+        assert watch(one, 3, 12.0) > TOUCHING
+        assert one.robot(1).pose.x > one.robot(0).pose.x + 1.5
+        assert one.robot(1).pose[1:] == pytest.approx((0.0, 0.0), abs=0.05)
+        assert gaps(one, 1, 2) == pytest.approx([GAP], abs=0.1)
         one.restart("robot_0")
         assert watch(one, 3, 44.0) > TOUCHING
         assert_is_line(one, 3, 0.15)
