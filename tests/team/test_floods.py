@@ -1,7 +1,6 @@
 """Sessions of strangers that flood the bus: the team drives on, grows no memory, and `zteam doctor` names them."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -206,7 +205,7 @@ def test_robots_drive_beside_a_flood(team: TeamFixture) -> None:
 
 
 def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
-    """The key, the rate, and of the session its id and its process; without the flood it has nothing to say."""
+    """The key, the rate, and of the session its id; without the flood it has nothing to say."""
     team.start("office", robots=1)
     team.wait_for_go()
     with flood(team, partial(send_on, names.TF, GARBAGE)) as session:
@@ -214,7 +213,6 @@ def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
     assert any(each["what"] == "load" and "messages a second" in each["text"] for each in found), found
     named = next(each["text"] for each in found if each["what"] == "sessions")
     assert session in named
-    assert f"process {os.getpid()} " in named
     quiet = json.loads(team.command("doctor", "--json").stdout)
     assert not [each for each in quiet if each["what"] in ("load", "sessions")], quiet
 

@@ -26,7 +26,7 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.sockets import LinkCount, limit_silence, process_at
+from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
@@ -336,8 +336,8 @@ def _version_of(config: str | None) -> tuple[int, ...]:
 
 
 def find_strangers(options: BusOptions) -> list[str]:
-    """The sessions at the router that are none of zteam's, each in words: its id, its addresses, its process on this
-    host. Empty where the router reports none.
+    """The sessions at the router that are none of zteam's, each by its id and its addresses. Empty where the router
+    reports none.
 
     Every session of zteam answers for its declarations, in whatever namespace it is.
     """
@@ -351,10 +351,9 @@ def find_strangers(options: BusOptions) -> list[str]:
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
     return [
-        ", ".join([f"session {each.peer}", *ends, *filter(None, map(process_at, ends))])
+        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
         for each in (record.sessions if record else [])
         if each.peer not in known and each.whatami != "router"
-        for ends in [[link.dst for link in each.links]]
     ]
 
 

@@ -21,7 +21,7 @@ from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus import router as routers
-from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session
+from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session, port_accepts
 from zteam.bus.router import PortInUseError, ReleaseRequest, Router, find_local_routers, open_team_router, read_admin
 from zteam.names import token_key
 
