@@ -46,6 +46,7 @@ _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
 _POLL = 0.002
 """Seconds between looks at a port that is about to become free."""
+_NOTE = "endpoint"
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
@@ -84,9 +85,10 @@ class PortInUseError(BusError):
 
 
 class RouterLink(msgspec.Struct):
-    """A connection of a session; `dst` is the session's end, such as tcp/127.0.0.1:33004."""
+    """A connection of a session."""
 
     dst: str = ""
+    """The session's end, such as tcp/127.0.0.1:33004."""
 
 
 class RouterSession(msgspec.Struct):
@@ -425,27 +427,22 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
     return None
 
 
-_NOTE = "endpoint"
-
-
-def _state_folder() -> Path:
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
-
-
 def _state_file(endpoint: str, suffix: str) -> Path:
+    """In the user's state folder, one for each port."""
+    folder = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
     address = host_port(endpoint)
-    return _state_folder() / f"router-{address[1] if address else 'local'}.{suffix}"
+    return folder / f"router-{address[1] if address else 'local'}.{suffix}"
 
 
 def router_log_path(endpoint: str) -> Path:
-    """Log file of the router on demand: per user and port, in the user's state folder."""
+    """Log file of the router on demand."""
     return _state_file(endpoint, "log")
 
 
 def find_local_routers() -> list[str]:
     """The endpoints of this user's routers on this machine, sorted. Each has noted its own in the state folder."""
     found = []
-    for note in _state_folder().glob(f"router-*.{_NOTE}"):
+    for note in _state_file("", _NOTE).parent.glob(f"router-*.{_NOTE}"):
         try:
             endpoint = note.read_text()
             if port_accepts(endpoint):

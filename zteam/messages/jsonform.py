@@ -93,7 +93,7 @@ def _read(kind: type[Message], text: str) -> Any:
         mark = getattr(error, "problem_mark", None)
         place = f" at character {mark.index + 1}" if mark is not None else ""
         told = " ".join(str(getattr(error, "problem", None) or error).split())
-        example = "write all fields as in '{linear: {x: 0.5}}'"
+        example = "put all fields into one pair of single quotes, e.g. '{linear: {x: 0.5}}'"
         raise UsageError(f"{text!r} is neither JSON nor YAML{place}: {told}; {example}") from None
 
 
