@@ -28,31 +28,6 @@ CORNERS = [Pose2(x, y, 0.0) for x in (REAR, FRONT) for y in (-SIDE, SIDE)]
 GAP = 0.8
 TOUCHING = 0.02
 """Metres: what the safety layer leaves beside a robot that drives is a little more."""
-HEADS = """
-from zteam import Behavior
-from zteam.messages import Twist, Vector3
-
-class Reverser(Behavior):
-    '''Drive 3 m, and then do what comes.'''
-    arrived = False
-    def step(self, view):
-        pose, _ = view.map_from_base()
-        self.arrived = self.arrived or pose.x > 3.0
-        return self.then(pose) if self.arrived else Twist(Vector3(0.4))
-
-    def then(self, pose):
-        return Twist(Vector3(-0.4))
-
-class Turner(Reverser):
-    '''Turn on the spot and drive back.'''
-    def then(self, pose):
-        return Twist(Vector3(), Vector3(z=1.0)) if abs(pose.yaw) < 3.0 else Twist(Vector3(0.4))
-
-class Circler(Reverser):
-    '''Drive round and round, into the side of the chain.'''
-    def then(self, pose):
-        return Twist(Vector3(0.4), Vector3(z=0.6))
-"""
 
 
 def launch(
@@ -171,32 +146,3 @@ def test_the_first_robot_takes_over_until_its_leader_comes_back(
         assert_is_line(one, 3, 0.15)
         found.append(one.report.trajectory_sha256)
     assert found[0] == found[1]
-
-
-@pytest.fixture(scope="module")
-def heads(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with HEADS: this process imports the module once."""
-    folder = tmp_path_factory.mktemp("heads")
-    (folder / "own_heads.py").write_text(HEADS)
-    return folder
-
-
-@pytest.mark.parametrize(
-    ("head", "law", "least"),
-    [
-        ("Reverser", "trail", 0.3),
-        ("Turner", "trail", TOUCHING),
-        ("Turner", "direct", 0.3),
-        ("Circler", "trail", TOUCHING),
-        ("Circler", "direct", TOUCHING),
-    ],
-)
-def test_a_leader_that_drives_into_its_chain_touches_nobody(
-    team: TeamFixture, heads: Path, head: str, law: str, least: float
-) -> None:
-    """It reverses, turns round and drives back, or drives a circle into their side: all stop apart, none is pushed."""
-    chain = {"head": f'behavior = "own_heads:{head}"', "follow": f'law = "{law}"'}
-    launch(team, heads, 4, in_process=True, **chain)
-    assert watch(team, 4, 20.0) > least
-    assert team.robot(0).distance_travelled > 3.0
-    assert not any(team.robot(i).stall for i in range(4))

@@ -53,14 +53,10 @@ _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
 _RIGHTS_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a declaration to reach the router."""
-_RIGHTS_AGAIN = 0.02
-"""Host seconds between two questions whether it has."""
 _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
-_MAX_ENDPOINT = 1024
-"""Characters of an endpoint on standard input."""
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
@@ -68,7 +64,7 @@ def _read_endpoint(stopping: Callable[[], bool]) -> str:
     while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:  # noqa: TID251
         # Nothing yet; a read would not see the request to stop.
         continue
-    line = "" if stopping() else sys.stdin.readline(_MAX_ENDPOINT).strip()
+    line = "" if stopping() else sys.stdin.readline().strip()
     if not line:
         raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
     return line
@@ -142,7 +138,7 @@ def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
     callback: Any = zenoh.handlers.Callback(answer, indirect=False)
     with session.declare_queryable(key, callback):
         while not (is_reached := _is_reached(options, key)) and monotonic() < deadline:
-            pause(_RIGHTS_AGAIN)
+            pause(_LOOK_AGAIN)
     return bool(is_reached)
 
 

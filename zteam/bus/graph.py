@@ -218,15 +218,10 @@ def near_keys(key: str, known: Collection[str]) -> str:
     near = (
         [other for other in ordered if other.endswith(f"/{key}")]
         or [other for other in ordered if other.startswith(f"{key}/")]
-        or _most_alike(key, ordered)
+        or difflib.get_close_matches(key, ordered, n=3, cutoff=0.8)
         or [other for other in ordered if other.endswith(f"_{key}")]
     )
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
-
-
-def _most_alike(key: str, known: Sequence[str]) -> list[str]:
-    near = difflib.get_close_matches(key, known, n=3, cutoff=0.8)
-    return sorted(near, key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
 
 
 def describe_sessions(bus: Bus, sessions: Sequence[str]) -> dict[str, str]:

@@ -176,14 +176,15 @@ class Router:
         """For the port, without an answer."""
         self._heirs: set[str] = set()
         """Sessions of those that were promised the port."""
-        self._session = self._open(self._config, options.listen)
+        self._options = options
+        """How it is opened again."""
+        self._session = self._open(self._config)
         record = read_record(self._session, str(self._session.zid()))
         locators = record.locators if record else []
         self.endpoint = _find_endpoint(options.listen[0], locators)
         # An endpoint with a host such as 0.0.0.0 stands for several, of which a locator is one.
         listen = tuple(_find_endpoint(e, locators) if e.endswith(":0") else e for e in options.listen)
         self._options = msgspec.structs.replace(options, listen=listen)
-        """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
@@ -191,12 +192,12 @@ class Router:
         except OSError as error:
             log.debug("the router is found by its endpoint only: %s", error)
 
-    def _open(self, config: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
+    def _open(self, config: zenoh.Config) -> zenoh.Session:
         """A session that routes and counts its clients. Raises BusError."""
         try:
             session = open_session(config, "router")
         except zenoh.ZError as error:
-            text, places = str(error), ", ".join(listen)
+            text, places = str(error), ", ".join(self._options.listen)
             if "Address already in use" in text:
                 raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
@@ -232,10 +233,10 @@ class Router:
             return
         self._session.close()  # type: ignore[no-untyped-call]
         try:
-            self._session, self._config = self._open(config, self._options.listen), config
+            self._session, self._config = self._open(config), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open(self._config, self._options.listen)
+            self._session = self._open(self._config)
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
 
@@ -271,7 +272,7 @@ class Router:
         return None if keeps or request.owner.is_another_user() else others
 
     def _holds_team(self) -> bool:
-        """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
+        """Whether a process of a team is here, in any namespace; True if that cannot be found out."""
         for reply in self._session.liveliness().get(tokens_key("**"), timeout=1.0):
             token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
             if reply.ok is None or (token is not None and is_of_team(token[1])):
