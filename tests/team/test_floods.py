@@ -215,33 +215,3 @@ def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
     assert session in named
     quiet = json.loads(team.command("doctor", "--json").stdout)
     assert not [each for each in quiet if each["what"] in ("load", "sessions")], quiet
-
-
-TOKENS = 3000
-
-
-def threads(team: TeamFixture) -> dict[str, int]:
-    """The threads of each process that a flood must not grow."""
-    return {name: len(list(Path(f"/proc/{pid}/task").iterdir())) for name, pid in watched(team).items()}
-
-
-@pytest.mark.real_time
-def test_tokens_make_no_threads(team: TeamFixture) -> None:
-    """A plain client holds thousands of tokens of one name, and of many: no process makes threads for them, the team
-    drives on, and a second robot_1 is refused. When they have ended, the team drives on as well."""
-    team.start("office", robots=3, lockstep=False)
-    team.wait_for_go()
-    all_drive(team, (0, 1, 2))
-    before = threads(team)
-    with zenoh.open(zenoh.Config.from_json5(settings_of(team))) as session:
-        keys = [held.format(number) for held in ("robot_1/alive/z{}", "z{}/alive/z") for number in range(TOKENS)]
-        tokens = [session.liveliness().declare_token(key) for key in keys]
-        all_drive(team, (0, 1, 2))
-        grown = {name: count - before[name] for name, count in threads(team).items()}
-        assert max(grown.values()) <= 2, grown
-        second = team.spawn("zteam-robot", "--id", "1", name="second")
-        assert team.wait_for_exit(second) == 1
-        team.wait_for_line(second, f"robot_1 is taken by process {team.pid('robot_1')}")
-        del tokens
-    all_drive(team, (0, 1, 2))
-    assert max(count - before[name] for name, count in threads(team).items()) <= 2

@@ -63,21 +63,6 @@ def zteam(*words: str, environment: dict[str, str], cwd: Path) -> "subprocess.Co
     )
 
 
-def test_a_secure_team_drives_as_a_plain_one(team_file: Path, tmp_path: Path) -> None:
-    """In lock-step to the bit; the folder is made on the way."""
-    hashes = []
-    for more in (["--secure"], ["--in-process"]):
-        done = zteam(
-            "up", str(team_file), "--lockstep", "--for", "5", "--report", "r.json", *more, environment={}, cwd=tmp_path
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        report = json.loads((tmp_path / "r.json").read_text())
-        assert min(robot["distance_m"] for robot in report["robots"]) > 0.5
-        hashes.append(report["trajectory_sha256"])
-    assert hashes[0] == hashes[1]
-    assert (tmp_path / "certs" / "robot_1.pem").exists()
-
-
 def test_tools_are_let_in_with_the_certificate_that_up_prints(team_file: Path, tmp_path: Path) -> None:
     """The doctor finds no problem, and the simulator obeys; a tool without a certificate is told what is missing; one
     without the grant is told that it may not start processes."""
