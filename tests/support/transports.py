@@ -3,7 +3,6 @@
 import contextlib
 import itertools
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -38,11 +37,6 @@ class RouterProcess:
         if not self.endpoint:
             self.kill()
             raise AssertionError("the router did not start")
-
-    def freeze(self) -> None:
-        """Stop it, and wait until all its threads stand."""
-        self._process.send_signal(signal.SIGSTOP)
-        os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
     def kill(self) -> None:
         """End it at once, as a crash does."""

@@ -123,7 +123,7 @@ class Publisher(Held[RawPublisher], Generic[M]):
         content, raw = encode(message), self._handle
         self._keep(content) if raw is None else raw.put(content)
 
-    def hand_over(self, message: M) -> None:
+    def put_owned(self, message: M) -> None:
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
 
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are

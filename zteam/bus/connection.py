@@ -29,14 +29,9 @@ from zteam.bus.options import (
 )
 from zteam.bus.refusals import Reasons, why_foreign, why_refused
 from zteam.bus.rights import RightCheck
-from zteam.bus.router import (
-    ON_DEMAND_DEADLINE,
-    read_admin,
-    read_record,
-    router_log_path,
-    spawn_router,
-)
+from zteam.bus.router import ON_DEMAND_DEADLINE, read_admin, router_log_path, spawn_router
 from zteam.bus.sockets import Ends, cut, links_of
+from zteam.bus.transport import let_end
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import HOST_FACTOR, Every, monotonic, pause
 from zteam.errors import BusError
@@ -54,20 +49,14 @@ _LINK_QUESTIONS = 6
 """Asked of a session through the router, after each return of its link."""
 _LINK_PERIOD = 2.0
 """Host seconds from an answer to the next question."""
-_LAST_QUESTION = 1.0
-"""Host seconds that the end of the interpreter waits for a question that is being asked."""
 _LINK_PATIENCE = 5.0
 """Host seconds after which a process with a certificate says why its link does not come back."""
 _RIGHTS_WITHIN = 2.0 * HOST_FACTOR
 """Host seconds for a declaration to reach the router."""
-_RIGHTS_AGAIN = 0.02
-"""Host seconds between two questions whether it has."""
 _LINK_FAILURES = 3
 """Questions in a row without an answer: a busy router may miss one."""
 _LINK_CUTS = 3
 """Links in a row that are ended: where an access control lets no query through, none is answered."""
-_MAX_ENDPOINT = 1024
-"""Characters of an endpoint on standard input."""
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
@@ -75,7 +64,7 @@ def _read_endpoint(stopping: Callable[[], bool]) -> str:
     while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:  # noqa: TID251
         # Nothing yet; a read would not see the request to stop.
         continue
-    line = "" if stopping() else sys.stdin.readline(_MAX_ENDPOINT).strip()
+    line = "" if stopping() else sys.stdin.readline().strip()
     if not line:
         raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
     return line
@@ -98,9 +87,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     else:
         session = _open_patiently(options, options.give_up if patience is None else patience, stopping)
     transport = ZenohTransport(session)
-    check = LinkCheck(transport, session, options)
-    transport.before_close(check.wait)
-    _on_link(transport, True, check.run)
+    _on_link(transport, True, LinkCheck(session, options).run)
     if options.tls is not None:
         _on_link(transport, False, partial(_say_why_link_stays_away, options))
         transport.limit_silence(options.lease)
@@ -142,25 +129,17 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
 
 def _has_rights(session: zenoh.Session, options: BusOptions) -> bool:
     """Whether the router lets through what a session with a certificate sends: a question to it, from another one."""
-    key, place = declarations_key(str(session.zid())), f"{options.namespace}/" if options.namespace else ""
-    other = try_open(msgspec.structs.replace(options, namespace=None))
-    if other is None:
-        return False
+    key, deadline = declarations_key(str(session.zid())), monotonic() + _RIGHTS_WITHIN
 
     def answer(query: zenoh.Query) -> None:
         with query:
             query.reply(key, b"")
 
     callback: Any = zenoh.handlers.Callback(answer, indirect=False)
-    with other, session.declare_queryable(key, callback):
-        if read_record(other) is None:
-            return False
-        deadline = monotonic() + _RIGHTS_WITHIN
-        while not any(reply.ok is not None for reply in other.get(f"{place}{key}", timeout=ROUTER_ANSWER)):
-            if monotonic() > deadline:
-                return False
-            pause(_RIGHTS_AGAIN)
-    return True
+    with session.declare_queryable(key, callback):
+        while not (is_reached := _is_reached(options, key)) and monotonic() < deadline:
+            pause(_LOOK_AGAIN)
+    return bool(is_reached)
 
 
 def _no_router(options: BusOptions) -> str:
@@ -203,10 +182,10 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
 def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], bool]], object]) -> None:
     """Call `watch(lasts)` on a thread of its own each time the link is back, or without `up` is lost: `lasts()` is True
     until it changes."""
-    changes = 0
+    changes, thread = 0, None
 
     def on_link(is_up: bool) -> None:
-        nonlocal changes
+        nonlocal changes, thread
         changes += 1
         change = changes
 
@@ -214,9 +193,12 @@ def _on_link(transport: ZenohTransport, up: bool, watch: Callable[[Callable[[], 
             return changes == change and not transport.closed
 
         if is_up == up:
-            threading.Thread(target=watch, args=[lasts], name="link", daemon=True).start()
+            started = threading.Thread(target=watch, args=[lasts], name="link", daemon=True)
+            started.start()
+            thread = started
 
     transport.watch_link(on_link)
+    transport.before_close(lambda: let_end(thread))
 
 
 def _say_why_link_stays_away(options: BusOptions, lasts: Callable[[], bool]) -> None:
@@ -243,59 +225,46 @@ def _keep_router_alive(options: BusOptions, lasts: Callable[[], bool]) -> None:
         pause(_REVIVE_PERIOD)
 
 
+def _is_reached(options: BusOptions, key: str) -> bool | None:
+    """Whether the session that answers on `key` is reached by another one; None if that finds no router."""
+    try:
+        with open_session(client_config(options), "usual") as other:
+            return any(reply.ok is not None for reply in other.get(key, timeout=ROUTER_ANSWER))
+    except zenoh.ZError as error:
+        log.debug("link: %s", error)
+        return None
+
+
 class LinkCheck:
     """Asks one session, through the router, after each return of its link: whether that carries both ways.
 
     A router ends a link that takes nothing for too long. If the session opens the next one meanwhile, the router may
     keep the routes of the first: it takes what the session sends and sends it signs of life, but no message and no
-    query, for ever (1 of 20 floods of 150 MB to one session). A link that ends once more comes back whole.
+    query, for ever. A link that ends once more comes back whole.
     """
 
-    def __init__(self, transport: ZenohTransport, session: zenoh.Session, options: BusOptions) -> None:
-        self._transport, self._session, self._options = transport, session, options
+    def __init__(self, session: zenoh.Session, options: BusOptions) -> None:
+        self._session, self._options = session, options
         self._cuts = 0
-        self._in_zenoh = threading.Lock()
-
-    def wait(self) -> None:
-        """The session ends: wait for the question that is being asked."""
-        # The interpreter ends a thread where it comes back from a call. If that is one of Zenoh, the process aborts.
-        if self._in_zenoh.acquire(timeout=_LAST_QUESTION):
-            self._in_zenoh.release()
 
     def run(self, lasts: Callable[[], bool]) -> None:
         """The link is back: ask while it `lasts()`."""
-        failed = 0
+        failed, key = 0, declarations_key(str(self._session.zid()))
         for _ in range(_LINK_QUESTIONS):
-            with self._in_zenoh:
-                if not lasts():
-                    return
-                links, reached = links_of(self._session), self._is_reached()
-                if not lasts():
-                    return
-                failed = failed + 1 if reached is False else 0
-                if failed == _LINK_FAILURES:
-                    self._mend(links)
-                    return
+            links, is_reached = links_of(self._session), _is_reached(self._options, key)
+            if not lasts():
+                return
+            failed = failed + 1 if is_reached is False else 0
+            if failed == _LINK_FAILURES:
+                self._mend(links)
+                return
             pause(_LINK_PERIOD)
         self._cuts = 0
 
-    def _is_reached(self) -> bool | None:
-        """Whether the session answers another one; None if that finds no router."""
-        key = declarations_key(self._transport.instance)
-        try:
-            with open_session(client_config(self._options), "usual") as other:
-                return any(reply.ok is not None for reply in other.get(key, timeout=ROUTER_ANSWER))
-        except zenoh.ZError as error:
-            log.debug("link: %s", error)
-            return None
-
     def _mend(self, links: set[Ends]) -> None:
-        if self._options.tls is not None and read_admin(self._options) is None:
-            # No further link would carry more.
-            log.error("%s", ": ".join(why_refused(self._options)))
-        elif self._cuts == _LINK_CUTS:
-            log.error("no query reaches this process after %d new links: start it again", _LINK_CUTS)
-        else:
-            self._cuts += 1
-            log.warning("no query reaches this process on the link that came back: opening another link")
-            cut(links)
+        if self._cuts == _LINK_CUTS:
+            log.error("no query reaches this process after %d new links: 'zteam doctor' may say why", _LINK_CUTS)
+            return
+        self._cuts += 1
+        log.warning("no query reaches this process on the link that came back: opening another link")
+        cut(links)

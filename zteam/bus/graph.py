@@ -122,23 +122,23 @@ class Survey:
         self._begin = monotonic()
         # The second one receives live samples too.
         self._subscriptions = (
-            bus.subscribe_raw(key_expr, self._take_live),
-            bus.subscribe_raw(key_expr, self._take, latched=True),
+            bus.subscribe_raw(key_expr, self._receive_live),
+            bus.subscribe_raw(key_expr, self._receive, latched=True),
         )
 
-    def _take(self, sample: RawSample) -> None:
+    def _receive(self, sample: RawSample) -> None:
         with self.changed:
             # A sample may still be on its way when it is closed.
             if not self.seconds:
                 self.newest[sample.key][sample.source] = sample
                 self.changed.notify_all()
 
-    def _take_live(self, sample: RawSample) -> None:
+    def _receive_live(self, sample: RawSample) -> None:
         with self.changed:
             if not self.seconds:
                 self.times[sample.source, sample.key].append(monotonic())
                 self.sizes[sample.source] += len(sample.payload)
-        self._take(sample)
+        self._receive(sample)
 
     def close(self) -> None:
         """Take no further message."""
@@ -218,15 +218,10 @@ def near_keys(key: str, known: Collection[str]) -> str:
     near = (
         [other for other in ordered if other.endswith(f"/{key}")]
         or [other for other in ordered if other.startswith(f"{key}/")]
-        or _most_alike(key, ordered)
+        or difflib.get_close_matches(key, ordered, n=3, cutoff=0.8)
         or [other for other in ordered if other.endswith(f"_{key}")]
     )
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
-
-
-def _most_alike(key: str, known: Sequence[str]) -> list[str]:
-    near = difflib.get_close_matches(key, known, n=3, cutoff=0.8)
-    return sorted(near, key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
 
 
 def describe_sessions(bus: Bus, sessions: Sequence[str]) -> dict[str, str]:

@@ -26,7 +26,7 @@ _MOST_OF_KEY = 64
 Writer = tuple[str, str, str]
 """Key, session and number of a publisher."""
 Ask = Callable[[str, Callable[[RawSample], object], Callable[[], object]], None]
-"""`ask(token, take, end)` asks the publisher with this token, without waiting: `take(sample)`, then `end()`."""
+"""`ask(token, receive, end)` asks the publisher with this token, without waiting: `receive(sample)`, then `end()`."""
 
 
 class _Reader:
@@ -52,7 +52,7 @@ class _Reader:
             del self._newest[next(iter(self._newest))]
         self._waiting.append(sample)
 
-    def take(self, sample: RawSample, writer: Writer) -> None:
+    def receive(self, sample: RawSample, writer: Writer) -> None:
         """Handle a sample, or leave it to the thread that handles one just now."""
         with self._lock:
             self._put(sample, writer)
@@ -131,7 +131,7 @@ class LatchedSubscription:
                 self._readers.remove(reader)
             return not self._readers
 
-    def take(self, sample: RawSample, writer: Writer) -> None:
+    def receive(self, sample: RawSample, writer: Writer) -> None:
         """A message came, or the answer of a publisher."""
         with self._lock:
             each = self._kept.get(writer)
@@ -141,7 +141,7 @@ class LatchedSubscription:
                 self._keep(each, sample)
             readers = list(self._readers)
         for reader in readers:
-            reader.take(sample, writer)
+            reader.receive(sample, writer)
 
     def _keep(self, each: _Kept, sample: RawSample | None) -> None:
         self._bytes -= each.size
@@ -176,7 +176,7 @@ class LatchedSubscription:
         def answer(sample: RawSample) -> None:
             # Others may answer as well.
             if sample.key == writer[0]:
-                self.take(sample, writer)
+                self.receive(sample, writer)
 
         self._ask(each.token, answer, partial(setattr, each, "asked", False))
 

@@ -38,7 +38,7 @@ class _Key:
         self._is_slow = False
         """Whether its link was slow, when last a link explained all messages of a window."""
 
-    def take(self, took: float, now: float) -> float:
+    def compare(self, took: float, now: float) -> float:
         """A message comes that took so long (s); how long the quickest one took that it is compared with."""
         self._passed += min(now - self._last, _LONGEST_GAP)
         self._last = now
@@ -68,7 +68,7 @@ class Lateness:
         if known is None:
             known = self._keys[key] = _Key(now)
         took = max(delay, 0.0)
-        return took - known.take(took, now)
+        return took - known.compare(took, now)
 
     def problem(self, sample: RawSample) -> str:
         """Why a message that has just come is too old to act on; empty if it is in time."""

@@ -39,7 +39,7 @@ class HubReceiver(NamedTuple):
 
     owner: str
     """Of the session, as the session was told."""
-    take: Callable[[Any], object]
+    receive: Callable[[Any], object]
 
 
 Deliver = Callable[[Sequence[HubReceiver], Any], None]
@@ -47,8 +47,8 @@ Forget = Callable[[Closeable], object]
 
 
 def deliver_now(receivers: Sequence[HubReceiver], news: Any) -> None:
-    for _, take in receivers:
-        take(news)
+    for _, receive in receivers:
+        receive(news)
 
 
 class _Subscriber(NamedTuple):

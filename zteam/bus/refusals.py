@@ -3,7 +3,7 @@
 import socket
 
 from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, host_port
-from zteam.bus.router import ANSWER_WITHIN, RouterRecord, find_local_routers, read_admin
+from zteam.bus.router import ANSWER_WITHIN, RouterRecord
 from zteam.clock import monotonic
 
 _ALERT = b"\x15\x03"
@@ -12,7 +12,6 @@ _CLOSE = b"\x02\x00\x03"
 """The first bytes with which a Zenoh router refuses what is no Zenoh: two of length, and the number of a Close."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 60.0
 """Host seconds between two looks for the reason why a router does not let a process in."""
-_SET_VARIABLES = f"set {', '.join(TLS_VARIABLES)} (docs/security.md)"
 
 
 def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] | None:
@@ -29,70 +28,48 @@ def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] |
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
-    """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
-    peer = ""
+    """What is answered to bytes that mean nothing; None if whatever is there stays silent."""
     try:
         with socket.create_connection(address, timeout=ANSWER_WITHIN) as link:
-            host, port = link.getpeername()[:2]
-            peer = f"tcp/{host}:{port}"
             link.sendall(bytes(32))
-            answer = link.recv(64)
+            return link.recv(64)
     except TimeoutError:
         return None
     except OSError:
-        answer = b""
-    # A router that has too many connections to open ends some of them.
-    return None if not answer and peer in find_local_routers() else answer
+        return b""
 
 
 def why_refused(options: BusOptions) -> tuple[str, str]:
     """Why no session was opened at an endpoint that accepts connections, and what to do."""
     endpoint = options.endpoint
-    address = host_port(endpoint)
+    address, place = host_port(endpoint), endpoint.partition("/")[2]
     answer = b"" if address is None else _answer_to_nonsense(address)
-    protocol, _, place = endpoint.partition("/")
     if answer is None:
-        step = (
-            "a router there is frozen, or held up by connections that say nothing ('ss -tnp' lists them); "
-            "if another program is there, name a router elsewhere with --connect"
-        )
+        step = "a router there is frozen, or another program is there: name a router elsewhere with --connect"
         return f"{endpoint} takes connections but does not answer", step
     if answer.startswith(_ALERT):
-        if protocol != "tls":
-            return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, and {_SET_VARIABLES}"
         if options.tls is not None and address is not None:
-            return _why_no_trust(options, address, options.tls)
-        if options.config is None:
-            return f"the router at {endpoint} takes certificates only, and this process has none", _SET_VARIABLES
-        return (
-            f"the router at {endpoint} and this process do not trust each other's certificates",
-            f"correct transport/link/tls in --config {options.config}, or {_SET_VARIABLES}",
-        )
+            return _why_no_trust(endpoint, address, options.tls)
+        step = f"use --connect tls/{place}, and set {', '.join(TLS_VARIABLES)} (docs/security.md)"
+        return f"the router at {endpoint} takes certificates only", step
     if answer.startswith(_CLOSE):
-        if protocol == "tls":
-            unset = f", without {', '.join(TLS_VARIABLES)}" if options.tls is not None else ""
-            return f"the router at {endpoint} does not speak TLS", f"use --connect tcp/{place}{unset}"
-        return (
-            f"the router at {endpoint} refuses this process",
-            "name in --config what it asks for, such as a user and a password",
-        )
+        step = f"use --connect tcp/{place}, and name in --config what it asks for, such as a user and a password"
+        return f"the router at {endpoint} has no certificates, or refuses this process", step
     return (
         f"{endpoint} is held by something that does not speak Zenoh",
         "end it, or run a router elsewhere and name it with --connect",
     )
 
 
-def _why_no_trust(options: BusOptions, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
+def _why_no_trust(endpoint: str, address: tuple[str, int], tls: TlsFiles) -> tuple[str, str]:
     from zteam.bus.tls import own_fault, own_identity, refusal
 
-    endpoint = options.endpoint
     if fault := own_fault(tls) or refusal(address, tls):
         return f"the router at {endpoint} and this process do not trust each other", fault
-    no_rights = f"the router at {endpoint} gives the certificate {own_identity(tls)[0]} no rights"
-    if read_admin(options) is None:
-        return no_rights, "it was revoked or replaced, or is not of this team ('zteam certs list')"
-    place = f"in the namespace {options.namespace}" if options.namespace else "without a namespace"
-    return f"{no_rights} {place}", "set --namespace, or ZTEAM_NAMESPACE, as the team does"
+    return (
+        f"the router at {endpoint} gives the certificate {own_identity(tls)[0]} no rights",
+        "it was revoked or replaced ('zteam certs list'), or the team's namespace is another one (--namespace)",
+    )
 
 
 class Reasons:

@@ -45,8 +45,7 @@ class RightCheck:
     """
 
     def __init__(self, transport: Transport, options: BusOptions) -> None:
-        self._transport = transport
-        self._options = options
+        self._transport, self._options = transport, options
         self._changed = threading.Condition()
         self._known: set[Use] = set()
         """Those that were looked at, or are about to be."""

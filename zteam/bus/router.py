@@ -26,7 +26,7 @@ from zteam.bus.options import (
     router_config,
     try_open,
 )
-from zteam.bus.sockets import LinkCount, limit_silence, process_at
+from zteam.bus.sockets import LinkCount, limit_silence
 from zteam.clock import HOST_FACTOR, monotonic, pause, wait_until
 from zteam.errors import BusError, UsageError
 from zteam.names import declarations_key, is_of_team, split_namespaced_token_key, tokens_key
@@ -46,12 +46,9 @@ _COME_OVER = 1.0 * HOST_FACTOR
 """Seconds for the clients of the router that gave its port up to connect to the next one: they try each 0.5 s."""
 _POLL = 0.002
 """Seconds between looks at a port that is about to become free."""
+_NOTE = "endpoint"
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
-_OPEN_TRIES = 20
-"""Before a router that was closed for new settings gives up."""
-
-
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
 """What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
 _MOST = 1 << 26
@@ -88,9 +85,10 @@ class PortInUseError(BusError):
 
 
 class RouterLink(msgspec.Struct):
-    """A connection of a session; `dst` is the session's end, such as tcp/127.0.0.1:33004."""
+    """A connection of a session."""
 
     dst: str = ""
+    """The session's end, such as tcp/127.0.0.1:33004."""
 
 
 class RouterSession(msgspec.Struct):
@@ -178,30 +176,28 @@ class Router:
         """For the port, without an answer."""
         self._heirs: set[str] = set()
         """Sessions of those that were promised the port."""
-        self._session = self._open(self._config, options.listen)
+        self._options = options
+        """How it is opened again."""
+        self._session = self._open(self._config)
         record = read_record(self._session, str(self._session.zid()))
         locators = record.locators if record else []
         self.endpoint = _find_endpoint(options.listen[0], locators)
         # An endpoint with a host such as 0.0.0.0 stands for several, of which a locator is one.
         listen = tuple(_find_endpoint(e, locators) if e.endswith(":0") else e for e in options.listen)
         self._options = msgspec.structs.replace(options, listen=listen)
-        """How it is opened again."""
         self._note = _state_file(self.endpoint, _NOTE)
-        self._made: list[Path] = []
-        """Folders that are removed with the note, the innermost first."""
         try:
-            self._made += [folder for folder in self._note.parents if not folder.exists()]
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
         except OSError as error:
             log.debug("the router is found by its endpoint only: %s", error)
 
-    def _open(self, config: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
+    def _open(self, config: zenoh.Config) -> zenoh.Session:
         """A session that routes and counts its clients. Raises BusError."""
         try:
             session = open_session(config, "router")
         except zenoh.ZError as error:
-            text, places = str(error), ", ".join(listen)
+            text, places = str(error), ", ".join(self._options.listen)
             if "Address already in use" in text:
                 raise PortInUseError(
                     f"{places} is in use: another router is there (use it), or choose another port with --listen"
@@ -237,26 +233,16 @@ class Router:
             return
         self._session.close()  # type: ignore[no-untyped-call]
         try:
-            self._session, self._config = self._open(config, self._options.listen), config
+            self._session, self._config = self._open(config), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open_again()
+            self._session = self._open(self._config)
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
 
-    def _open_again(self) -> zenoh.Session:
-        """With the settings it had. Its certificate may be about to be replaced, and its key fit in a moment only."""
-        for _ in range(_OPEN_TRIES):
-            try:
-                return self._open(self._config, self._options.listen)
-            except BusError as error:
-                log.debug("%s", error)
-                pause(_CONFIG_PERIOD)
-        return self._open(self._config, self._options.listen)
-
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:
-            links.take(event)
+            links.count(event)
             if event.kind != zenoh.SampleKind.PUT:
                 self._idle_since = monotonic()
             self._changed.notify_all()
@@ -286,7 +272,7 @@ class Router:
         return None if keeps or request.owner.is_another_user() else others
 
     def _holds_team(self) -> bool:
-        """Whether a process is here, in any namespace, that makes a team; True if that cannot be found out."""
+        """Whether a process of a team is here, in any namespace; True if that cannot be found out."""
         for reply in self._session.liveliness().get(tokens_key("**"), timeout=1.0):
             token = None if reply.ok is None else split_namespaced_token_key(str(reply.ok.key_expr))
             if reply.ok is None or (token is not None and is_of_team(token[1])):
@@ -337,8 +323,6 @@ class Router:
     def close(self) -> None:
         try:
             self._note.unlink(missing_ok=True)
-            for folder in self._made:
-                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]
@@ -355,8 +339,8 @@ def _version_of(config: str | None) -> tuple[int, ...]:
 
 
 def find_strangers(options: BusOptions) -> list[str]:
-    """The sessions at the router that are none of zteam's, each in words: its id, its addresses, its process on this
-    host. Empty where the router reports none.
+    """The sessions at the router that are none of zteam's, each by its id and its addresses. Empty where the router
+    reports none.
 
     Every session of zteam answers for its declarations, in whatever namespace it is.
     """
@@ -370,10 +354,9 @@ def find_strangers(options: BusOptions) -> list[str]:
             replies = session.get(key, timeout=1.0)
             known |= {str(reply.ok.key_expr).rsplit("/", 2)[1] for reply in replies if reply.ok is not None}
     return [
-        ", ".join([f"session {each.peer}", *ends, *filter(None, map(process_at, ends))])
+        ", ".join([f"session {each.peer}", *(link.dst for link in each.links)])
         for each in (record.sessions if record else [])
         if each.peer not in known and each.whatami != "router"
-        for ends in [[link.dst for link in each.links]]
     ]
 
 
@@ -445,27 +428,22 @@ def _ask_for_port(session: zenoh.Session, request: ReleaseRequest) -> list[str] 
     return None
 
 
-_NOTE = "endpoint"
-
-
-def _state_folder() -> Path:
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
-
-
 def _state_file(endpoint: str, suffix: str) -> Path:
+    """In the user's state folder, one for each port."""
+    folder = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
     address = host_port(endpoint)
-    return _state_folder() / f"router-{address[1] if address else 'local'}.{suffix}"
+    return folder / f"router-{address[1] if address else 'local'}.{suffix}"
 
 
 def router_log_path(endpoint: str) -> Path:
-    """Log file of the router on demand: per user and port, in the user's state folder."""
+    """Log file of the router on demand."""
     return _state_file(endpoint, "log")
 
 
 def find_local_routers() -> list[str]:
     """The endpoints of this user's routers on this machine, sorted. Each has noted its own in the state folder."""
     found = []
-    for note in _state_folder().glob(f"router-*.{_NOTE}"):
+    for note in _state_file("", _NOTE).parent.glob(f"router-*.{_NOTE}"):
         try:
             endpoint = note.read_text()
             if port_accepts(endpoint):

@@ -1,8 +1,6 @@
 """The TCP sockets behind a session's links: Zenoh offers no way to end a link, nor to say how long it may be silent."""
 
-import json
 import socket
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,7 +19,7 @@ class LinkCount:
     def __init__(self) -> None:
         self._links = Counter[str]()
 
-    def take(self, event: zenoh.TransportEvent) -> bool:
+    def count(self, event: zenoh.TransportEvent) -> bool:
         """Count a beginning or an end. Whether it begins a link in the place of one whose end has not been told."""
         session, begins = str(event.transport.zid), event.kind == zenoh.SampleKind.PUT
         replaces = begins and self._links[session] > 0
@@ -66,25 +64,6 @@ def limit_silence(session: zenoh.Session, seconds: float) -> "zenoh.LinkEventsLi
 
     callback: Any = zenoh.handlers.Callback(limit, indirect=False)
     return session.info.declare_link_events_listener(callback, history=True)
-
-
-def process_at(endpoint: str) -> str:
-    """`process PID (command)` of the process of this host at that end of a TCP link; empty where Linux shows none."""
-    host, _, port = endpoint.partition("/")[2].rpartition(":")
-    try:
-        # As Linux writes it: the address as a number of this machine's byte order.
-        end = f"{struct.unpack('=I', socket.inet_aton(host))[0]:08X}:{int(port):04X}"
-        rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()]
-    except (OSError, ValueError):
-        return ""
-    sockets = {f"socket:[{row[9]}]" for row in rows if row[1] == end}
-    for process in Path("/proc").glob("[0-9]*") if sockets else ():
-        # Another user's, or it has just ended.
-        with suppress(OSError):
-            if any(str(link.readlink()) in sockets for link in (process / "fd").iterdir()):
-                command = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
-                return f"process {process.name} ({json.dumps(command[:60])[1:-1]})"
-    return ""
 
 
 def _find(links: set[Ends]) -> Iterator[socket.socket]:

@@ -6,15 +6,9 @@ from typing import Any
 
 from zteam.bus.options import TlsFiles
 
-_RENEW = "renew it with 'zteam certs renew NAME'"
 _TIMEOUT = 2.0
 """Host seconds for the router's part of a handshake."""
-_EXPIRED, _NOT_YET = 10, 9
-"""X509_V_ERR_CERT_HAS_EXPIRED, X509_V_ERR_CERT_NOT_YET_VALID."""
-_NO_SERVER = 26
-"""X509_V_ERR_INVALID_PURPOSE."""
-_WRONG_NAME = (62, 64)
-"""X509_V_ERR_HOSTNAME_MISMATCH, X509_V_ERR_IP_ADDRESS_MISMATCH."""
+_WAY_OUT = "docs/security.md lists the causes, and 'zteam certs renew NAME' makes a new certificate"
 
 
 def own_fault(tls: TlsFiles, *, routes: bool = False) -> str:
@@ -36,7 +30,7 @@ def own_fault(tls: TlsFiles, *, routes: bool = False) -> str:
     try:
         _shake_hands(client, server)
     except ssl.SSLCertVerificationError as error:
-        return f"{names['certificate']} {tls.certificate} {_verdict(error, tls)}"
+        return f"{names['certificate']} {tls.certificate} is not accepted ({error.verify_message}): {_WAY_OUT}"
     return ""
 
 
@@ -52,16 +46,10 @@ def refusal(address: tuple[str, int], tls: TlsFiles) -> str:
     except TimeoutError:
         return ""
     except ssl.SSLCertVerificationError as error:
-        if error.verify_code == _NO_SERVER:
-            shown, step = _name_at(address), "end the program that has taken the router's port"
-            return f"its certificate {shown} {_verdict(error, tls)}: {step} ('ss -ltnp' on its host names it)"
-        return f"its certificate {_verdict(error, tls)}"
-    except ssl.SSLError as error:
-        # Such as TLSV1_ALERT_UNKNOWN_CA, SSLV3_ALERT_CERTIFICATE_EXPIRED.
-        words = str(error.reason or error).partition("ALERT_")[2].replace("_", " ").lower()
-        return f"it refuses the certificate {tls.certificate}{f' ({words})' if words else ''}"
+        return f"its certificate is not accepted ({error.verify_message}): {_WAY_OUT}"
     except OSError as error:
-        return f"the link breaks ({error.strerror or error})"
+        reason = getattr(error, "reason", None) or error.strerror or error
+        return f"it does not accept the certificate {tls.certificate} ({reason}): {_WAY_OUT}"
     return ""
 
 
@@ -77,22 +65,6 @@ def own_identity(tls: TlsFiles) -> tuple[str, float]:
         return "", 0.0
     name = next((value for each in shown.get("subject", ()) for key, value in each if key == "commonName"), "")
     return name, ssl.cert_time_to_seconds(shown["notAfter"])
-
-
-def _name_at(address: tuple[str, int]) -> str:
-    """The common name of the certificate that is shown at an address, whatever it is worth; `?` if none is."""
-    from cryptography import x509
-
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    try:
-        with socket.create_connection(address, timeout=_TIMEOUT) as link, context.wrap_socket(link) as stream:
-            shown = x509.load_der_x509_certificate(stream.getpeercert(True) or b"")
-    except (OSError, ValueError):
-        return "?"
-    found = [str(each.value) for each in shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
-    # A stranger chose it, and it goes to a terminal.
-    return found[0] if found and found[0].isprintable() else "?"
 
 
 def _context(tls: TlsFiles, protocol: Any) -> ssl.SSLContext:
@@ -123,15 +95,3 @@ def _shake_hands(client: ssl.SSLContext, server: ssl.SSLContext) -> dict[str, An
             except ssl.SSLWantReadError:
                 continue
     return sides[1].getpeercert() or {}
-
-
-def _verdict(error: ssl.SSLCertVerificationError, tls: TlsFiles) -> str:
-    if error.verify_code == _EXPIRED:
-        return f"has expired: {_RENEW}"
-    if error.verify_code == _NOT_YET:
-        return "is not valid yet: compare the clocks of the machines"
-    if error.verify_code == _NO_SERVER:
-        return "is not that of a router"
-    if error.verify_code in _WRONG_NAME:
-        return f"is not for this address: {error.verify_message}"
-    return f"is not of the authority in {tls.ca} ({error.verify_message})"

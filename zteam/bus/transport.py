@@ -224,8 +224,7 @@ class RawPublisher(Closeable, Protocol):
     def put(self, content: bytes | Message) -> None:
         """Send without waiting: what finds no room is dropped. Raises EncodeError.
 
-        A message, and all that it holds, is not changed any more. Within one process it is not copied, and the caller
-        answers for its values (`messages/cdr.py`).
+        A message is the transport's from now on (`Publisher.put_owned`).
         """
 
 

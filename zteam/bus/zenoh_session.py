@@ -20,7 +20,7 @@ from zteam.bus.latched import LatchedSubscription, LatchedSubscriptions, Writer
 from zteam.bus.options import ROUTER_ANSWER
 from zteam.bus.queries import DeferredAnswers, make_answer
 from zteam.bus.sockets import LinkCount, limit_silence
-from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
+from zteam.bus.stamps import read_stamp, stamping_as
 from zteam.bus.transport import (
     TIMED_OUT,
     Closeable,
@@ -115,17 +115,14 @@ class Aside:
             work()
 
 
-def read_sample(sample: zenoh.Sample, clocks: ClockWatch | None) -> RawSample:
-    """A sample of Zenoh; without `clocks` it has neither time nor source."""
+def read_sample(sample: zenoh.Sample, stamped: bool = True) -> RawSample:
+    """A sample of Zenoh; unless `stamped` it has neither time nor source."""
     encoding = str(sample.encoding)
     if encoding == _BYTES:
         encoding = ""
     key, payload = str(sample.key_expr), sample.payload.to_bytes()
-    if clocks is None:
-        return RawSample(key, payload, encoding)
-    stamp, source, delay = read_stamp(str(sample.timestamp or ""))
-    clocks.look(source, delay)
-    return RawSample(key, payload, encoding, stamp, source, delay)
+    stamp = read_stamp(str(sample.timestamp or "")) if stamped else ()
+    return RawSample(key, payload, encoding, *stamp)
 
 
 def sample_callback(handle: Callable[[zenoh.Sample], None]) -> Any:
@@ -223,7 +220,7 @@ class ZenohPublisher(Declared):
 
 
 class TokenWatch(Declared):
-    """Tells a handler of tokens that are there, come or go. `take` and `look` are called on one thread."""
+    """Tells a handler of tokens that are there, come or go. `receive` and `look` are called on one thread."""
 
     def __init__(
         self, session: zenoh.Session, key_expr: str, handler: TokenHandler, declared: set[Declared], thread: Aside
@@ -235,12 +232,12 @@ class TokenWatch(Declared):
         """Those that were alive, and that the last look did not find."""
 
         def on_token(sample: zenoh.Sample) -> None:
-            self.take(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+            self.receive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         callback = thread.callback(on_token)
         super().__init__(session.liveliness().declare_subscriber(key_expr, callback, history=True), declared)
 
-    def take(self, key: str, alive: bool) -> None:
+    def receive(self, key: str, alive: bool) -> None:
         (self._alive.add if alive else self._alive.discard)(key)
         self._handler(key, alive)
 
@@ -259,7 +256,7 @@ class TokenWatch(Declared):
         missing = self._alive - there
         for key in sorted(missing & self._missing):
             log.debug("the end of %s was not told", key)
-            call(partial(self.take, alive=False), key)
+            call(partial(self.receive, alive=False), key)
         self._missing = missing
 
 
@@ -281,7 +278,7 @@ class ZenohTransport:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self.instance = str(session.zid())
-        self._stamp, self._clocks = stamping_as(self.instance), ClockWatch()
+        self._stamp = stamping_as(self.instance)
         self._declared: set[Declared] = set()
         self._ids: dict[str, object] = {}
         """Key expressions that are declared for the life of the session."""
@@ -349,8 +346,7 @@ class ZenohTransport:
         if latched:
             check_use("subscribe to", key_expr, self.closed)
             return self._latched.subscribe(key_expr, handler)
-        clocks = self._clocks if stamped else None
-        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, clocks)))
+        return self._subscribe(key_expr, lambda sample: handler(read_sample(sample, stamped)))
 
     def _subscribe(self, key_expr: str, handle: Callable[[zenoh.Sample], None]) -> Closeable:
         def declare() -> Any:
@@ -360,15 +356,15 @@ class ZenohTransport:
         return self._declare("subscribe to", key_expr, declare)
 
     def _subscribe_latched(self, key_expr: str, subscription: LatchedSubscription) -> Closeable:
-        def take(sample: zenoh.Sample) -> None:
-            raw = read_sample(sample, self._clocks)
-            subscription.take(raw, _writer_of(sample, raw))
+        def receive(sample: zenoh.Sample) -> None:
+            raw = read_sample(sample)
+            subscription.receive(raw, _writer_of(sample, raw))
 
         def on_token(token: zenoh.Sample) -> None:
             subscription.on_token(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
 
         tokens, callback = latched_tokens_key(key_expr), zenoh.handlers.Callback(on_token, indirect=False)
-        live = self._subscribe(key_expr, take)
+        live = self._subscribe(key_expr, receive)
         # After it: what is published from then on comes, what was published before is asked for.
         watch = self._declare(
             "subscribe to",
@@ -377,10 +373,10 @@ class ZenohTransport:
         )
         return Handle(watch.close, live.close)
 
-    def _ask_latched(self, token: str, take: Callable[[RawSample], object], end: Callable[[], object]) -> None:
+    def _ask_latched(self, token: str, receive: Callable[[RawSample], object], end: Callable[[], object]) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                take(read_sample(reply.ok, self._clocks))
+                receive(read_sample(reply.ok))
 
         try:
             self._session.get(
@@ -455,7 +451,7 @@ class ZenohTransport:
         Declared(limit_silence(self._session, seconds), self._declared)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        if self._links.take(event):
+        if self._links.count(event):
             self._tell_of_link(False)
         self._tell_of_link(bool(self._links.sessions))
 

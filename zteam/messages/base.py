@@ -27,30 +27,21 @@ Negative = Annotated[float, msgspec.Meta(lt=0.0)]
 class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """The table `base` of a robot in a team file, and `zteam-robot --base`: what holds instead of `base_info`.
 
-    None leaves a value as `base_info` tells it. Raises ValueError for an outline that no base can have.
+    Names and units are those of `Base`; None leaves a value as `base_info` tells it. Raises ValueError for an outline
+    that no base can have.
     """
 
     footprint: Annotated[tuple[Point2, ...], msgspec.Meta(min_length=3, max_length=1000)] | None = None
-    """Corners of the outline in `base_footprint`, metres."""
     max_vel_x: Positive | None = None
-    """m/s."""
     min_vel_x: Annotated[float, msgspec.Meta(le=0.0)] | None = None
-    """m/s; 0 = the base does not drive backwards."""
     max_vel_theta: Positive | None = None
-    """rad/s."""
     acc_lim_x: Positive | None = None
-    """m/s²; so is the next."""
     decel_lim_x: Negative | None = None
     acc_lim_theta: Positive | None = None
-    """rad/s²."""
     max_vel_y: Positive | None = None
-    """m/s, both ways; only an omni base drives sideways."""
     acc_lim_y: Positive | None = None
-    """m/s², both ways."""
     decel_lim_reverse: Positive | None = None
-    """m/s²: how hard it brakes when it drives backwards."""
     wheelbase: Positive | None = None
-    """Metres from axle to axle of a car."""
 
     def __post_init__(self) -> None:
         if self.footprint is not None and not _is_outline(self.footprint):

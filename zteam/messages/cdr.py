@@ -248,18 +248,6 @@ def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
     return values
 
 
-def _read_appended(source: _Source, name: str, field: _Field, default: Any, order: str) -> str:
-    """Lines that read a number which messages of older senders lack; the variable that holds it."""
-    _, place, (code, is_bool, _) = field
-    size, unpacker = _SIZES[code], source.name("S", struct.Struct(order + code))
-    source.add(f"{name}, q = {default!r}, p + ({len(_HEADER)} - p) % {size}")
-    source.add(f"if end - q >= {size}: {name}, = {unpacker}.unpack_from(buf, q); p = q + {size}")
-    if is_bool:
-        source.add(f"if {name} > 1: raise DecodeError('{place} is neither true nor false')")
-        source.add(f"{name} = {name} == 1")
-    return name
-
-
 def _read_text(source: _Source, value: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
@@ -305,12 +293,7 @@ def _reader(kind: Any, order: str) -> Callable[..., Any]:
     if kind is str:
         result = _read(source, [("str", "m", None)], order)["m"]
     else:
-        fields = _fields_of(kind, "m")
-        first = len(fields) - len(kind.appended)
-        values = _read(source, fields[:first], order)
-        defaults = kind.__struct_defaults__[-len(kind.appended) or len(fields) :]
-        for name, field, default in zip(kind.appended, fields[first:], defaults, strict=True):
-            values[field[1]] = _read_appended(source, name, field, default, order)
+        values = _read(source, _fields_of(kind, "m"), order)
         result = _build_expression(kind, "m", values, source)
     source.add(f"return {result}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")

@@ -25,8 +25,6 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
 
 _MAX_FLOAT32 = float(np.finfo(np.float32).max)
 
-_QUOTES = "put all fields into one pair of single quotes, e.g. '{linear: {x: 0.5}}'"
-
 
 def to_plain(value: Any) -> Any:
     """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None."""
@@ -95,7 +93,8 @@ def _read(kind: type[Message], text: str) -> Any:
         mark = getattr(error, "problem_mark", None)
         place = f" at character {mark.index + 1}" if mark is not None else ""
         told = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise UsageError(f"{text!r} is neither JSON nor YAML{place}: {told}; {_QUOTES}") from None
+        example = "put all fields into one pair of single quotes, e.g. '{linear: {x: 0.5}}'"
+        raise UsageError(f"{text!r} is neither JSON nor YAML{place}: {told}; {example}") from None
 
 
 def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None) -> M:
@@ -109,17 +108,9 @@ def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None
         raise UsageError(f"{where}: expected fields such as {{{', '.join(kind.__struct_fields__)}}}, got {plain!r}")
     unknown = [str(name) for name in plain if name not in kind.__struct_fields__]
     if unknown:
-        listed = f"its fields are {', '.join(kind.__struct_fields__)}"
-        raise UsageError(f"{where} has no field {unknown[0]!r}: {listed}{_slip(unknown[0])}")
+        raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(kind.__struct_fields__)}")
     hints = get_type_hints(kind, include_extras=True)
     return kind(**{name: _value(hints[name], item, f"{where}.{name}", now) for name, item in plain.items()})
-
-
-def _slip(name: str) -> str:
-    """What may have made `name` the name of a field."""
-    if ":" in name:
-        return "; a space has to follow each ':'"
-    return "; the decimal sign is a point, as in 0.5" if name.isdigit() else ""
 
 
 def _by_name(kind: type[Message], values: list[Any], where: str) -> dict[str, Any]:

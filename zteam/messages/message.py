@@ -57,8 +57,6 @@ class Message(msgspec.Struct, eq=False, gc=False):
     """
 
     ros_type: ClassVar[str] = ""
-    appended: ClassVar[tuple[str, ...]] = ()
-    """The last fields, of numbers, that messages of older senders lack: these have their defaults there."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -74,8 +74,6 @@ class RobotStatus(Message):
     (-1 = none). `goal_state` is one of NavigationState.
     """
 
-    appended: ClassVar[tuple[str, ...]] = ("is_stopped", "waits_for", "blocked_by", "goal_state")
-
     header: Header = msgspec.field(default_factory=Header)
     robot_id: int32 = 0
     is_ready: bool_ = False

@@ -170,10 +170,10 @@ class Participant:
         """Answer the tick that `begin` has returned, a robot with its command."""
         if command is None:
             self._answer = Done(tick.epoch, tick.tick)
-            self._done.hand_over(self._answer)
+            self._done.put_owned(self._answer)
         else:
             self._answer = Done(tick.epoch, tick.tick, True, command)
-            (self._done.hand_over if self.gives_away else self._done.put)(self._answer)
+            (self._done.put_owned if self.gives_away else self._done.put)(self._answer)
         self.state = TickState.ANSWERED
         self._inputs.append(self._begun - self._heard)
         self._acts.append(monotonic() - self._begun)
@@ -187,7 +187,7 @@ class Participant:
         return Lacking(self._lacks(tick) if tick is not None and self.state is TickState.OPEN else [])
 
     def _on_tick(self, tick: Tick) -> None:
-        if not self._node.speaks:
+        if not self._node.can_publish:
             # Another process may hold the name: it is heard again as soon as the name is won.
             return
         before, self.tick = self.tick, tick

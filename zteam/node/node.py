@@ -470,7 +470,7 @@ class Node(ProcessNode):
     def _has_inputs(self, tick: Tick) -> bool:
         self._messages.handle_due(self.part.stamp)
         # A message that was due may have ended the process.
-        return self.speaks and self._may_step and not self._inputs.lacking(tick)
+        return self.can_publish and self._may_step and not self._inputs.lacking(tick)
 
 
 def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:

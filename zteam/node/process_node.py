@@ -142,7 +142,7 @@ class ProcessNode:
         return self.stop.requested
 
     @property
-    def speaks(self) -> bool:
+    def can_publish(self) -> bool:
         """Whether it may act and answer under its name: it holds the name, is not being closed and has not failed."""
         return self.present and self._failure is None
 
@@ -269,7 +269,7 @@ class ProcessNode:
         order. An error of the step ends the process.
         """
         with self.lock:
-            if self._busy or not self.speaks:
+            if self._busy or not self.can_publish:
                 return
             self._busy = True
         try:
@@ -279,7 +279,7 @@ class ProcessNode:
                 result = act(given)
                 with self.lock:
                     # A process that is to stop answers no tick: chance would say what comes first, that or its end.
-                    if self.speaks and not self.stopping:
+                    if self.can_publish and not self.stopping:
                         end(given, result)
         except BaseException as error:
             self.fail(error)

@@ -210,7 +210,7 @@ class StatusReport:
 
     def say_again(self) -> None:
         """Publish the status at a moment of the host."""
-        if not self._node.speaks:
+        if not self._node.can_publish:
             # The word of a process that does not hold the name would count for the one that does.
             return
         # In lock-step its steps alone may tell anything new.

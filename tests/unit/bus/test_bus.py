@@ -52,26 +52,20 @@ def test_a_latched_key_beyond_the_limit_passes_over_older_values(
     assert heard == ["a", "b", "a", "b", "c"]
 
 
-def test_in_memory_a_message_that_is_put_stays_the_senders_own(hub: MemoryHub) -> None:
-    """Receivers, late subscribers of a latched key among them, get what its bytes say."""
-    heard: list[Float32] = []
-    hub.bus().subscribe("a", Float32, lambda _, message: heard.append(message))
-    publisher, sent = hub.bus().publisher("a", Float32, latched=True), Float32(0.1)
-    publisher.put(sent)
-    sent.data = 7.0
-    hub.bus().subscribe("a", Float32, lambda _, message: heard.append(message), latched=True)
-    assert [message.data for message in heard] == [np.float32(0.1)] * 2
-
-
-def test_in_memory_a_message_that_is_handed_over_is_not_copied(hub: MemoryHub) -> None:
-    """Its receivers get the sender's own."""
+def test_in_memory_a_message_is_copied_unless_it_is_given_away(hub: MemoryHub) -> None:
+    """Receivers, late subscribers of a latched key among them, get what the bytes of a message say that is put, and the
+    very message that its sender gives away."""
     heard: list[Float32] = []
     for _ in range(2):
         hub.bus().subscribe("a", Float32, lambda _, message: heard.append(message))
-    sent = Float32(0.5)
-    hub.bus().publisher("a", Float32).hand_over(sent)
-    assert len(heard) == 2
-    assert all(message is sent for message in heard)
+    publisher, sent, given = hub.bus().publisher("a", Float32, latched=True), Float32(0.1), Float32(0.5)
+    publisher.put(sent)
+    sent.data = 7.0
+    hub.bus().subscribe("a", Float32, lambda _, message: heard.append(message), latched=True)
+    assert [message.data for message in heard] == [np.float32(0.1)] * 3
+    publisher.put_owned(given)
+    assert len(heard) == 6
+    assert all(message is given for message in heard[3:])
 
 
 @pytest.mark.usefixtures("own_types")
@@ -95,14 +89,6 @@ def test_in_memory_a_type_that_was_defined_anew_is_decoded(hub: MemoryHub) -> No
     assert listener.counters.snapshot()["lamp"].received == 1
 
 
-def test_in_memory_a_message_gets_bytes_where_a_reader_asks(hub: MemoryHub) -> None:
-    """A subscriber of undecoded samples reads the same bytes as from another process."""
-    samples: list[RawSample] = []
-    hub.bus().subscribe_raw("a", samples.append)
-    hub.bus().publisher("a", Bool).put(Bool(True))
-    assert samples[0].payload == encode(Bool(True))
-
-
 def test_in_memory_a_number_that_is_not_finite_is_dropped_by_each_receiver(hub: MemoryHub) -> None:
     """The sender learns nothing of it; the receiver counts it with the reason that it would have had for the bytes."""
     receiver, heard = hub.bus(), []
@@ -113,19 +99,6 @@ def test_in_memory_a_number_that_is_not_finite_is_dropped_by_each_receiver(hub: 
     assert count.last_drop_reason == "a number is not finite"
 
 
-def test_subscribers_may_come_and_go_between_two_messages(hub: MemoryHub) -> None:
-    """A publisher in memory notices it at the next message."""
-    publisher, heard = hub.bus().publisher("a", Bool), []
-    for count in (0, 1, 0, 2):
-        handles = [hub.bus().subscribe("*", Bool, lambda key, _: heard.append(key)) for _ in range(count)]
-        assert publisher.has_subscribers == bool(count)
-        publisher.put(Bool(True))
-        assert heard == ["a"] * count
-        heard.clear()
-        for handle in handles:
-            handle.close()
-
-
 def test_the_largest_map_is_small_enough() -> None:
     """What a simulator publishes is not refused for its size."""
     largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
@@ -133,9 +106,8 @@ def test_the_largest_map_is_small_enough() -> None:
 
 
 def test_a_message_of_another_type_is_refused(hub: MemoryHub) -> None:
-    """Put refuses what is no message of the publisher's type: it names the key and both types."""
+    """Put refuses what is no message of the publisher's type."""
     publisher = hub.bus().publisher("robot_0/seen", Bool)
-    for wrong, shown in ((MapMetaData(), "MapMetaData"), (True, "bool"), (None, "NoneType")):
-        with pytest.raises(UsageError) as caught:
+    for wrong in (MapMetaData(), True, None):
+        with pytest.raises(UsageError, match="robot_0/seen carries Bool"):
             publisher.put(wrong)  # type: ignore[arg-type]
-        assert str(caught.value) == f"robot_0/seen carries Bool: put was given a {shown}"

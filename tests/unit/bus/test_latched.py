@@ -5,14 +5,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-import zenoh
 
 from support.limits import LIMIT
-from support.transports import Inbox, RouterProcess, wait_until_true, zenoh_sessions
-from zteam.bus import NoRequest, latched
+from support.transports import Inbox
+from zteam.bus import latched
 from zteam.bus.latched import LatchedSubscriptions
 from zteam.bus.transport import Handle, RawSample
-from zteam.messages import Done
 
 WRITER = ("map", "f1", "7")
 TOKEN = "map/@adv/pub/f1/7/_"
@@ -75,29 +73,23 @@ def test_the_last_reader_closes_the_subscription() -> None:
 
 
 def test_what_does_not_fit_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A late reader gets a message that is too large to be kept from its publisher; the others do not get it twice."""
-    monkeypatch.setattr(latched, "KEPT_BYTES", 9)
-    desk = Desk()
-    early = desk.read()
-    desk.open["map"].on_token(TOKEN, True)
-    desk.answer(5)
-    late = desk.read()
-    assert late.items == []
-    desk.answer(5)
-    assert early.items == late.items == [5]
-
-
-def test_what_fits_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Room is counted: what goes makes room for what comes."""
+    """A late reader gets a message that is too large to be kept from its publisher; the others do not get it twice.
+    Room is counted: what goes makes room for what comes."""
     monkeypatch.setattr(latched, "KEPT_BYTES", 10)
     desk = Desk()
-    desk.read()
-    for timestamp in (5, 6, 7):
+    for timestamp in (5, 6):
+        early = desk.read()
         desk.open["map"].on_token(TOKEN, True)
         desk.answer(timestamp)
-        desk.open["map"].take(sample(timestamp), WRITER)
         assert desk.read().items == [timestamp]
         desk.open["map"].on_token(TOKEN, False)
+    monkeypatch.setattr(latched, "KEPT_BYTES", 9)
+    desk.open["map"].on_token(TOKEN, True)
+    desk.answer(7)
+    late = desk.read()
+    assert late.items == []
+    desk.answer(7)
+    assert (early.items, late.items) == ([6, 7], [7])
 
 
 def test_a_publisher_that_comes_back_is_asked_again() -> None:
@@ -115,28 +107,23 @@ def test_a_publisher_that_comes_back_is_asked_again() -> None:
     assert early.items == late.items == [5]
 
 
-def test_nothing_older_comes_after_something_newer() -> None:
-    """An answer that comes after a newer message is left out; a message without a time stamp never is."""
+@pytest.mark.parametrize(
+    ("first", "answer", "heard", "kept"),
+    [(sample(6), 5, [6, 0, 0], 6), (RawSample("map", b"", "", 10**6, "f1", -3600.0), 6, [10**6, 6, 0, 0], 6)],
+    ids=["an older one", "after one that is ahead"],
+)
+def test_nothing_older_comes_after_something_newer(first: RawSample, answer: int, heard: list[int], kept: int) -> None:
+    """An answer that comes after a newer message is left out; a message without a time stamp never is. One whose stamp
+    is far ahead hides nothing."""
     desk = Desk()
     reader = desk.read()
     desk.open["map"].on_token(TOKEN, True)
-    desk.open["map"].take(sample(6), WRITER)
-    desk.answer(5)
+    desk.open["map"].receive(first, WRITER)
+    desk.answer(answer)
     for _ in range(2):
-        desk.open["map"].take(sample(0), WRITER)
-    assert reader.items == [6, 0, 0]
-    assert desk.read().items == [6]
-
-
-def test_a_stamp_that_is_ahead_silences_no_publisher() -> None:
-    """A message with a far stamp and the id of another session does not hide what that session publishes next."""
-    desk = Desk()
-    reader = desk.read()
-    desk.open["map"].on_token(TOKEN, True)
-    desk.open["map"].take(RawSample("map", b"", "", 10**6, "f1", -3600.0), WRITER)
-    desk.open["map"].take(sample(6), WRITER)
-    assert reader.items == [10**6, 6]
-    assert desk.read().items == [6]
+        desk.open["map"].receive(sample(0), WRITER)
+    assert reader.items == heard
+    assert desk.read().items == [kept]
 
 
 def test_publishers_without_number_are_not_asked() -> None:
@@ -159,10 +146,10 @@ def test_a_message_that_comes_while_another_is_handled_waits() -> None:
         handled(sample.timestamp, threading.current_thread().name)
 
     desk.all.subscribe("map", handle)
-    slow = threading.Thread(target=desk.open["map"].take, args=(sample(1), WRITER), name="slow")
+    slow = threading.Thread(target=desk.open["map"].receive, args=(sample(1), WRITER), name="slow")
     slow.start()
     assert begun.wait(LIMIT)
-    desk.open["map"].take(sample(2), WRITER)
+    desk.open["map"].receive(sample(2), WRITER)
     assert handled.items == []
     may_end.set()
     slow.join(LIMIT)
@@ -180,34 +167,6 @@ def test_an_interrupted_handler_is_called_again() -> None:
 
     desk.all.subscribe("map", handle)
     with pytest.raises(KeyboardInterrupt):
-        desk.open["map"].take(sample(1), WRITER)
-    desk.open["map"].take(sample(2), WRITER)
+        desk.open["map"].receive(sample(1), WRITER)
+    desk.open["map"].receive(sample(2), WRITER)
     assert handled.items == [2]
-
-
-@pytest.fixture
-def endpoint() -> Any:
-    """A router's."""
-    router = RouterProcess()
-    yield router.endpoint
-    router.kill()
-
-
-def test_a_new_publisher_is_asked_once_by_a_session(endpoint: str) -> None:
-    """Whatever the session has opened and closed before, and however many readers it has."""
-    with zenoh_sessions(endpoint) as sessions:
-        sender, reading, inbox, asked = sessions(), sessions(), Inbox(), list[str]()
-        for _ in range(20):
-            reading.subscribe("map", Done, Inbox(), latched=True).close()
-        for _ in range(2):
-            reading.subscribe("map", Done, lambda _, message: inbox(message.tick), latched=True)
-        sender.serve("sender/sync", NoRequest, lambda _: NoRequest())
-        callback = zenoh.handlers.Callback(lambda query: asked.append(str(query.key_expr)), indirect=False)
-        beside = sender.transport._session.declare_queryable("map/@adv/**", callback)
-        wait_until_true(lambda: bool(reading.query("sender/sync", NoRequest)))
-        sender.publisher("map", Done, latched=True).put(Done(tick=1))
-        assert inbox.wait_count(2) == [1, 1]
-        # Behind all questions.
-        reading.query("sender/sync", NoRequest)
-        assert len(asked) == 1
-        beside.undeclare()

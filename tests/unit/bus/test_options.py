@@ -1,20 +1,16 @@
 """The connection options that the environment gives: certificates."""
 
-import os
 from pathlib import Path
 
 import pytest
-import zenoh
 
 from zteam.bus import connect
 from zteam.bus.options import (
-    RUNTIME_VARIABLE,
     TLS_VARIABLES,
     BusOptions,
     RouterOptions,
     TlsFiles,
     client_config,
-    open_session,
     router_config,
 )
 from zteam.errors import BusError, UsageError
@@ -51,32 +47,15 @@ def test_some_of_the_variables_are_a_mistake(files: TlsFiles, monkeypatch: pytes
     assert BusOptions.from_environment() == BusOptions()
 
 
-def test_a_file_that_cannot_be_read_is_named(files: TlsFiles) -> None:
-    """With its variable."""
+def test_a_client_with_certificates_refuses_what_cannot_be(files: TlsFiles) -> None:
+    """Another protocol, to which Zenoh would only not find the router, and a file that cannot be read, with its
+    variable."""
+    for endpoint in ("tcp/10.0.0.1:7447", "quic/10.0.0.1:7447"):
+        with pytest.raises(UsageError, match=r"with ZTEAM_TLS_CA it must be tls/10\.0\.0\.1:7447"):
+            client_config(BusOptions(connect=endpoint, tls=files))
     Path(files.key).unlink()
     with pytest.raises(UsageError, match=r"ZTEAM_TLS_KEY .*a\.key: No such file"):
         client_config(BusOptions.from_environment())
-
-
-@pytest.mark.parametrize("endpoint", ["tcp/10.0.0.1:7447", "quic/10.0.0.1:7447"])
-def test_another_protocol_is_a_mistake(files: TlsFiles, endpoint: str) -> None:
-    """Zenoh would only not find the router."""
-    with pytest.raises(UsageError, match=r"with ZTEAM_TLS_CA it must be tls/10\.0\.0\.1:7447"):
-        client_config(BusOptions(connect=endpoint, tls=files))
-
-
-def test_two_threads_may_open_sessions_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each sets the runtime of the process and takes it back: the one that finds it taken back has no error."""
-    monkeypatch.delenv(RUNTIME_VARIABLE, raising=False)
-    config, really_open = client_config(BusOptions()), zenoh.open
-
-    def opened(given: zenoh.Config) -> object:
-        # The other thread's end comes while this one opens. A thread of an earlier test may open sessions too.
-        return os.environ.pop(RUNTIME_VARIABLE) if given is config else really_open(given)
-
-    monkeypatch.setattr("zenoh.open", opened)
-    assert open_session(config, "usual")
-    assert RUNTIME_VARIABLE not in os.environ
 
 
 def test_a_process_may_give_up_without_a_router(monkeypatch: pytest.MonkeyPatch) -> None:

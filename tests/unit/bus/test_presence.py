@@ -63,10 +63,14 @@ def test_a_holder_is_found_whose_token_comes_late(hub: MemoryHub, monkeypatch: p
     holder.release()
 
 
-def test_a_rival_between_the_look_and_the_own_token_is_met(hub: MemoryHub) -> None:
+@pytest.mark.parametrize("failures", [0, 2])
+def test_a_rival_between_the_look_and_the_own_token_is_met(
+    hub: MemoryHub, failures: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A token that comes after the claim has looked, and before its own token is there, is seen: the later one gives
-    way."""
-    rival, meeting = Rival(hub, start=1), Meeting()
+    way. A rival that fails to answer is asked again, so there are no two holders."""
+    monkeypatch.setattr(module, "ASK_AGAIN", 0.01)
+    rival, meeting = Rival(hub, start=1, failures=failures), Meeting()
     claim = Claim(hub.bus(), NAME)
     claim.win(meeting, on_win=rival.show)
     meeting.wait()
@@ -74,7 +78,6 @@ def test_a_rival_between_the_look_and_the_own_token_is_met(hub: MemoryHub) -> No
     claim.release()
 
 
-@pytest.mark.gate
 def test_the_older_one_of_two_holders_stays(hub: MemoryHub) -> None:
     """A rival that started later is met and asked, and the claim does not give way."""
     answered = threading.Event()
@@ -88,31 +91,6 @@ def test_the_older_one_of_two_holders_stays(hub: MemoryHub) -> None:
             thread.join(LIMIT)
     assert meeting.rivals == []
     claim.release()
-
-
-def test_a_rival_that_fails_to_answer_is_asked_again(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error instead of an answer leaves no two holders: the rival is asked until it answers."""
-    monkeypatch.setattr(module, "ASK_AGAIN", 0.01, raising=False)
-    rival, meeting = Rival(hub, start=1, failures=2), Meeting()
-    claim = Claim(hub.bus(), NAME)
-    claim.win(meeting)
-    rival.show()
-    meeting.wait()
-    assert [info.instance for info in meeting.rivals] == [rival.bus.instance]
-    claim.release()
-
-
-def test_a_silent_rival_is_forgotten_with_its_token(hub: MemoryHub) -> None:
-    """Asking ends when the claim is released, so that no thread is left behind."""
-    rival = Rival(hub, start=1, failures=10**6)
-    claim = Claim(hub.bus(), NAME)
-    claim.win(Meeting())
-    rival.show()
-    claim.release()
-    for thread in threading.enumerate():
-        if thread.name == "rival":
-            thread.join(LIMIT)
-            assert not thread.is_alive()
 
 
 @pytest.mark.gate

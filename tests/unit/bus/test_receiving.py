@@ -16,30 +16,22 @@ def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return time
 
 
-def test_a_drop_has_an_age_and_a_reason(now: list[float]) -> None:
-    """The age grows with host time, and good messages do not change it."""
-    found = Counters()
-    found.drop("a", "broken")
-    found.of("a").received += 1
-    now[0] += 61.5
-    assert found.snapshot() == {"a": KeyCount(1, 1, 61.5, "broken")}
-
-
 def test_the_last_drop_counts(now: list[float]) -> None:
-    """A further drop replaces age and reason of its key, and of no other."""
+    """With its age and reason, of its key alone; good messages do not change it, and without a drop there is none. A
+    reason that repeats what a sender wrote is cut."""
     found = Counters()
     found.drop("a", "broken")
-    found.drop("b", "too large")
-    now[0] += 10.0
-    found.drop("a", "wrong type")
-    assert found.snapshot() == {"a": KeyCount(0, 2, 0.0, "wrong type"), "b": KeyCount(0, 1, 10.0, "too large")}
-
-
-def test_without_a_drop_there_is_no_age() -> None:
-    """A key with good messages only has neither age nor reason."""
-    found = Counters()
+    found.drop("b", "x" * 10_000)
     found.of("a").received += 1
-    assert found.snapshot() == {"a": KeyCount(1, 0, None, "")}
+    found.of("c").received += 1
+    now[0] += 10.0
+    assert found.snapshot()["a"] == KeyCount(1, 1, 10.0, "broken")
+    found.drop("a", "wrong type")
+    assert found.snapshot() == {
+        "a": KeyCount(1, 2, 0.0, "wrong type"),
+        "b": KeyCount(0, 1, 10.0, "x" * 300),
+        "c": KeyCount(1, 0, None, ""),
+    }
 
 
 def test_drops_beyond_the_bound_of_keys_are_told_together(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,13 +47,6 @@ def test_drops_beyond_the_bound_of_keys_are_told_together(now: list[float], monk
     assert set(found.snapshot()) == {"a", OTHER}
 
 
-def test_a_long_reason_is_cut() -> None:
-    """A reason that repeats what a sender wrote does not fill the memory of its receivers."""
-    found = Counters()
-    found.drop("a", "x" * 10_000)
-    assert len(found.snapshot()["a"].last_drop_reason) == 300
-
-
 def test_a_cause_that_stays_is_warned_about_ever_less_often(now: list[float], caplog: pytest.LogCaptureFixture) -> None:
     """Ten messages a second for five minutes make ten warnings, not three hundred; a new reason is told at once."""
     found = Counters()
@@ -75,16 +60,11 @@ def test_a_cause_that_stays_is_warned_about_ever_less_often(now: list[float], ca
     assert told == [0.0, 1.0, 3.0, 7.0, 15.0, 31.0, 63.0, 123.0, 183.0, 243.0]
     found.drop("a", "wrong type")
     assert "wrong type (3001 so far)" in caplog.text
-
-
-def test_a_cause_that_returns_after_a_minute_is_warned_about_at_once(
-    now: list[float], caplog: pytest.LogCaptureFixture
-) -> None:
-    """The pauses begin anew."""
-    found = Counters()
-    for now[0] in (0.0, 1.5, 2.0, 62.0, 63.0, 63.5):
+    # After a minute without drops the pauses begin anew.
+    caplog.clear()
+    for now[0] in (1000.0, 1000.5, 1001.5, 1062.0, 1063.0):
         found.drop("a", "no such robot")
-    assert [record.args[-1] for record in caplog.records if isinstance(record.args, tuple)] == [1, 2, 4, 5]
+    assert [record.args[-1] for record in caplog.records if isinstance(record.args, tuple)] == [3002, 3004, 3005, 3006]
 
 
 def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.LogCaptureFixture) -> None:

@@ -18,41 +18,29 @@ import zenoh
 
 from support.certificates import Authority
 from support.limits import LIMIT
-from support.transports import RouterProcess, wait_until_true
+from support.transports import wait_until_true
 from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus import router as routers
-from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session, router_config
+from zteam.bus.options import RELEASE, Owner, RouterOptions, client_config, host_port, open_session, port_accepts
 from zteam.bus.router import PortInUseError, ReleaseRequest, Router, find_local_routers, open_team_router, read_admin
 from zteam.names import token_key
 
 
-def test_a_router_is_found_as_long_as_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its endpoint is the one at which it listens; what a killed one has left behind is removed."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    router = RouterProcess()
-    try:
-        assert router.endpoint in find_local_routers()
-    finally:
-        router.kill()
-    assert router.endpoint not in find_local_routers()
-    assert not list((tmp_path / "zteam").iterdir())
-
-
-@pytest.mark.parametrize("folder", ["missing", "closed"])
-def test_a_router_works_without_a_folder_for_its_state(
-    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It makes one while it runs if it can, else it is found by its endpoint only."""
+@pytest.mark.parametrize("folder", ["there", "missing", "closed"])
+def test_a_router_is_found_as_long_as_it_runs(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the endpoint at which it listens; what a killed one has left behind is removed. Without a folder for its state
+    it makes one if it can, else it works all the same."""
+    (tmp_path / "there").mkdir()
     (tmp_path / "closed").write_text("no folder")
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / folder / "below"))
-    router = Router(RouterOptions(("tcp/127.0.0.1:0",)))
-    try:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / folder))
+    with closing(Router(RouterOptions(("tcp/127.0.0.1:0",)))) as router:
         connect(BusOptions(connect=router.endpoint), patience=LIMIT).close()
-        assert find_local_routers() == ([router.endpoint] if folder == "missing" else [])
-    finally:
-        router.close()
+        assert find_local_routers() == ([] if folder == "closed" else [router.endpoint])
+        if folder != "closed":
+            (tmp_path / folder / "zteam" / "router-1.endpoint").write_text("tcp/127.0.0.1:1")
+            assert find_local_routers() == [router.endpoint]
     assert find_local_routers() == []
-    assert [path.name for path in tmp_path.iterdir()] == ["closed"]
+    assert not list(tmp_path.glob("*/*/router-*"))
 
 
 def _session(router: Router, namespace: str | None = None) -> Bus:
@@ -219,21 +207,18 @@ def test_a_team_gets_the_port_from_a_router_without_a_team(name: str, is_team: b
             assert client.instance in sessions_at(router.endpoint)
 
 
-@pytest.mark.gate
-def test_another_programs_port_is_not_taken() -> None:
-    """The team's router takes another one."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+@pytest.mark.parametrize("holder", ["a program", "a router that was started by hand"])
+def test_another_programs_port_is_not_taken(holder: str) -> None:
+    """The team's router takes another one, and what has the port stays, though nobody uses it."""
+    with ExitStack() as ends:
+        if holder == "a program":
+            server = ends.enter_context(socket.create_server(("127.0.0.1", 0)))
+            endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        else:
+            endpoint = ends.enter_context(closing(Router(RouterOptions(("tcp/127.0.0.1:0",))))).endpoint
         with closing(open_team_router(RouterOptions((endpoint,)))) as team:
             assert team.endpoint != endpoint
-
-
-def test_a_router_that_is_not_on_demand_keeps_its_port() -> None:
-    """Somebody started it, and it stays, though nobody uses it."""
-    with closing(Router(RouterOptions(("tcp/127.0.0.1:0",)))) as router:
-        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
-            assert team.endpoint != router.endpoint
-        assert read_admin(BusOptions(connect=router.endpoint)) is not None
+        assert port_accepts(endpoint)
 
 
 @pytest.mark.parametrize("is_idle", [True, False])
@@ -242,7 +227,8 @@ def test_a_secure_team_gets_the_port_only_where_no_client_is(is_idle: bool, tmp_
     tls = Authority(tmp_path).issue("router", server=True)
     with on_demand() as router, ExitStack() as stack:
         if not is_idle:
-            stack.enter_context(closing(_session(router)))
+            client = stack.enter_context(closing(_session(router)))
+            wait_until_true(lambda: client.instance in sessions_at(router.endpoint))
         endpoint = router.endpoint.replace("tcp/", "tls/")
         with closing(open_team_router(RouterOptions((endpoint,), tls=tls))) as team:
             assert (team.endpoint == endpoint) is is_idle
@@ -268,83 +254,35 @@ def test_of_two_teams_at_once_one_gets_the_port() -> None:
                 team.close()
 
 
-def test_a_port_that_a_client_was_quicker_to_take_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clients of the router that ends start the next one on demand, which gives the port up too."""
-    with ExitStack() as stack:
-        router = stack.enter_context(on_demand())
-        client = stack.enter_context(closing(_session(router)))
-        tries = count()
-
-        def open_late(options: RouterOptions) -> Router:
-            if next(tries) == 0:
-                monkeypatch.undo()
-                stack.enter_context(on_demand(router.endpoint))
-                monkeypatch.setattr(routers, "Router", open_late)
-            return Router(options)
-
-        monkeypatch.setattr(routers, "Router", open_late)
-        with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
-            assert (team.endpoint, next(tries)) == (router.endpoint, 2)
-            wait_until_true(lambda: client.instance in sessions_at(team.endpoint))
+_REQUEST = ReleaseRequest(Owner.of_this_process(), "0", secure=False)
+_LONG = msgspec.structs.replace(_REQUEST, session="0" * 200)
+_FOREIGN = msgspec.structs.replace(_REQUEST, owner=Owner(uid=12345, pid_namespace=_REQUEST.owner.pid_namespace))
 
 
-def test_a_router_on_demand_that_has_just_begun_is_asked_until_it_answers() -> None:
-    """It listens before it can be asked."""
-    begun = open_session(router_config(RouterOptions(("tcp/127.0.0.1:0",), idle_exit=LIMIT)), "router")
-    record = routers.read_record(begun, str(begun.zid()))
-    assert record is not None
-    (endpoint,) = record.locators
-    opened: list[Router] = []
-    thread = threading.Thread(target=lambda: opened.append(open_team_router(RouterOptions((endpoint,)))))
-    thread.start()
-    wait_until_true(lambda: bool(begun.info.transports()))
-    answered = threading.Event()
-
-    def give_up(query: zenoh.Query) -> None:
-        with query:
-            query.reply(RELEASE, b"[]")
-        answered.set()
-
-    begun.declare_queryable(RELEASE, give_up)
-    assert answered.wait(LIMIT)
-    wait_until_true(lambda: not begun.info.transports())
-    begun.close()  # type: ignore[no-untyped-call]
-    thread.join(LIMIT)
-    with closing(opened[0]) as team:
-        assert team.endpoint == endpoint
-
-
-@pytest.mark.parametrize("nonsense", [b"", b"7", b'{"uid": 0}', b'{"uid": "0", "session": "\xff", "secure": 1}'])
-def test_nonsense_ends_no_router(nonsense: bytes, caplog: pytest.LogCaptureFixture) -> None:
-    """Neither the one that is asked for its port, which logs why, nor the one that asks."""
-    caplog.set_level(logging.DEBUG, "zteam.router")
+@pytest.mark.parametrize(
+    "request_",
+    [b"", b"7", b'{"uid": "0", "session": "\xff", "secure": 1}', *map(msgspec.json.encode, (_LONG, _FOREIGN))],
+)
+def test_a_router_keeps_its_port_from_nonsense_and_from_other_users(
+    request_: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither what cannot be read nor what is too long ends it; a team that is answered nonsense goes on, too."""
     with on_demand() as router, closing(_session(router)) as client, ExitStack() as ends:
         config = client_config(BusOptions(connect=router.endpoint))
         stranger = ends.enter_context(open_session(config, "usual"))
+        with monkeypatch.context() as patched:
+            patched.setattr(routers, "_MOST", len(msgspec.json.encode(_FOREIGN)))
+            (reply,) = stranger.get(RELEASE, payload=request_)
+        assert reply.ok is not None and reply.ok.payload.to_bytes() == b"null"
+        assert client.instance in sessions_at(router.endpoint)
 
         def answer(query: zenoh.Query) -> None:
             with query:
-                query.reply(RELEASE, nonsense)
+                query.reply(RELEASE, request_)
 
         ends.callback(stranger.declare_queryable(RELEASE, answer).undeclare)
-        list(stranger.get(RELEASE, payload=nonsense))
-        assert any(line.startswith("question for the port: ") for line in caplog.messages)
-        assert client.instance in sessions_at(router.endpoint)
         with closing(open_team_router(RouterOptions((router.endpoint,)))) as team:
             assert read_admin(BusOptions(connect=team.endpoint)) is not None
-
-
-def test_what_is_too_long_is_not_read(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    """A question for the port and a router's record have a bound, as all that others send."""
-    caplog.set_level(logging.DEBUG, "zteam.router")
-    request = ReleaseRequest(Owner.of_this_process(), "0", secure=False)
-    with on_demand() as router, open_session(client_config(BusOptions(connect=router.endpoint)), "usual") as stranger:
-        monkeypatch.setattr(routers, "_MOST", 50)
-        (reply,) = stranger.get(RELEASE, payload=msgspec.json.encode(request))
-        assert reply.ok is not None and reply.ok.payload.to_bytes() == b"null"
-        assert read_admin(BusOptions(connect=router.endpoint)) is None
-    question, record = (line.partition(": ")[0] for line in caplog.messages if "bytes are more than 50" in line)
-    assert (question, record) == ("question for the port", "admin space")
 
 
 def test_a_teams_router_that_returns_gets_its_port_back() -> None:

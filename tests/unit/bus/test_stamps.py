@@ -2,9 +2,7 @@
 
 import pytest
 
-from support.log_capture import captured_log
-from zteam.bus.stamps import ClockWatch, read_stamp, stamping_as
-from zteam.clock import APART
+from zteam.bus.stamps import read_stamp, stamping_as
 
 
 @pytest.mark.parametrize("session", ["955b777d3b85846280c89ce442bac183", "a5b777d3b85846280c89ce442bac183", "7"])
@@ -25,13 +23,3 @@ def test_each_stamp_is_later_than_the_one_before() -> None:
 def test_a_sample_without_a_stamp_has_no_session() -> None:
     """Plain Zenoh clients make none."""
     assert read_stamp("") == (0, "", 0.0)
-
-
-def test_a_clock_that_is_ahead_is_told_once() -> None:
-    """Neither a slow link nor a small difference is taken for one, and further sessions of the host add no line."""
-    watch = ClockWatch()
-    with captured_log() as heard:
-        for session, delay in (("slow", 2.0), ("near", -0.5 * APART), ("a", -1.0), ("a", -1.0), ("b", -1.0)):
-            watch.look(session, delay)
-    text = "the clock of session a is 1.00 s ahead of this process's: 'zteam doctor' compares the hosts"
-    assert heard.lines == [text]

@@ -21,19 +21,14 @@ CART = BaseInfo(
 )
 
 
-def test_the_sizes_are_those_of_the_outline() -> None:
-    """The half width is the largest distance to a side, the radius that to a corner."""
-    base = base_of(CART)
-    assert base.half_width == 0.2
-    assert base.radius == math.hypot(0.45, 0.1)
-
-
 def test_a_message_tells_all() -> None:
-    """After the wire's float32 a footprint has the metres that its publisher wrote; every limit is taken."""
+    """After the wire's float32 a footprint has the metres that its publisher wrote; every limit is taken. The half
+    width is the largest distance to a side, the radius that to a corner."""
     base = base_of(decode(BaseInfo, encode(CART)))
     assert base.footprint == ((-0.3, -0.2), (0.45, -0.1), (0.45, 0.1), (-0.3, 0.2))
     assert (base.model, base.drive, base.max_vel_x, base.min_vel_x) == ("cart", "omni", 0.8, 0.0)
     assert (base.max_vel_theta, base.acc_lim_x, base.decel_lim_x, base.acc_lim_theta) == (1.2, 0.5, -2.0, 3.0)
+    assert (base.half_width, base.radius) == (0.2, math.hypot(0.45, 0.1))
 
 
 @pytest.mark.parametrize(
@@ -52,21 +47,14 @@ def test_what_is_no_outline_leaves_the_default(footprint: list[Point32]) -> None
     assert base_of(BaseInfo(footprint=Polygon(footprint))).footprint == DEFAULT_BASE.footprint
 
 
-@pytest.mark.parametrize("value", [0.0, math.nan])
-def test_a_limit_that_is_not_told_is_the_default(value: float) -> None:
-    """A base that fills in its footprint alone can drive, as fast as an erratic but not backwards."""
-    base = base_of(BaseInfo(max_vel_x=value, max_vel_theta=value, acc_lim_x=value, decel_lim_x=value))
-    assert (base.max_vel_x, base.max_vel_theta, base.drive) == (1.0, math.pi, "diff")
-    assert (base.acc_lim_x, base.decel_lim_x) == (math.inf, -math.inf)
-    assert base.min_vel_x == 0.0
-
-
 @pytest.mark.parametrize("value", [5e-324, -5e-324, 0.0, math.nan])
 def test_a_limit_that_no_base_has_is_as_by_default(value: float) -> None:
-    """With a speed or an acceleration of next to nothing a robot could not compute."""
-    told = base_of(BaseInfo(max_vel_x=value, max_vel_theta=value, acc_lim_theta=value, decel_lim_x=value))
-    expected = DEFAULT_BASE.max_vel_x, DEFAULT_BASE.max_vel_theta, DEFAULT_BASE.acc_lim_theta, DEFAULT_BASE.decel_lim_x
-    assert (told.max_vel_x, told.max_vel_theta, told.acc_lim_theta, told.decel_lim_x) == expected
+    """A base that fills in its footprint alone can drive, as fast as an erratic but not backwards; with a speed or an
+    acceleration of next to nothing a robot could not compute."""
+    limits = dict.fromkeys(("max_vel_x", "max_vel_theta", "acc_lim_x", "acc_lim_theta", "decel_lim_x"), value)
+    told = base_of(BaseInfo(**limits))
+    assert {name: getattr(told, name) for name in limits} == {name: getattr(DEFAULT_BASE, name) for name in limits}
+    assert (told.drive, told.min_vel_x) == ("diff", 0.0)
 
 
 def test_an_override_holds_for_what_it_sets() -> None:

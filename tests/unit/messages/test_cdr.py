@@ -1,9 +1,7 @@
 """The codec's edges: header, padding, what may not be a message."""
 
 import math
-from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -34,17 +32,13 @@ def test_a_twist_has_the_bytes_ros2_gives_it() -> None:
     assert np.frombuffer(payload, "<f8", offset=4).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 
-@pytest.mark.parametrize("padding", [0, 1, 2, 3])
-def test_up_to_three_bytes_of_padding_are_taken(padding: int) -> None:
-    """Writers may pad a payload to a multiple of four, with any option bytes in the header."""
-    payload = b"\0\1\xab\xcd" + encode(Bool(True))[4:] + bytes(padding)
-    assert decode(Bool, payload) == Bool(True)
-
-
-def test_more_than_padding_is_garbage() -> None:
-    """A payload that goes on behind the message is no such message."""
+def test_up_to_three_bytes_of_padding_are_taken() -> None:
+    """Writers may pad a payload to a multiple of four, with any option bytes in the header; more is garbage."""
+    payload = b"\0\1\xab\xcd" + encode(Bool(True))[4:]
+    for padding in range(4):
+        assert decode(Bool, payload + bytes(padding)) == Bool(True)
     with pytest.raises(DecodeError, match="4 bytes of garbage"):
-        decode(Bool, encode(Bool(True)) + bytes(4))
+        decode(Bool, payload + bytes(4))
 
 
 @pytest.mark.parametrize("header", [b"\0\2\0\0", b"\1\1\0\0", b"{}  ", b"\0\7\0\0"])
@@ -73,42 +67,23 @@ def test_ranges_may_be_infinite() -> None:
     assert decode(Range, encode(Range(range=math.inf))).range == math.inf
 
 
-def test_an_empty_text_without_its_nul_is_taken() -> None:
-    """Some writers send the empty text as length 0."""
+def test_a_text_needs_its_nul() -> None:
+    """And UTF-8, and no more bytes than there are. Some writers send the empty text as length 0."""
     assert decode(String, b"\0\1\0\0" + bytes(4)) == String("")
-
-
-@pytest.mark.parametrize(
-    "body",
-    [b"\2\0\0\0ab", b"\2\0\0\0\xff\0", b"\xff\xff\xff\xffab", b"\3\0\0\0a\0"],
-    ids=["nul", "utf8", "long", "cut"],
-)
-def test_broken_texts_are_refused(body: bytes) -> None:
-    """A text needs its NUL, UTF-8, and no more bytes than there are."""
-    with pytest.raises(DecodeError):
-        decode(String, b"\0\1\0\0" + body)
+    for body in (b"\2\0\0\0ab", b"\2\0\0\0\xff\0", b"\xff\xff\xff\xffab", b"\3\0\0\0a\0"):
+        with pytest.raises(DecodeError):
+            decode(String, b"\0\1\0\0" + body)
 
 
 def test_a_bool_is_zero_or_one() -> None:
-    """Any other byte is no truth value."""
+    """numpy's truth values are encoded like Python's own; anything else is none, neither in bytes nor in a message."""
+    for true in (True, np.True_, 1):
+        assert encode(Bool(true)) == encode(Bool(True))
     with pytest.raises(DecodeError, match="neither true nor false"):
         decode(Bool, b"\0\1\0\0\2")
-
-
-@pytest.mark.parametrize("padding", [0, 1, 2, 3])
-@pytest.mark.parametrize("text", ["", "a", "ab", "abc"])
-def test_an_older_robots_status_is_read(text: str, padding: int) -> None:
-    """A robot of before `is_stopped`, or of before `waits_for`, has a place in the team."""
-    status = RobotStatus(robot_id=3, text=text, gap=0.8, is_stopped=True, waits_for=2, blocked_by=1, goal_state=5)
-    whole = encode(status)
-    assert decode(RobotStatus, whole) == status
-    oldest = RobotStatus(robot_id=3, text=text, gap=0.8)
-    assert decode(RobotStatus, whole[:-13] + bytes(padding)) == oldest
-    assert decode(RobotStatus, whole[:-12] + bytes(padding)) == msgspec.structs.replace(oldest, is_stopped=True)
-    with pytest.raises(DecodeError):
-        decode(RobotStatus, whole[:-14])
-    with pytest.raises(DecodeError, match="is_stopped is neither true nor false"):
-        decode(RobotStatus, whole[:-13] + b"\2")
+    for wrong in (2, "yes", None):
+        with pytest.raises(EncodeError, match=r"cannot encode Bool: .* is neither true nor false"):
+            encode(Bool(wrong))  # type: ignore[arg-type]
 
 
 def test_values_that_do_not_fit_are_named() -> None:
@@ -127,16 +102,3 @@ def test_lists_are_taken_for_sequences() -> None:
     """A plain list of numbers is encoded like the array it stands for."""
     as_list = LaserScan(ranges=[1.0, 2.0])  # type: ignore[arg-type]
     assert decode(LaserScan, encode(as_list)).ranges.tolist() == [1.0, 2.0]
-
-
-@pytest.mark.parametrize("value", [True, np.True_, 1])
-def test_a_truth_value_may_be_numpys(value: Any) -> None:
-    """What a comparison of numpy numbers gives is encoded like Python's own."""
-    assert encode(Bool(value)) == encode(Bool(True))
-
-
-@pytest.mark.parametrize("value", [2, "yes", None])
-def test_what_is_no_truth_value_is_refused(value: Any) -> None:
-    """Its bytes would be no message to the subscriber."""
-    with pytest.raises(EncodeError, match=r"cannot encode Bool: .* is neither true nor false"):
-        encode(Bool(value))

@@ -33,14 +33,10 @@ from zteam.messages import (
 from zteam.messages.jsonform import from_words
 
 
-@pytest.mark.parametrize("name", ["sensor_msgs/msg/LaserScan", "sensor_msgs/LaserScan", "LaserScan"])
-def test_types_have_three_names(name: str) -> None:
-    """ROS 2's, ROS 1's and the bare name mean the same type."""
-    assert message_type(name) is LaserScan
-
-
-def test_an_unknown_type_names_its_neighbours() -> None:
-    """A mistyped name gets the nearest right ones."""
+def test_types_have_three_names() -> None:
+    """ROS 2's, ROS 1's and the bare name mean the same type; a mistyped name gets the nearest right ones."""
+    for name in ("sensor_msgs/msg/LaserScan", "sensor_msgs/LaserScan", "LaserScan"):
+        assert message_type(name) is LaserScan
     with pytest.raises(UsageError, match="did you mean LaserScan"):
         message_type("LaserScam")
 
@@ -116,8 +112,7 @@ def test_messages_are_typed_as_json_or_yaml(text: str) -> None:
         (Twist, "[1, 2]", "Twist: expected fields"),
         (Twist, "{linear: ", "neither JSON nor YAML at character 10: expected the node content"),
         (Twist, "linear:{x:", "in"),
-        (Twist, "{linear: {x: 0,5}}", "has no field '5': its fields are x, y, z; the decimal sign is a point"),
-        (Twist, "{linear: {x:0.5}}", "no field 'x:0.5': its fields are x, y, z; a space has to follow each ':'"),
+        (Twist, "{linear: {x:0.5}}", "no field 'x:0.5': its fields are x, y, z$"),
         (messages.RobotStatus, "{robot_id: 1.0e+20}", "RobotStatus.robot_id: expected a whole number"),
         (messages.RobotStatus, "{robot_id: .inf}", "RobotStatus.robot_id: expected a whole number"),
         (messages.RobotStatus, "{robot_id: .nan}", "RobotStatus.robot_id: expected a whole number"),
@@ -136,37 +131,28 @@ def test_wrong_input_names_the_field(kind: type[messages.Message], text: str, pl
 
 
 def test_the_words_of_ros_1_are_the_fields_in_order() -> None:
-    """`rostopic pub` takes a list for each field; a list also fills a nested message."""
+    """`rostopic pub` takes a list for each field; a list also fills a nested message. The error names the fields whose
+    values are expected."""
     command = from_words(Twist, ["[0.5, 0, 0]", "[0, 0, -1.5]"])
     assert (command.linear.x, command.angular.z) == (0.5, -1.5)
     assert from_words(Twist, ["{linear: [0.5, 0, 0]}"]).linear.x == 0.5
     assert from_words(Twist, []) == Twist()
-
-
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
+    for words, text in (
         (["[0.5, 0, 0]", "[0, 0, 0]", "[]"], "Twist: expected the values of linear, angular, got"),
         (["[0.5, 0]", "[0, 0, 0]"], "Twist.linear: expected the values of x, y, z, got"),
         (["0.5", "[0, 0, 0]"], "Twist.linear: expected fields"),
-    ],
-)
-def test_too_few_or_too_many_words_are_refused(words: list[str], text: str) -> None:
-    """The error names the fields whose values are expected."""
-    with pytest.raises(UsageError, match=text):
-        from_words(Twist, words)
+    ):
+        with pytest.raises(UsageError, match=text):
+            from_words(Twist, words)
 
 
-@pytest.mark.parametrize("text", ["{header: {stamp: now}}", "{header: auto}", '{"header": {"stamp": "now"}}'])
-def test_now_is_the_time_of_the_caller(text: str) -> None:
-    """The words `now` for a stamp and `auto` for a header become the given time; without one they are refused."""
-    assert from_text(PoseStamped, text, lambda: Time(12, 5)).header.stamp == Time(12, 5)
-    with pytest.raises(UsageError, match=r"PoseStamped\.header.*: expected fields"):
-        from_text(PoseStamped, text)
-
-
-def test_now_is_a_word_of_stamps_only() -> None:
-    """A text field keeps the word, and any other message refuses it."""
+def test_now_is_the_time_of_the_caller() -> None:
+    """The words `now` for a stamp and `auto` for a header become the given time; without one they are refused. A text
+    field keeps the word, and any other message refuses it."""
+    for text in ("{header: {stamp: now}}", "{header: auto}", '{"header": {"stamp": "now"}}'):
+        assert from_text(PoseStamped, text, lambda: Time(12, 5)).header.stamp == Time(12, 5)
+        with pytest.raises(UsageError, match=r"PoseStamped\.header.*: expected fields"):
+            from_text(PoseStamped, text)
     assert from_text(messages.String, "{data: now}", Time).data == "now"
     with pytest.raises(UsageError, match=r"Twist\.linear: expected fields"):
         from_text(Twist, "{linear: now}", Time)

@@ -55,7 +55,7 @@ class _ShownCostmap:
             self.due = now / 1e9 + self._interval
             stamp, frame = messages.time_from_ns(now), costmap.frame
             info = messages.MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
-            self._publisher.hand_over(messages.OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
+            self._publisher.put_owned(messages.OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
 
 
 class Outputs:
@@ -98,7 +98,7 @@ class Outputs:
         if active or self._drives:
             twist = messages.Twist(messages.Vector3(velocity.x, velocity.y), messages.Vector3(0.0, 0.0, velocity.turn))
             header = messages.Header(messages.time_from_ns(now), self._base)
-            self._command.hand_over(messages.TwistStamped(header, twist))
+            self._command.put_owned(messages.TwistStamped(header, twist))
         self._drives = active
         if not active:
             self._mean_speed = 0.0
@@ -120,7 +120,7 @@ class Outputs:
         # After a step that came late `ahead` was long, and no frame may have two samples of one time.
         self._holds_at = max(now + ahead, self._holds_at + 1)
         header = _header(self._holds_at)
-        self._tf.hand_over(messages.TFMessage([messages.TransformStamped(header, self._odom, transform)]))
+        self._tf.put_owned(messages.TFMessage([messages.TransformStamped(header, self._odom, transform)]))
         if localiser.pose is None:
             return
         if localiser.updated or not self._placed:
@@ -128,26 +128,26 @@ class Outputs:
             covariance = np.zeros((6, 6))
             covariance[np.ix_((0, 1, 5), (0, 1, 5))] = localiser.covariance
             estimate = messages.PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
-            self._pose.hand_over(messages.PoseWithCovarianceStamped(_header(now), estimate))
+            self._pose.put_owned(messages.PoseWithCovarianceStamped(_header(now), estimate))
         if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
             poses = [pose_message(Pose2(*row)) for row in localiser.particles().tolist()]
-            self._cloud.hand_over(messages.PoseArray(_header(now), poses))
+            self._cloud.put_owned(messages.PoseArray(_header(now), poses))
         self._clouded = self._cloud.has_subscribers
 
     def show(self, now: int, navigator: Navigator, pose: Pose2 | None, costmaps: Costmaps) -> None:
         """Send the plan, and what else is for looking at."""
         if navigator.path is not self._planned:
             self._planned = navigator.path
-            self._plan.hand_over(_path_message(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
+            self._plan.put_owned(_path_message(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
         if pose is None:
             return
         if navigator.path is not None and self._local_plan.has_subscribers:
             along = round(_LOCAL_PLAN / costmaps.whole.frame.resolution)
             left = max(1, round(navigator.distance_remaining / costmaps.whole.frame.resolution))
-            self._local_plan.hand_over(_path_message(now, navigator.path[-left:][:along]))
+            self._local_plan.put_owned(_path_message(now, navigator.path[-left:][:along]))
         if self._footprint.has_subscribers:
             corners = [messages.Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
-            self._footprint.hand_over(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
+            self._footprint.put_owned(messages.PolygonStamped(_header(now), messages.Polygon(corners)))
         self._global.show(now, costmaps.whole)
         self._local.show(now, costmaps.local)
 
@@ -168,7 +168,7 @@ class Outputs:
         remaining = navigator.distance_remaining
         seconds = remaining / max(self._mean_speed, _LEAST_SPEED) if remaining else 0.0
         whole = int(seconds)
-        self._status.hand_over(
+        self._status.put_owned(
             messages.NavigationStatus(
                 _header(now),
                 int(navigator.state),

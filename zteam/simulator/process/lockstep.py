@@ -174,7 +174,7 @@ class LockStep:
     def open(self, stamp: int, tick: int, robots: list[int], out: frozenset[str] = frozenset()) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world, and without `out`."""
         with self._changed:
-            self._publisher.hand_over(self.tick.open(stamp, tick, robots, out))
+            self._publisher.put_owned(self.tick.open(stamp, tick, robots, out))
         self._patience = Patience(self._timeout, monotonic())
 
     def start_anew(self, *, whole: bool = False) -> None:
@@ -208,11 +208,11 @@ class LockStep:
         return False
 
     def _send_again(self) -> None:
-        self._publisher.hand_over(self.tick.refreshed())
+        self._publisher.put_owned(self.tick.refreshed())
 
     def _reopen(self, resend: Resend) -> None:
         with self._changed:
-            self._publisher.hand_over(self.tick.reopen())
+            self._publisher.put_owned(self.tick.reopen())
             missing = self.tick.missing()
         if not self.tick.has_time:
             self._patience.waited = 0.0

@@ -75,7 +75,7 @@ class TeamOutputs(dict[int, RobotOutputs]):
         """Send these robots' odom -> base_footprint."""
         for robot_id in robot_ids:
             odom = observation.robots[robot_id].odom
-            self[robot_id].tf.hand_over(to_messages.transforms(observation.stamp, robot_id, odom))
+            self[robot_id].tf.put_owned(to_messages.transforms(observation.stamp, robot_id, odom))
 
     def put_odometry(self, robot_ids: Iterable[int], observation: Observation, *, again: bool = False) -> None:
         """Send these robots' odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
@@ -113,4 +113,4 @@ class TeamOutputs(dict[int, RobotOutputs]):
 def _send(outputs: Sequence[_Output], observation: Observation, robot_id: int, again: bool) -> None:
     for publisher, build, number in outputs:
         if again or publisher.has_subscribers:
-            publisher.hand_over(build(observation, robot_id, number))
+            publisher.put_owned(build(observation, robot_id, number))

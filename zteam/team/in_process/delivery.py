@@ -65,8 +65,8 @@ class Delivery:
                 while following:
                     receivers, news = following.popleft()
                     work.call = next(CALLS)
-                    for work.node, take in receivers:
-                        take(news)
+                    for work.node, receive in receivers:
+                        receive(news)
             finally:
                 work.node, work.call = node, 0
 
@@ -83,10 +83,10 @@ class Delivery:
                 if self._closed:
                     return
             receivers, news = self._posted[0]
-            for work.node, take in receivers:
+            for work.node, receive in receivers:
                 work.call = next(CALLS)
                 try:
-                    take(news)
+                    receive(news)
                 except BaseException:
                     # As over Zenoh: it does not end the thread, which serves all nodes.
                     log.exception("error in a callback of the bus")

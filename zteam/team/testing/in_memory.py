@@ -146,7 +146,7 @@ class RunningNode:
         self._answers.clear()
         self._send_tick(self.node.name)
         self._tick += 1
-        if not self.node.speaks:
+        if not self.node.can_publish:
             self._thread.join(LIMIT)
             self._raise_failure()
         if not self._answers:

@@ -149,7 +149,7 @@ class Aggregator:
 
     def _repeat(self) -> None:
         if self._last.transforms:
-            self._tf.hand_over(self._last)
+            self._tf.put_owned(self._last)
 
     def _on_statics(self, sample: RawSample) -> None:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
@@ -213,7 +213,7 @@ class Aggregator:
             bundle, last = TFMessage(pending), self._last.transforms
             same_tick = last and ns_from_time(last[-1].header.stamp) == ns_from_time(pending[-1].header.stamp)
             self._last = TFMessage([*last, *pending]) if same_tick else bundle
-            self._tf.hand_over(bundle)
+            self._tf.put_owned(bundle)
 
     def _publish_statics(self) -> None:
         if self._merger.statics.changed:

@@ -23,7 +23,7 @@ def test_a_held_session_shows_nothing(sessions: Sessions) -> None:
     assert (latched.has_subscribers, plain.has_subscribers) == (True, False)
     held.holding.release()
     inbox.wait_for(("latched", 2))
-    latched.hand_over(Done(tick=3))
+    latched.put_owned(Done(tick=3))
     assert inbox.wait_for(("latched", 3)) == [("latched", 2), ("latched", 3)]
     gone.put(Done(tick=4))
     wait_until_true(lambda: plain.has_subscribers)

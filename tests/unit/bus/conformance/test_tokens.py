@@ -6,22 +6,15 @@ from support.log_capture import captured_log
 from support.transports import Inbox, Sessions
 
 
-def test_a_token_that_is_there_is_told(sessions: Sessions) -> None:
-    """A watcher hears of tokens of other sessions and of its own."""
-    holder, watcher = sessions(), sessions()
-    holder.declare_token("a/x")
-    watcher.declare_token("a/y")
-    holder.declare_token("b/x")
-    inbox = Inbox()
-    watcher.watch_tokens(["a/*"], inbox)
-    assert sorted(inbox.wait_count(2)) == [("a/x", True), ("a/y", True)]
-
-
 def test_tokens_come_and_go(sessions: Sessions) -> None:
-    """In their order; closing a token twice does nothing."""
+    """A watcher gets those that are there, of its own session too, and then each that comes or goes, in their order;
+    closing a token twice does nothing."""
     holder, watcher = sessions(), sessions()
     inbox = Inbox()
+    watcher.declare_token("a/w")
+    holder.declare_token("c")
     watcher.watch_tokens(["a/*", "b"], inbox)
+    inbox.wait_for(("a/w", True))
     first = holder.declare_token("a/x")
     inbox.wait_for(("a/x", True))
     holder.declare_token("b")
@@ -30,21 +23,12 @@ def test_tokens_come_and_go(sessions: Sessions) -> None:
     first.close()
     inbox.wait_for(("a/x", False))
     again = holder.declare_token("a/x")
-    inbox.wait_count(4)
+    inbox.wait_count(5)
     again.close()
-    assert inbox.wait_count(5) == [("a/x", True), ("b", True), ("a/x", False), ("a/x", True), ("a/x", False)]
-
-
-def test_tokens_go_with_their_session(sessions: Sessions) -> None:
-    """All of them, once each."""
-    holder, watcher = sessions(), sessions()
-    inbox = Inbox()
-    watcher.watch_tokens(["*"], inbox)
-    for key in ("a", "b"):
-        holder.declare_token(key)
-        inbox.wait_for((key, True))
+    told = [("a/w", True), ("a/x", True), ("b", True), ("a/x", False), ("a/x", True), ("a/x", False)]
+    assert inbox.wait_count(6) == told
     holder.close()
-    assert sorted(inbox.wait_count(4)) == [("a", False), ("a", True), ("b", False), ("b", True)]
+    assert inbox.wait_count(7) == [*told, ("b", False)]
 
 
 # The tokens of zteam have their session's id in them, so one outside is never that of a node.
@@ -72,26 +56,11 @@ def test_equal_tokens_count_as_one(sessions: Sessions) -> None:
     assert [alive for key, alive in inbox.items if key == "a"] == [True, False]
 
 
-def test_a_closed_watch_hears_nothing(sessions: Sessions) -> None:
-    """Other watches go on."""
-    holder, watcher = sessions(), sessions()
-    closed, inbox = Inbox(), Inbox()
-    (watch,) = watcher.watch_tokens(["*"], closed)
-    watcher.watch_tokens(["*"], inbox)
-    holder.declare_token("a")
-    closed.wait_count(1)
-    watch.close()
-    watch.close()
-    holder.declare_token("b")
-    inbox.wait_for(("b", True))
-    assert closed.items == [("a", True)]
-
-
 @pytest.mark.parametrize("first", [True, False])
 def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> None:
-    """It is logged; neither the session with the token nor another watch sees it."""
+    """It is logged; neither the session with the token nor another watch sees it. A closed watch gets nothing."""
     holder, watcher = sessions(), sessions()
-    inbox, failing = Inbox(), Inbox()
+    inbox, failing, closed = Inbox(), Inbox(), Inbox()
 
     def fail(key: str, alive: bool) -> None:
         failing(key, alive)
@@ -102,6 +71,9 @@ def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> No
             holder.declare_token("a")
         watcher.watch_tokens(["*"], fail)
         watcher.watch_tokens(["*"], inbox)
+        (watch,) = watcher.watch_tokens(["b"], closed)
+        watch.close()
+        watch.close()
         if not first:
             holder.declare_token("a")
         holder.declare_token("b")
@@ -110,3 +82,4 @@ def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> No
         inbox.wait_for(("a", True))
         inbox.wait_for(("b", True))
         log.wait_for("error in a callback of the bus")
+    assert closed.items == []
