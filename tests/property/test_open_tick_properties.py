@@ -80,8 +80,10 @@ def test_a_tick_waits_for_its_members_alone(steps: list[tuple[str, str, object, 
     tick, model = free_tick(expected), TickModel()
     answered: set[str] = set()
     for mark, step in enumerate(steps, start=1):
-        before = set(tick.members)
+        before, listed = set(tick.members), tick.members
         play(tick, model, step, float(mark))
+        # A tick that was sent holds the list.
+        assert set(listed) == before
         if step[0] == "done":
             answered.add(step[1])
         assert tick.members == sorted(model.members)
