@@ -164,4 +164,5 @@ class ControlHarness:
         self.join()
         self.stop.request("test over")
         self.thread.join(LIMIT)
+        assert not self.thread.is_alive()
         self.node.close()
