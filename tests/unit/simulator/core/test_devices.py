@@ -109,9 +109,6 @@ def test_a_blob_finder_names_the_colours_it_looks_for() -> None:
     assert seen.blobs[0][0].bearing < seen.blobs[0][2].bearing
 
 
-MARK = (FiducialMarker(7, 0, 0.0, 0.0, 0.0),)
-
-
 def test_a_single_pixel_looks_straight_ahead() -> None:
     """A blob finder of one pixel sees what is in front of it, not what is at the edge of its field of view."""
     eye = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(60.0), 1, 12.0)

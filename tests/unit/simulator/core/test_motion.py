@@ -189,16 +189,6 @@ def test_a_standing_robot_does_not_drift() -> None:
     assert engine.observe().robots[0].odom == (0.0, 0.0, 0.0)
 
 
-def test_a_diff_drive_has_no_sideways_speed_in_stages_steps() -> None:
-    """Stage steps along the old heading: the twist is what was commanded, with nothing sideways, and wheels agree."""
-    engine = Engine(make_world(make_robot(), wall_at=50.0), options=Options(physics="stage"))
-    for _ in range(5):
-        seen = engine.step({0: drive(0.5, 1.0)}).robots[0]
-    assert seen.velocity == pytest.approx((0.5, 0.0, 1.0), abs=1e-9)
-    left, right = seen.joints.velocities
-    assert (left + right) / 2 * 0.05 == pytest.approx(0.5, abs=1e-9)
-
-
 def test_errors_of_zero_leave_stages_odometry_true() -> None:
     """Odometry that is integrated with a bias of next to nothing follows the truth in Stage's steps too."""
     robot = make_robot(localization="odom", odom_error=(1e-15, 0.0, 0.0))

@@ -1,5 +1,6 @@
 """The simulator's queries, asked by its client of a scripted simulation, and what it tells views of the world."""
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 
@@ -120,7 +121,7 @@ def test_a_world_stands_where_the_run_ends(make: Make) -> None:
     harness.last = 10
     status = client.step(50)
     assert (status.tick, status.finished) == (10, True)
-    with pytest.raises(BusError, match="^the run is over: 'zteam sim reset'"):
+    with pytest.raises(BusError, match=r"^the run is over: 'zteam sim reset'"):
         client.step()
     client.resume()
     assert client.remove(1).tick == 10
@@ -257,12 +258,12 @@ def test_what_cannot_be_done_is_refused(make: Make, service: str, request_: Chan
     "ask",
     [
         *(lambda client, ticks=ticks: client.step(ticks) for ticks in (0, -1, 10**13)),
-        *(lambda client, speed=speed: client.set_speed(speed) for speed in (0.0, -1.0, float("nan"), float("inf"), 1e7)),
-        lambda client: client.spawn(float("nan"), 0.0),
-        lambda client: client.move(0, 0.0, 0.0, float("-inf")),
+        *(lambda client, speed=speed: client.set_speed(speed) for speed in (0.0, -1.0, math.nan, math.inf, 1e7)),
+        lambda client: client.spawn(math.nan, 0.0),
+        lambda client: client.move(0, 0.0, 0.0, -math.inf),
     ],
 )
-def test_numbers_are_refused_before_the_simulator_is_asked(make: Make, ask: Callable[[SimulatorClient], object]) -> None:
+def test_numbers_are_refused_before_they_are_sent(make: Make, ask: Callable[[SimulatorClient], object]) -> None:
     """NaN and the like would arrive as something else."""
     harness, client = make()
     with pytest.raises(UsageError):

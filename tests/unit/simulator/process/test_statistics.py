@@ -41,8 +41,8 @@ def test_nothing_counts_before_go() -> None:
 
 
 def test_distance_is_the_length_of_the_path() -> None:
-    """It sums the moves between ticks, not the way from start to end; so are scans. The first pose of a robot that comes
-    later is no move."""
+    """It sums the moves between ticks, not the way from start to end, as it sums scans. The first pose of a robot that
+    comes later is no move."""
     statistics = started()
     for x in (3.0, 0.0):
         add(statistics, {0: Pose2(x, 0.0, 0.0), 1: START[1], 5: Pose2(7.0, 7.0, 0.0)}, scans={0: 2})
