@@ -5,7 +5,6 @@ import math
 import pytest
 
 from support.recordings import SHARED, stage
-from support.small_worlds import is_occupied
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.simulator.world.bodies import occupied_box, read_bitmap
@@ -44,21 +43,6 @@ def test_worlds_load_as_they_are(name: str, robots: int, rangers: int, cells: tu
     assert len(world.robots) == robots
     assert len(world.robots[0].rangers) == rangers
     assert [floor.occupied.shape for floor in world.floorplans] == [cells]
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("camera", "camera.world:53:3: cameras are not simulated"),
-        ("everything", "everything.world:86:3: cameras are not simulated"),
-        ("everything", "everything.world:72:3: grippers are not simulated"),
-        ("simple", "simple.world:53:3: ctrl is ignored"),
-        ("pioneer_walle", "walle.inc:16:3: unknown property 'blobfinder_return' is ignored"),
-    ],
-)
-def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
-    """Remarks name the devices and controllers that zteam lacks, with file, line and column."""
-    assert any(text in str(remark) for remark in load_world(WORLDS / "stage" / f"{name}.world").warnings)
 
 
 @pytest.mark.parametrize(
@@ -102,14 +86,6 @@ def test_willow_is_stretched_or_honest() -> None:
     assert whole.cell == pytest.approx((0.1, 0.1))
     assert (stage.cell[0] / whole.cell[0], stage.cell[1] / whole.cell[1]) == pytest.approx((1.015, 1.028), abs=5e-4)
     assert whole.occupied.sum() == stage.occupied.sum()
-
-
-def test_a_turned_map_keeps_its_cells() -> None:
-    """stage_ros's map is rotated by 90° by its pose only: its cells are unchanged, and robots start on free ones."""
-    world = load_world(WORLDS / "stage_ros" / "willow-erratic.world")
-    (floor,) = world.floorplans
-    assert floor.pose == pytest.approx((0.0, 0.0, math.pi / 2))
-    assert not is_occupied(floor, world.robots[0].pose.x, world.robots[0].pose.y)
 
 
 def test_heights_of_known_robots() -> None:

@@ -70,15 +70,6 @@ def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
     assert any(text in str(remark) for remark in load(name).warnings)
 
 
-def test_a_bitmap_is_cropped_or_whole() -> None:
-    """A bitmap cropped to its dark pixels fills the given size; an uncropped one keeps its margins and all cells."""
-    (crop,), (whole,) = load("crop").floorplans, load("whole").floorplans
-    assert (crop.pose, crop.cell) == ((-5, -3, 0), (0.5, 0.5))
-    assert (whole.pose, whole.cell) == ((-5.75, -4, 0), (0.5, 0.5))
-    assert np.array_equal(whole.occupied[1:13, 2:22], crop.occupied)
-    assert whole.occupied.sum() == crop.occupied.sum() == 77
-
-
 def test_a_turned_map_keeps_its_cells() -> None:
     """A map is rotated by its pose only; its origin rotates with it, and the robot starts on free cells."""
     world = load("turned")

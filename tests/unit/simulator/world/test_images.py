@@ -175,6 +175,11 @@ def test_a_model_may_stand_on_a_yaml(tmp_path: Path) -> None:
         ({"origin": [1, 2]}, "origin: must be"),
         ({"origin": [1, 2, float("nan")]}, "origin: nan"),
         ({"mode": "fancy"}, "mode: must be one of"),
+        ({"mode": ["a", "b"]}, "mode: must be one of"),
+        ({"resolution": 10**400}, "resolution: "),
+        ({"resolution": float("nan")}, "resolution: nan is not"),
+        ({"origin": [1e300, 0, 0]}, r"origin: 1e\+300 is not a number here"),
+        ({"negate": 2}, "negate: must be 0 or 1"),
     ],
 )
 def test_a_wrong_key_is_named(tmp_path: Path, fields: dict[str, Any], text: str) -> None:
