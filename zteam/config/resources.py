@@ -73,11 +73,9 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
     try:
         Path(text).stat()
-    except PermissionError as error:
-        return f"{error.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
     except OSError as error:
-        if error.errno == errno.ELOOP or (error.errno == errno.ENOENT and Path(text).is_symlink()):
-            return f"a symbolic link leads to no file ({error.strerror}); mend it, or name the {kind.what} file itself"
+        if error.errno in (errno.EACCES, errno.ELOOP) or (error.errno == errno.ENOENT and Path(text).is_symlink()):
+            return f"{error.strerror} for user id {os.geteuid()}; look at its symbolic links and permissions (ls -lL)"
     except ValueError:
         # With a NUL.
         pass
