@@ -17,7 +17,7 @@ from zteam.bus import MemoryHub
 from zteam.bus.memory import HubReceiver, deliver_now
 from zteam.bus.transport import RawSample
 from zteam.clock import wait_until
-from zteam.messages import Message, PoseStamped, Twist, TwistStamped
+from zteam.messages import PoseStamped, Twist, TwistStamped
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.simulator.process import commands
@@ -118,22 +118,19 @@ def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> Non
     assert harness.commands.missing({}) == []
 
 
-@pytest.mark.parametrize(
-    ("topic", "message"),
-    [(names.CMD_VEL_TELEOP, Twist()), (names.CMD_VEL_NAV, TwistStamped()), (names.GOAL_POSE, PoseStamped())],
-)
-def test_what_comes_from_outside_is_counted(topic: str, message: Message) -> None:
+def test_what_comes_from_outside_is_counted() -> None:
     """From GO on each message counts that a process sends which takes no part, to a robot of the world; what a
     participant sends to any robot does not."""
+    messages = {names.CMD_VEL_TELEOP: Twist(), names.CMD_VEL_NAV: TwistStamped(), names.GOAL_POSE: PoseStamped()}
     with InProcessTeam(TeamOptions(paused=True)) as team:
-        outside, key = team.hub.bus(), names.robot_key(1, topic)
+        outside, participant = team.hub.bus(), team.nodes["robot_0"].bus
         team.step(5)
-        before = team.report().external_commands
-        for _ in range(2):
-            outside.publisher(key, type(message)).put(message)
-        outside.publisher(names.robot_key(9, topic), type(message)).put(message)
-        team.nodes["robot_0"].bus.publisher(key, type(message)).put(message)
-        assert (before, team.report().external_commands) == (0, 2)
+        counts = [team.report().external_commands]
+        for topic, message in messages.items():
+            for bus, robot_id in ((outside, 1), (outside, 1), (outside, 9), (participant, 1)):
+                bus.publisher(names.robot_key(robot_id, topic), type(message)).put(message)
+            counts.append(team.report().external_commands)
+    assert counts == [0, 2, 4, 6]
 
 
 def test_late_commands_are_refused_and_counted() -> None:

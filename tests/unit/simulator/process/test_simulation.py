@@ -162,7 +162,7 @@ def test_robots_come_and_go(ticked: SimulatorParts) -> None:
 
 
 def test_every_robot_tells_its_base_and_a_new_one_anew(ticked: SimulatorParts, hub: MemoryHub) -> None:
-    """A late subscriber gets it; another robot of the same id tells its own, also when a reset makes it. A moved one tells
+    """A late subscriber gets it; another robot of the same id tells its own, also when a reset makes it. A move tells
     the new origin of its `odom` frame alone."""
     told: list[str] = []
     hub.bus().subscribe(names.robot_key(1, names.BASE_INFO), BaseInfo, lambda _, m: told.append(m.model), latched=True)
