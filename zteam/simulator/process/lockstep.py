@@ -144,7 +144,7 @@ class LockStep:
             if self.tick.take_done(name, session, done):
                 if done.has_command and robot_id is not None:
                     self._on_command(robot_id)
-                if self.tick.needs_attention:
+                if self.tick.is_over or self.tick.must_reopen:
                     self._changed.notify_all()
             elif name in self.tick.holders:
                 holder = self.tick.holders.name_of(session)

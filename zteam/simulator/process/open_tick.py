@@ -170,11 +170,6 @@ class OpenTick:
         return self.held and not self.message.epoch
 
     @property
-    def needs_attention(self) -> bool:
-        """Whether the wait for the answers may be over, or the tick may have to be opened again."""
-        return self._changed or self.complete
-
-    @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
         return self.complete and not self.must_reopen and self._start is not Start.HELD

@@ -67,9 +67,9 @@ def test_a_tick_is_over_with_the_last_answer() -> None:
     """And not before."""
     tick = begun("robot_0", "tf")
     answer(tick, "tf")
-    assert (tick.is_over, tick.needs_attention, tick.waiting_for()) == (False, False, "robot_0")
+    assert (tick.is_over, tick.waiting_for()) == (False, "robot_0")
     answer(tick, "robot_0")
-    assert (tick.is_over, tick.needs_attention, tick.waiting_for()) == (True, True, "")
+    assert (tick.is_over, tick.waiting_for()) == (True, "")
 
 
 def test_a_held_tick_admits_no_process_before_all_expected_are_there() -> None:

@@ -31,8 +31,8 @@ from zteam.simulator.client import (
     StepRequest,
     WaitRequest,
 )
+from zteam.simulator.process.node import serve_shapes
 from zteam.simulator.process.pacing import Pacer
-from zteam.simulator.process.queries import serve_shapes
 
 Make = Callable[..., tuple[ControlHarness, SimulatorClient]]
 
