@@ -14,7 +14,6 @@ from zteam import names
 from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.clock import FREEZES, Every
 from zteam.config.numbers import counted
-from zteam.config.robot_ids import format_robot_ids
 from zteam.config.simulation_options import SimOptions
 from zteam.errors import BusError
 from zteam.messages import OccupancyGrid, Twist
@@ -33,25 +32,12 @@ _DIGITS = 4
 """Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""
 
 
-def _hold_text(options: SimOptions) -> str:
-    """What the first tick waits for, as the end of a sentence."""
-    lockstep = options.lockstep
-    awaited = [] if lockstep is None else [*lockstep.expected, *(["the monitor's GO"] if lockstep.gate else [])]
-    held = f", lock-step: the first tick waits for {', '.join(awaited)}" if awaited else ""
-    return f"{held}{', paused' if options.paused else ''}"
-
-
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    for pair in options.follows.items():
-        if not set(pair) <= robots.keys():
-            log.warning(
-                "--gap %d:%d is measured once both robots are there: the world has %s",
-                *pair, format_robot_ids(sorted(robots)) or "no robot",
-            )  # fmt: skip
     simulation = open_simulation(node, world, robots, options)
     node.become_present()
     size, period = counted(len(robots), "robot"), world.interval / 1e6
-    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, _hold_text(options))
+    mode = ", in lock-step" * (options.lockstep is not None) + ", paused" * options.paused
+    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, mode)
     run_ticks(simulation)
 
 
