@@ -60,7 +60,7 @@ class OpenTick:
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
-    def take_token(self, name: str, session: str, alive: bool) -> bool:
+    def on_token(self, name: str, session: str, alive: bool) -> bool:
         """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
         self.holders.take(name, session, alive)
         if name not in self.holders:
@@ -84,7 +84,7 @@ class OpenTick:
         self.hung += [name] if back else []
         return back
 
-    def take_done(self, name: str, session: str, done: Done) -> bool:
+    def on_done(self, name: str, session: str, done: Done) -> bool:
         """Take an answer. False if its session does not hold `name`: the answer is ignored."""
         if session not in self.holders.instances(name):
             return False
@@ -96,7 +96,7 @@ class OpenTick:
             self.left.discard(name)
         return True
 
-    def take_go(self, epoch: int) -> None:
+    def on_go(self, epoch: int) -> None:
         """The monitor gave GO; the highest epoch counts."""
         self._go_epoch = max(self._go_epoch, epoch)
         self._changed = True

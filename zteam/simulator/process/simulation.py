@@ -35,7 +35,7 @@ ANSWER_SHARE = 0.4
 class Simulation:
     """A world on the bus: its ticks, the count of its run, and the changes that are asked for.
 
-    The main loop calls all of it, but for `take_go`, `status` and `report`, which any thread may call.
+    The main loop calls all of it, but for `set_go`, `status` and `report`, which any thread may call.
     """
 
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
@@ -130,7 +130,7 @@ class Simulation:
 
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""
-        commands = self.commands.take()
+        commands = self.commands.drain()
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
@@ -140,9 +140,9 @@ class Simulation:
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
-            self.take_go(ns_from_time(status.go_stamp))
+            self.set_go(ns_from_time(status.go_stamp))
 
-    def take_go(self, stamp: int) -> None:
+    def set_go(self, stamp: int) -> None:
         """GO holds from simulated time `stamp` (ns) on, but not from later than now. Only the first GO counts."""
         if self._go is None:
             # A stamp beyond this simulator's time belongs to an earlier simulator: GO then holds from now on.
@@ -162,7 +162,7 @@ class Simulation:
         """Count the engine's tick if GO was given; finish the run if its time is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
         if self.lockstep is not None and self.lockstep.tick.message.epoch > 0:
-            self.take_go(engine.now)
+            self.set_go(engine.now)
         end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
         if self._go is not None:
             ids, poses, stalled = engine.standing()

@@ -103,13 +103,13 @@ def test_the_last_command_of_a_robot_that_left_is_its_own(harness: CommandsHarne
     harness.tokens[0].close()
     harness.publishers[0].put(Twist())
     assert (harness.statistics.external_commands, harness.commands.writers()) == (0, {})
-    assert harness.commands.take() == {0: Twist()}
+    assert harness.commands.drain() == {0: Twist()}
 
 
 def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> None:
     """A robot of the world whose process lives and that sent no command is late; the others are not."""
     harness.publishers[0].put(Twist())
-    taken = harness.commands.take()
+    taken = harness.commands.drain()
     assert harness.commands.missing(taken) == [1]
     harness.tokens[1].close()
     assert harness.commands.missing(taken) == []
@@ -146,7 +146,7 @@ def test_late_commands_are_refused_and_counted() -> None:
         taken = []
         while delays:
             harness.publishers[1].put(Twist())
-            taken.append([*harness.commands.take()])
+            taken.append([*harness.commands.drain()])
         assert taken == [[1], [], [1]]
         assert [robot.late_commands for robot in harness.statistics.robots()] == [0, 1]
         refused = harness.commands._node.bus.counters.snapshot()["robot_1/cmd_vel"]

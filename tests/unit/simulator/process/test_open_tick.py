@@ -9,14 +9,14 @@ from zteam.simulator.process.open_tick import OpenTick
 def join(tick: OpenTick, *names: str) -> None:
     """Let processes take these names and ask to join."""
     for name in names:
-        tick.take_token(name, f"session-{name}", True)
-        assert tick.take_done(name, f"session-{name}", Done())
+        tick.on_token(name, f"session-{name}", True)
+        assert tick.on_done(name, f"session-{name}", Done())
 
 
 def answer(tick: OpenTick, *names: str) -> None:
     """Answer the open tick."""
     for name in names:
-        assert tick.take_done(name, f"session-{name}", Done(tick.message.epoch, tick.message.tick))
+        assert tick.on_done(name, f"session-{name}", Done(tick.message.epoch, tick.message.tick))
 
 
 def begun(*names: str) -> OpenTick:
@@ -32,8 +32,8 @@ def begun(*names: str) -> OpenTick:
 def test_a_process_takes_part_from_the_tick_after_its_first_answer() -> None:
     """A process joins with its first answer; the tick waits for it from the next tick on."""
     tick = begun()
-    tick.take_token("robot_0", "session-robot_0", True)
-    assert tick.take_done("robot_0", "session-robot_0", Done(0, 2))
+    tick.on_token("robot_0", "session-robot_0", True)
+    assert tick.on_done("robot_0", "session-robot_0", Done(0, 2))
     assert (tick.joining, tick.members, tick.complete) == ({"robot_0"}, [], True)
     assert tick.open(0, 3, []).participants == ["robot_0"]
     assert (tick.joining, tick.missing(), tick.complete) == (set(), ["robot_0"], False)
@@ -43,11 +43,11 @@ def test_a_process_that_a_fault_keeps_out_joins_when_it_is_over() -> None:
     """The tick goes on without it, whether it asks to be let in or not, and lists it again as soon as it may."""
     tick, out = begun("robot_0", "robot_1", "tf"), frozenset({"robot_1"})
     assert tick.open(0, 3, [], out).participants == ["robot_0", "tf"]
-    assert tick.take_done("robot_1", "session-robot_1", Done(0, 3, True, Twist(Vector3(1.0))))
+    assert tick.on_done("robot_1", "session-robot_1", Done(0, 3, True, Twist(Vector3(1.0))))
     assert tick.open(0, 4, [], out).participants == ["robot_0", "tf"]
     assert tick.commands({0, 1}) == {}
     assert tick.open(0, 5, []).participants == ["robot_0", "robot_1", "tf"]
-    tick.take_token("robot_1", "session-robot_1", False)
+    tick.on_token("robot_1", "session-robot_1", False)
     assert tick.open(0, 6, [], out).participants == ["robot_0", "tf"]
     assert tick.open(0, 7, []).participants == ["robot_0", "tf"], "it has ended meanwhile"
 
@@ -56,7 +56,7 @@ def test_a_participant_that_comes_back_with_its_session_had_not_ended() -> None:
     """It was frozen, or had no link: once for each time that it took part. Another session is another process."""
     tick = begun("robot_0", "tf")
     for name in ("robot_0", "tf"):
-        tick.take_token(name, f"session-{name}", False)
+        tick.on_token(name, f"session-{name}", False)
     assert not tick.note_return("robot_0", "another")
     assert tick.note_return("tf", "session-tf")
     assert not tick.note_return("tf", "session-tf")
@@ -88,8 +88,8 @@ def test_a_held_tick_admits_no_process_before_all_expected_are_there() -> None:
 def test_a_held_tick_carries_no_go_before_all_expected_are_there() -> None:
     """GO is announced to all in the same tick, and the highest epoch counts."""
     tick = OpenTick(["robot_0"])
-    tick.take_go(3)
-    tick.take_go(2)
+    tick.on_go(3)
+    tick.on_go(2)
     assert tick.open(0, 1, []).epoch == 0
     join(tick, "robot_0")
     assert (tick.reopen().epoch, tick.message.participants) == (3, ["robot_0"])
@@ -102,7 +102,7 @@ def test_the_gate_holds_the_first_tick_until_go() -> None:
         tick.open(0, 1, [])
     assert (held.is_over, free.is_over) == (False, True)
     assert held.waiting_for().startswith("the monitor's GO")
-    held.take_go(1)
+    held.on_go(1)
     held.reopen()
     assert held.is_over
 
@@ -129,12 +129,12 @@ def test_asking_to_join_again_is_no_news() -> None:
 )
 def test_a_token_repeats_the_tick_for_those_that_must_know(name: str, alive: bool, repeats: bool) -> None:
     """A new process must hear it to join; participants must hear that another one has left."""
-    assert begun("robot_0", "tf").take_token(name, f"session-{name}", alive) is repeats
+    assert begun("robot_0", "tf").on_token(name, f"session-{name}", alive) is repeats
 
 
 def test_no_token_repeats_a_tick_that_was_never_opened() -> None:
     """Before the first tick there is nothing to send."""
-    assert not OpenTick().take_token("tf", "a", True)
+    assert not OpenTick().on_token("tf", "a", True)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
     """By id; an answer without a command gives none."""
     tick = begun("robot_10", "robot_2", "robot_3", "tf")
     for robot_id in (10, 2):
-        tick.take_done(
+        tick.on_done(
             f"robot_{robot_id}", f"session-robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id)))
         )
     answer(tick, "robot_3", "tf")
@@ -162,9 +162,9 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
 def test_a_robot_that_leaves_stops() -> None:
     """Whether it has answered the open tick or not; with the next tick that rule has done its work."""
     tick = begun("robot_0", "robot_1", "tf")
-    tick.take_done("robot_0", "session-robot_0", Done(0, 2, True, Twist(Vector3(0.3))))
+    tick.on_done("robot_0", "session-robot_0", Done(0, 2, True, Twist(Vector3(0.3))))
     for name in ("robot_0", "robot_1"):
-        tick.take_token(name, f"session-{name}", False)
+        tick.on_token(name, f"session-{name}", False)
     answer(tick, "tf")
     assert tick.is_over
     assert tick.commands({0, 1}) == {0: Twist(), 1: Twist()}
@@ -177,10 +177,10 @@ def test_a_robot_that_comes_back_within_the_held_tick_has_its_say() -> None:
     tick = OpenTick(["robot_0"], gate=False)
     join(tick, "robot_0")
     tick.open(0, 1, [])
-    tick.take_token("robot_0", "session-robot_0", False)
+    tick.on_token("robot_0", "session-robot_0", False)
     join(tick, "robot_0")
     tick.reopen()
-    tick.take_done("robot_0", "session-robot_0", Done(0, 1, True, Twist(Vector3(0.3))))
+    tick.on_done("robot_0", "session-robot_0", Done(0, 1, True, Twist(Vector3(0.3))))
     assert tick.commands({0}) == {0: Twist(Vector3(0.3))}
 
 
@@ -197,10 +197,10 @@ def test_a_process_that_ends_in_the_held_tick_after_go_is_not_waited_for() -> No
     """Once all expected processes have the tick with GO, an end in it counts as in any later tick."""
     tick = OpenTick(["robot_0", "robot_1"])
     join(tick, "robot_0", "robot_1")
-    tick.take_go(1)
+    tick.on_go(1)
     assert tick.open(0, 1, [0, 1]).epoch == 1
     answer(tick, "robot_1")
-    assert tick.take_token("robot_0", "session-robot_0", False)
+    assert tick.on_token("robot_0", "session-robot_0", False)
     assert tick.must_reopen
     assert tick.reopen().participants == ["robot_1"]
     answer(tick, "robot_1")
@@ -212,8 +212,8 @@ def test_a_process_that_ends_in_the_held_tick_before_go_is_waited_for() -> None:
     tick = OpenTick(["robot_0", "robot_1"])
     join(tick, "robot_0", "robot_1")
     tick.open(0, 1, [0, 1])
-    tick.take_token("robot_0", "session-robot_0", False)
-    tick.take_go(1)
+    tick.on_token("robot_0", "session-robot_0", False)
+    tick.on_go(1)
     assert tick.reopen().epoch == 0
     answer(tick, "robot_1")
     assert not tick.is_over

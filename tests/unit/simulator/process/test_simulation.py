@@ -100,9 +100,9 @@ def test_a_run_is_over_its_time_after_go(half_second: SimulatorParts) -> None:
     half_second.whole_tick()
     half_second.whole_tick()
     assert (half_second.is_counting, half_second.statistics.ticks) == (False, 0)
-    half_second.take_go(10**15)
+    half_second.set_go(10**15)
     assert [half_second.whole_tick() for _ in range(2)] == [False, False]
-    half_second.take_go(half_second.engine.now)
+    half_second.set_go(half_second.engine.now)
     assert [half_second.whole_tick() for _ in range(3)] == [False, False, True]
     assert half_second.statistics.ticks == 5
     assert half_second.statistics.go_stamp == 2 * half_second.world.interval
@@ -112,7 +112,7 @@ def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorPar
     """The count begins again with it."""
     for _ in range(3):
         half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
+    half_second.set_go(half_second.engine.now)
     half_second.whole_tick()
     half_second.reset()
     assert not half_second.is_counting
@@ -123,7 +123,7 @@ def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorPar
 def test_a_simulator_that_begins_anew_waits_for_go_again(half_second: SimulatorParts) -> None:
     """It has forgotten GO, stops and the pace, as if it had just started."""
     half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
+    half_second.set_go(half_second.engine.now)
     half_second.whole_tick()
     half_second.holds._change(0, True)
     half_second.pacer.set_speed(7.0)
@@ -211,7 +211,7 @@ def counted(hub: MemoryHub) -> Iterator[SimulatorParts]:
     made = SimulatorParts(hub)
     made.whole_tick()
     made.whole_tick()
-    made.take_go(made.engine.now)
+    made.set_go(made.engine.now)
     made.whole_tick()
     yield made
     made.close()
