@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterator
 import msgspec
 import pytest
 
+from support.lockstep_doubles import ScriptedMonitor
 from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError
-from zteam.messages import BaseInfo, Bool, Clock, LaserScan, Odometry, TFMessage, encode
+from zteam.messages import BaseInfo, Bool, Clock, LaserScan, Odometry, TeamState, TFMessage, encode
 from zteam.simulator.client import MoveRequest, SpawnRequest
 
 
@@ -94,15 +95,17 @@ def half_second(hub: MemoryHub) -> Iterator[SimulatorParts]:
     made.close()
 
 
-def test_a_run_is_over_its_time_after_go(half_second: SimulatorParts) -> None:
+def test_a_run_is_over_its_time_after_go(hub: MemoryHub, half_second: SimulatorParts) -> None:
     """GO in tick 2 of 0.1 s each: tick 7 is the last one. A stamp beyond this simulator's time belongs to an earlier
     simulator, and only the first GO counts."""
     half_second.whole_tick()
     half_second.whole_tick()
-    assert (half_second.is_counting, half_second.statistics.ticks) == (False, 0)
-    half_second.set_go(10**15)
+    monitor = ScriptedMonitor(hub)
+    monitor.say(TeamState.WAITING)
+    assert (half_second.since_go, half_second.is_counting, half_second.statistics.ticks) == (None, False, 0)
+    monitor.give_go(1, 10**15)
     assert [half_second.whole_tick() for _ in range(2)] == [False, False]
-    half_second.set_go(half_second.engine.now)
+    monitor.give_go(1, half_second.engine.now)
     assert [half_second.whole_tick() for _ in range(3)] == [False, False, True]
     assert half_second.statistics.ticks == 5
     assert half_second.statistics.go_stamp == 2 * half_second.world.interval
