@@ -151,9 +151,7 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
     """By id; an answer without a command gives none."""
     tick = begun("robot_10", "robot_2", "robot_3", "tf")
     for robot_id in (10, 2):
-        tick.on_done(
-            f"robot_{robot_id}", f"session-robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id)))
-        )
+        tick.on_done(f"robot_{robot_id}", f"session-robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id))))
     answer(tick, "robot_3", "tf")
     assert list(tick.commands({2, 3, 10}).items()) == [(2, Twist(Vector3(0.2))), (10, Twist(Vector3(1.0)))]
     assert list(tick.commands({10})) == [10]

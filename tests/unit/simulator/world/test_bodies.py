@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.world_texts import LoadText, box_of, text_loader
+from support.world_texts import LoadText, box_of
 from zteam.geometry import Pose2, signed_area
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
@@ -54,12 +54,6 @@ def test_a_boundary_is_four_thin_slabs_inside_the_box() -> None:
 def test_repeated_corners_are_dropped() -> None:
     """Neither a corner given twice nor a closing corner makes an edge of length zero."""
     assert without_repeats([*SQUARE[:2], SQUARE[1], *SQUARE[2:], SQUARE[0]]) == (*SQUARE[1:], SQUARE[0])
-
-
-@pytest.fixture
-def load(tmp_path: Path) -> LoadText:
-    """Loads the text of a world, with a robot added at its end."""
-    return text_loader(tmp_path)
 
 
 @pytest.fixture
