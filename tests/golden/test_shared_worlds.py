@@ -1,14 +1,12 @@
 """The worlds of Stage and stage_ros give what was recorded from Stage."""
 
-import math
-
 import pytest
 
-from support.recordings import SHARED, stage
+from support.recordings import SHARED
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.simulator.world.bodies import occupied_box, read_bitmap
-from zteam.world import Ranger, Robot, add_robot, load_world
+from zteam.world import add_robot, load_world
 
 if not SHARED.is_dir():
     pytest.skip(f"the worlds of Stage and the full recordings are not here ({SHARED})", allow_module_level=True)
@@ -109,30 +107,3 @@ def test_the_files_own_macros_make_further_robots() -> None:
     assert len(robot.shapes) == 7
     with pytest.raises(WorldError, match=r"pioneer\.inc:\d+:3: size takes 3 numbers, not 2"):
         add_robot(world, "pioneer3at", Pose2(0, 0, 0), "robot_6")
-
-
-def sensor_pose(robot: Robot, ranger: Ranger, pose: Pose2) -> list[float]:
-    """[x, y, z, yaw] of a sensor in the map when its robot is at `pose`."""
-    x, y, yaw = pose.compose(Pose2(ranger.x, ranger.y, ranger.yaw))
-    return [x, y, ranger.z, yaw]
-
-
-def assert_origin(found: list[float], expected: list[float]) -> None:
-    assert found[:3] == pytest.approx(expected[:3], abs=1e-8)
-    assert abs(math.remainder(found[3] - expected[3], math.tau)) < 1e-8
-
-
-def test_sensors_of_a_pioneer_are_where_stage_had_them() -> None:
-    """Origins, fields of view and ranges of 16 sonars and a SICK on stacked bodies agree with Stage's."""
-    robot = load_world(WORLDS / "stage" / "simple.world").robots[0]
-    (simple,) = (world for world in stage("full", "scans")["worlds"] if world["name"] == "simple")
-    groups = {"r0.ranger:0": robot.rangers[:16], "r0.ranger:1": robot.rangers[16:]}
-    seen = set()
-    for scan in simple["scans"]:
-        x, y, degrees = scan["pose"]
-        seen.add(scan["ranger"])
-        for ranger, sensor in zip(groups[scan["ranger"]], scan["sensors"], strict=True):
-            assert_origin(sensor_pose(robot, ranger, Pose2(x, y, math.radians(degrees))), sensor["origin"])
-            assert (ranger.samples, math.degrees(ranger.fov)) == (sensor["samples"], pytest.approx(sensor["fov_deg"]))
-            assert [ranger.range_min, ranger.range_max] == sensor["range"]
-    assert seen == set(groups)
