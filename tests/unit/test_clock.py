@@ -5,6 +5,7 @@ import threading
 import pytest
 
 from support.limits import LIMIT
+from support.transports import wait_until_true
 from zteam import clock
 from zteam.clock import (
     AutoClock,
@@ -15,66 +16,7 @@ from zteam.clock import (
     monotonic,
     to_ns,
     to_seconds,
-    wait_until,
 )
-
-
-class TickerThread:
-    """A thread that waits with a Ticker of simulated time again and again, until the `with` block ends."""
-
-    def __init__(self, period: float) -> None:
-        self._clock = AutoClock()
-        self._clock.use_simulated()
-        self._ticker = Ticker(period, self._clock)
-        self.changed = threading.Condition()
-        self.come: list[int] = []
-        """Simulated ns of the moments so far."""
-        self._waits = 0
-        """Number of waits begun."""
-        self._still: list[int] = []
-        """Simulated ns of the calls that reported that time stands still."""
-        self._over = False
-        self._thread = threading.Thread(target=self._run)
-
-    def __enter__(self) -> "TickerThread":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over = True
-        self.go_to(10**18)
-        self._thread.join(LIMIT)
-        assert not self._thread.is_alive()
-
-    def _run(self) -> None:
-        while not self._over:
-            with self.changed:
-                self._waits += 1
-                self.changed.notify_all()
-            self._ticker.wait(self._on_still)
-            with self.changed:
-                self.come.append(self._clock.now())
-
-    def _on_still(self) -> None:
-        with self.changed:
-            self._still.append(self._clock.now())
-            self.changed.notify_all()
-
-    def go_to(self, stamp: int) -> None:
-        """Set simulated time to `stamp` (ns)."""
-        self._clock.sim.set(stamp)
-
-    def wait_for(self, count: int) -> list[int]:
-        """The moments, once there are `count` and the thread waits for the next one."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: len(self.come) == count and self._waits == count + 1, LIMIT)
-            return list(self.come)
-
-    def wait_until_still(self) -> None:
-        """Wait until two calls reported that time stands still at the current time: the thread has seen it then."""
-        now = self._clock.now()
-        with self.changed:
-            assert wait_until(self.changed, lambda: self._still[-2:] == [now, now], LIMIT)
 
 
 def test_seconds_and_nanoseconds() -> None:
@@ -166,22 +108,37 @@ def test_time_left_is_never_negative() -> None:
     assert [rate.left(now) for now in (0, 40, 100, 250)] == [100, 60, 0, 0]
 
 
-def test_a_ticker_goes_on_after_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ticker_follows_simulated_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A moment comes with the stamp that reaches it; while time stands still none does, which is reported. After time
     jumps back, the next moment is a period after the new time."""
     monkeypatch.setattr(clock, "STILL", 0.01)
-    with TickerThread(1e-6) as ticking:
-        ticking.go_to(999)
-        ticking.wait_until_still()
-        assert ticking.come == []
-        ticking.go_to(50_000)
-        ticking.wait_for(1)
-        ticking.go_to(100)
-        ticking.wait_until_still()
-        ticking.go_to(1099)
-        ticking.wait_until_still()
-        ticking.go_to(1100)
-        assert ticking.wait_for(2) == [50_000, 1100]
+    auto = AutoClock()
+    auto.use_simulated()
+    ticker = Ticker(1e-6, auto)
+    come: list[int] = []
+    still: list[int] = []
+
+    def run() -> None:
+        for _ in range(2):
+            ticker.wait(lambda: still.append(auto.now()))
+            come.append(auto.now())
+
+    def stand(stamp: int) -> None:
+        auto.sim.set(stamp)
+        wait_until_true(lambda: still[-2:] == [stamp, stamp])
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    stand(999)
+    assert come == []
+    auto.sim.set(50_000)
+    wait_until_true(lambda: come == [50_000])
+    stand(100)
+    stand(1099)
+    assert come == [50_000]
+    auto.sim.set(1100)
+    thread.join(LIMIT)
+    assert come == [50_000, 1100]
 
 
 def test_a_ticker_of_the_host_sleeps_until_each_moment(monkeypatch: pytest.MonkeyPatch) -> None:
