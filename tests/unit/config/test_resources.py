@@ -42,6 +42,14 @@ def test_an_unknown_name_lists_the_shipped_ones(name: str) -> None:
         resources.find_world(name)
 
 
+def test_a_file_of_the_other_kind_is_named_as_such() -> None:
+    """With what takes it."""
+    with pytest.raises(UsageError, match=r"that is a world; say 'zteam up --world office.world'"):
+        resources.find_team("office.world")
+    with pytest.raises(UsageError, match=r"that is a team; say 'zteam up line'"):
+        resources.find_world("line")
+
+
 def test_a_link_that_leads_to_no_file_is_named_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A circle of symbolic links, one that dangles, and a file below a circle."""
     monkeypatch.chdir(tmp_path)

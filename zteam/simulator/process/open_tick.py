@@ -198,7 +198,8 @@ class OpenTick:
 
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
-        silent = [_with_need(name, lacking) for name in self.silent()]
+        needs = lacking or {}
+        silent = [f"{name}, which waits for {needs[name]}" if needs.get(name) else name for name in self.silent()]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)
@@ -226,8 +227,3 @@ class OpenTick:
 def _culprits(missing: list[str]) -> list[str]:
     """Those of `missing` that are to blame: robots wait for the aggregator's transforms."""
     return [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
-
-
-def _with_need(name: str, lacking: Mapping[str, str] | None) -> str:
-    need = lacking.get(name) if lacking else None
-    return f"{name}, which waits for {need}" if need else name
