@@ -208,7 +208,6 @@ class SimClock:
         self._now = 0
         self._set = -math.inf
         self._changed = threading.Condition()
-        self._waiting = 0
         self._on_jump_back: list[Callable[[int, int], None]] = []
 
     def now(self) -> int:
@@ -226,11 +225,9 @@ class SimClock:
 
     def set(self, stamp: int) -> None:
         """Set the time to a new stamp (ns) of the `clock` key."""
-        old, self._now, self._set = self._now, stamp, time.monotonic()
-        # A thread that begins to wait now looks at the time after it has counted itself.
-        if self._waiting:
-            with self._changed:
-                self._changed.notify_all()
+        with self._changed:
+            old, self._now, self._set = self._now, stamp, time.monotonic()
+            self._changed.notify_all()
         if stamp < old:
             for callback in self._on_jump_back:
                 callback(old, stamp)
@@ -238,11 +235,7 @@ class SimClock:
     def wait_for_change(self, seen: int, timeout: float) -> bool:
         """Wait until the time differs from `seen`, for at most `timeout` host seconds; return whether it does."""
         with self._changed:
-            self._waiting += 1
-            try:
-                return self._changed.wait_for(lambda: self._now != seen, timeout)
-            finally:
-                self._waiting -= 1
+            return self._changed.wait_for(lambda: self._now != seen, timeout)
 
 
 class AutoClock:

@@ -1,15 +1,12 @@
 """The worlds of Stage and stage_ros give what was recorded from Stage."""
 
-import math
-
 import pytest
 
-from support.recordings import SHARED, stage
-from support.small_worlds import is_occupied
+from support.recordings import SHARED
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.simulator.world.bodies import occupied_box, read_bitmap
-from zteam.world import Ranger, Robot, add_robot, load_world
+from zteam.world import add_robot, load_world
 
 if not SHARED.is_dir():
     pytest.skip(f"the worlds of Stage and the full recordings are not here ({SHARED})", allow_module_level=True)
@@ -44,21 +41,6 @@ def test_worlds_load_as_they_are(name: str, robots: int, rangers: int, cells: tu
     assert len(world.robots) == robots
     assert len(world.robots[0].rangers) == rangers
     assert [floor.occupied.shape for floor in world.floorplans] == [cells]
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("camera", "camera.world:53:3: cameras are not simulated"),
-        ("everything", "everything.world:86:3: cameras are not simulated"),
-        ("everything", "everything.world:72:3: grippers are not simulated"),
-        ("simple", "simple.world:53:3: ctrl is ignored"),
-        ("pioneer_walle", "walle.inc:16:3: unknown property 'blobfinder_return' is ignored"),
-    ],
-)
-def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
-    """Remarks name the devices and controllers that zteam lacks, with file, line and column."""
-    assert any(text in str(remark) for remark in load_world(WORLDS / "stage" / f"{name}.world").warnings)
 
 
 @pytest.mark.parametrize(
@@ -104,14 +86,6 @@ def test_willow_is_stretched_or_honest() -> None:
     assert whole.occupied.sum() == stage.occupied.sum()
 
 
-def test_a_turned_map_keeps_its_cells() -> None:
-    """stage_ros's map is rotated by 90° by its pose only: its cells are unchanged, and robots start on free ones."""
-    world = load_world(WORLDS / "stage_ros" / "willow-erratic.world")
-    (floor,) = world.floorplans
-    assert floor.pose == pytest.approx((0.0, 0.0, math.pi / 2))
-    assert not is_occupied(floor, world.robots[0].pose.x, world.robots[0].pose.y)
-
-
 def test_heights_of_known_robots() -> None:
     """The rays of an erratic's laser leave at 0.26 m, a pioneer's sonars at 0.195 m, its SICK at 0.33 m."""
     (erratic, *_) = load_world(WORLDS / "stage_ros" / "willow-lesson3.world").robots
@@ -133,30 +107,3 @@ def test_the_files_own_macros_make_further_robots() -> None:
     assert len(robot.shapes) == 7
     with pytest.raises(WorldError, match=r"pioneer\.inc:\d+:3: size takes 3 numbers, not 2"):
         add_robot(world, "pioneer3at", Pose2(0, 0, 0), "robot_6")
-
-
-def sensor_pose(robot: Robot, ranger: Ranger, pose: Pose2) -> list[float]:
-    """[x, y, z, yaw] of a sensor in the map when its robot is at `pose`."""
-    x, y, yaw = pose.compose(Pose2(ranger.x, ranger.y, ranger.yaw))
-    return [x, y, ranger.z, yaw]
-
-
-def assert_origin(found: list[float], expected: list[float]) -> None:
-    assert found[:3] == pytest.approx(expected[:3], abs=1e-8)
-    assert abs(math.remainder(found[3] - expected[3], math.tau)) < 1e-8
-
-
-def test_sensors_of_a_pioneer_are_where_stage_had_them() -> None:
-    """Origins, fields of view and ranges of 16 sonars and a SICK on stacked bodies agree with Stage's."""
-    robot = load_world(WORLDS / "stage" / "simple.world").robots[0]
-    (simple,) = (world for world in stage("full", "scans")["worlds"] if world["name"] == "simple")
-    groups = {"r0.ranger:0": robot.rangers[:16], "r0.ranger:1": robot.rangers[16:]}
-    seen = set()
-    for scan in simple["scans"]:
-        x, y, degrees = scan["pose"]
-        seen.add(scan["ranger"])
-        for ranger, sensor in zip(groups[scan["ranger"]], scan["sensors"], strict=True):
-            assert_origin(sensor_pose(robot, ranger, Pose2(x, y, math.radians(degrees))), sensor["origin"])
-            assert (ranger.samples, math.degrees(ranger.fov)) == (sensor["samples"], pytest.approx(sensor["fov_deg"]))
-            assert [ranger.range_min, ranger.range_max] == sensor["range"]
-    assert seen == set(groups)

@@ -45,7 +45,7 @@ def play(tick: OpenTick, model: TickModel, step: tuple[str, str, object, object]
     what, name, first, second = step
     if what == "token":
         instance, alive = str(first), bool(second)
-        tick.take_token(name, instance, alive)
+        tick.on_token(name, instance, alive)
         holders = model.holders.setdefault(name, set())
         (holders.add if alive else holders.discard)(instance)
         if not holders:
@@ -53,7 +53,7 @@ def play(tick: OpenTick, model: TickModel, step: tuple[str, str, object, object]
     elif what == "done":
         session, key = str(first), second
         assert isinstance(key, tuple)
-        taken = tick.take_done(name, session, Done(*key, True, Twist(Vector3(mark))))
+        taken = tick.on_done(name, session, Done(*key, True, Twist(Vector3(mark))))
         assert taken == (session in model.holders.get(name, ()))
         if taken and name not in model.members:
             model.joining.add(name)
@@ -62,7 +62,7 @@ def play(tick: OpenTick, model: TickModel, step: tuple[str, str, object, object]
     elif what == "open":
         assert isinstance(first, int)
         assert isinstance(second, int)
-        tick.take_go(first)
+        tick.on_go(first)
         key = max(first, model.key[0]), second
         if key != model.key:
             model.key, model.said = key, {}
@@ -80,8 +80,10 @@ def test_a_tick_waits_for_its_members_alone(steps: list[tuple[str, str, object, 
     tick, model = free_tick(expected), TickModel()
     answered: set[str] = set()
     for mark, step in enumerate(steps, start=1):
-        before = set(tick.members)
+        before, listed = set(tick.members), tick.members
         play(tick, model, step, float(mark))
+        # A tick that was sent holds the list.
+        assert set(listed) == before
         if step[0] == "done":
             answered.add(step[1])
         assert tick.members == sorted(model.members)

@@ -178,11 +178,12 @@ def test_a_million_beams_are_cast() -> None:
 
 
 def boxes_of(rng: np.random.Generator, count: int) -> tuple[Polygons, np.ndarray, list[list[Point]]]:
-    """Movers of one convex shape each, their poses, and their corners there."""
+    """Movers of one convex shape each, some far from their middle, their poses, and their corners there."""
     groups, poses, corners = [], rng.uniform(0.0, 6.0, (count, 3)), []
     for i in range(count):
         w, h = rng.uniform(0.1, 1.0, 2)
-        points = ((0.0, 0.0), (w, 0.0), (w, h), (0.0, h))[: int(rng.integers(3, 5))]
+        arm = float(rng.choice((0.0, 2.0)))
+        points = ((arm, 0.0), (arm + w, 0.0), (arm + w, h), (arm, h))[: int(rng.integers(3, 5))]
         groups.append(Group(i, i, [Shape(points, 0.0, 1.0)]))
         corners.append([Pose2(*poses[i].tolist()).compose(Pose2(u, v, 0.0))[:2] for u, v in points])
     return make_polygons(groups), poses, corners

@@ -36,9 +36,9 @@ class Writer:
         self.lines: dict[KeyPath, int] = {}
         self._draw = draw
 
-    @property
-    def _line(self) -> int:
-        return self.text.count("\n") + 1
+    def _begin(self) -> None:
+        """A header or a pair begins here: all that it holds has this line."""
+        self._line = self.text.count("\n") + 1
 
     def _note(self, path: KeyPath) -> None:
         self.lines.setdefault(path, self._line)
@@ -52,6 +52,7 @@ class Writer:
         """Some keys with their values, a line each."""
         for key in self._draw(st.lists(keys, unique=True, max_size=3)):
             self.text += self._draw(blanks)
+            self._begin()
             self._pair((*table, key), depth)
             self.text += self._draw(st.sampled_from(["\n", " # note = 1\n"]))
 
@@ -87,6 +88,7 @@ class Writer:
 
     def header(self, path: KeyPath, text: str) -> None:
         """A line in brackets that begins the table at `path`."""
+        self._begin()
         self._note(path)
         self.text += text + self._draw(blanks.map(lambda blank: " " + blank.removesuffix("\n") + "\n"))
 
@@ -101,8 +103,8 @@ def documents(draw: st.DrawFn) -> Writer:
         writer.header((name,), f"[ {name} ]")
         writer.pairs((name,), 2)
     for index in range(draw(st.integers(0, 3))):
-        writer._note(("array of tables",))
         writer.header(("array of tables", index), '[["array of tables"]]')
+        writer.lines.setdefault(("array of tables",), writer.lines["array of tables", 0])
         writer.pairs(("array of tables", index), 1)
         if draw(st.booleans()):
             writer.header(("array of tables", index, "inner table"), "['array of tables'.'inner table']")

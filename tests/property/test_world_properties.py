@@ -174,34 +174,6 @@ def test_models_with_any_numbers_are_finite_or_a_world_error(trees: list[Entity]
         assert math.isfinite(shape.z_min) and shape.z_min <= shape.z_max
 
 
-@given(st.binary())
-def test_any_bytes_are_a_world_or_a_world_error(data: bytes) -> None:
-    """Nor do arbitrary bytes."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "w.world"
-        path.write_bytes(data)
-        try:
-            load_world(path)
-        except WorldError as error:
-            assert str(error).startswith(f"{path}:")
-
-
-@given(
-    st.binary(max_size=200),
-    st.sampled_from([b"", b"P5 4 4 255\n", b"P2 4 4 255\n", b"\x89PNG\r\n\x1a\n", b"GIF89a", b"BM"]),
-)
-def test_any_bitmap_is_read_or_a_world_error(data: bytes, magic: bytes) -> None:
-    """A broken image of any format is an error at the property that names it."""
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "b").write_bytes(magic + data)
-        path = Path(folder) / "w.world"
-        path.write_text('position ()\nmodel ( bitmap "b" )')
-        try:
-            load_world(path)
-        except WorldError as error:
-            assert str(error).startswith(f"{path}:2:9: ")
-
-
 points = st.tuples(st.integers(-8, 8), st.integers(-8, 8))
 
 

@@ -13,8 +13,8 @@ from zteam.errors import UsageError
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
+from zteam.simulator.process.node import serve_queries
 from zteam.simulator.process.pacing import Pacer, TickBoundary
-from zteam.simulator.process.queries import serve_queries
 
 TICK = 1_000_000
 """Simulated nanoseconds."""
@@ -164,4 +164,5 @@ class ControlHarness:
         self.join()
         self.stop.request("test over")
         self.thread.join(LIMIT)
+        assert not self.thread.is_alive()
         self.node.close()

@@ -35,7 +35,7 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
-class _Kind(NamedTuple):
+class _FileKind(NamedTuple):
     """Files that a user names."""
 
     what: str
@@ -45,8 +45,8 @@ class _Kind(NamedTuple):
     """How a user uses such a file, {}."""
 
 
-_WORLD = _Kind("world", ".world", worlds_folder, "say 'zteam up --world {}' or 'zteam-sim {}'")
-_TEAM = _Kind("team", ".toml", teams_folder, "say 'zteam up {}'")
+_WORLD = _FileKind("world", ".world", worlds_folder, "say 'zteam up --world {}' or 'zteam-sim {}'")
+_TEAM = _FileKind("team", ".toml", teams_folder, "say 'zteam up {}'")
 
 
 def find_world(text: str | Path) -> Path:
@@ -59,25 +59,23 @@ def find_team(text: str | Path) -> Path:
     return _find_named(str(text), _TEAM, _WORLD)
 
 
-def _find_named(text: str, kind: _Kind, other: _Kind) -> Path:
+def _find_named(text: str, kind: _FileKind, other: _FileKind) -> Path:
     found = existing_file(Path(text)) or _find(kind.folder(), text, kind.suffix)
     if found is None or text.endswith(other.suffix):
         raise UsageError(f"{kind.what} {text!r}: {_why_not(text, kind, other)}")
     return found
 
 
-def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
+def _why_not(text: str, kind: _FileKind, other: _FileKind) -> str:
     if text.endswith(other.suffix) or _find(other.folder(), text, other.suffix):
         return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
     try:
         Path(text).stat()
-    except PermissionError as error:
-        return f"{error.strerror} for user id {os.geteuid()}; let this user read the file and its folders (chmod a+rX)"
     except OSError as error:
-        if error.errno == errno.ELOOP or (error.errno == errno.ENOENT and Path(text).is_symlink()):
-            return f"a symbolic link leads to no file ({error.strerror}); mend it, or name the {kind.what} file itself"
+        if error.errno in (errno.EACCES, errno.ELOOP) or (error.errno == errno.ENOENT and Path(text).is_symlink()):
+            return f"{error.strerror} for user id {os.geteuid()}; look at its symbolic links and permissions (ls -lL)"
     except ValueError:
         # With a NUL.
         pass

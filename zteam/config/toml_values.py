@@ -1,14 +1,14 @@
 """What users write in TOML: single values, their text on one line, and the lines of the keys in a file.
 
-tomllib gives values without lines, so a pass over the text finds them before tomllib reads it. At a text that it does
-not understand the pass ends without an error: tomllib refuses the text at the same place or earlier, and tells why.
-The pass bounds the depth of nesting, because the memory of tomllib grows with the square of a dotted key's length.
+tomllib gives values without lines, so the text is cut into headers and pairs before tomllib reads it as a whole, and
+the keys of each get the line where it begins. At a text that is no TOML the lines end without an error: tomllib refuses
+the text at the same place or earlier, and tells why. The depth of nesting has a bound, because the memory of tomllib
+grows with the square of a dotted key's length.
 """
 
 import json
 import re
-from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 KeyPath = tuple[str | int, ...]
@@ -17,19 +17,14 @@ KeyPath = tuple[str | int, ...]
 MAX_DEPTH = 32
 """Keys and array indices on the path of a value, at most."""
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_STRING = re.compile(
+_TOKEN = re.compile(
     r"""
-      \"{3} (?:\\.|[^\\])*? \"{3,5}
-    | '{3} .*? '{3,5}
-    | \" (?:\\.|[^\"\\\n])* \"
-    | ' [^'\n]* '
+      (?P<string> \"{3} (?:\\.|[^\\])*? \"{3,5} | '{3} .*? '{3,5} | \" (?:\\.|[^\"\\\n])* \" | ' [^'\n]* ' )
+    | (?P<comment> \#[^\n]* ) | (?P<open> [\[{] ) | (?P<close> [\]}] ) | (?P<dot> \. ) | (?P<next> [,=] )
+    | (?P<end> \n | \Z ) | (?P<unclosed> ["'] )
     """,
     re.DOTALL | re.VERBOSE,
 )
-_SCALAR = re.compile(r"[^,\]}#\r\n]+")
 
 
 class TooDeepError(ValueError):
@@ -41,13 +36,64 @@ class TooDeepError(ValueError):
 
 
 def key_lines(text: str) -> dict[KeyPath, int]:
-    """The line, from 1, of every table, key and array element up to the first mistake in TOML. Raises TooDeepError."""
-    scan = _Scan(text)
-    try:
-        scan.document()
-    except _NotTomlError:
-        pass
-    return scan.lines
+    """The line, from 1, of every table and key up to the first mistake in TOML; what a value holds has its key's line.
+
+    Raises TooDeepError.
+    """
+    import tomllib  # Robots import this module for its types, and few read TOML.
+
+    lines: dict[KeyPath, int] = {}
+    # The number of tables so far in each array that is written as [[name]].
+    counts: dict[KeyPath, int] = {}
+    table: KeyPath = ()
+    for line, statement in _statements(text):
+        try:
+            found = tomllib.loads(statement)
+        except ValueError:
+            break
+        if not statement.lstrip().startswith("["):
+            paths = _paths(found, table)
+        else:
+            paths, table = [], ()
+            while found and isinstance(found, dict):
+                ((key, found),) = found.items()
+                table = (*table, key)
+                paths.append(table)
+                if isinstance(found, list):
+                    counts[table] = counts.get(table, 0) + 1
+                if table in counts:
+                    # The last table of an array of tables.
+                    table = (*table, counts[table] - 1)
+                    paths.append(table)
+        for path in paths:
+            if len(path) > MAX_DEPTH:
+                raise TooDeepError(line)
+            lines.setdefault(path, line)
+    return lines
+
+
+def _paths(value: Any, path: KeyPath) -> list[KeyPath]:
+    """Those of all that a value holds; the value is at `path`."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [found for key, inner in items for found in ((*path, key), *_paths(inner, (*path, key)))]
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """The headers and the pairs of a file, each with its first line. Raises TooDeepError."""
+    line, start, depth, dots = 1, 0, 0, 0
+    for token in _TOKEN.finditer(text):
+        kind = token.lastgroup
+        depth += (kind == "open") - (kind == "close")
+        if kind != "string":
+            dots = dots + 1 if kind == "dot" else 0
+        if max(depth, dots + 1) > MAX_DEPTH:
+            raise TooDeepError(line + text.count("\n", start, token.start()))
+        if kind == "unclosed":
+            return
+        if kind == "end" and depth <= 0:
+            yield line, text[start : token.start()].rstrip("\r")
+            line += text.count("\n", start, token.end())
+            start, depth = token.end(), 0
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int | None:
@@ -55,130 +101,6 @@ def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int | None:
     while path and path not in lines:
         path = path[:-1]
     return lines.get(path)
-
-
-class _NotTomlError(Exception):
-    """The text is no TOML that the scan understands."""
-
-
-class _Scan:
-    def __init__(self, text: str) -> None:
-        self.lines: dict[KeyPath, int] = {}
-        self._text = text
-        self._at = 0
-        self._newlines = [match.start() for match in re.finditer("\n", text)]
-        self._counts: dict[KeyPath, int] = {}
-        """The number of tables so far in each array that is written as [[name]]."""
-
-    def document(self) -> None:
-        table: KeyPath = ()
-        while self._skip(_BLANK) < len(self._text):
-            if self._text.startswith("[", self._at):
-                table = self._header()
-            else:
-                self._pair(table)
-
-    def _header(self) -> KeyPath:
-        start, brackets = self._at, 2 if self._text.startswith("[[", self._at) else 1
-        self._at += brackets
-        keys = self._key()
-        self._expect("]" * brackets)
-        path: KeyPath = ()
-        for count, part in enumerate(keys, 1):
-            path = (*path, part)
-            if brackets == 2 and count == len(keys):
-                self._counts[path] = self._counts.get(path, 0) + 1
-                self._note(path, start)
-            if path in self._counts:
-                # The last table of an array of tables.
-                path = (*path, self._counts[path] - 1)
-            self._note(path, start)
-        return path
-
-    def _pair(self, table: KeyPath) -> None:
-        start = self._at
-        path = table
-        for part in self._key():
-            path = (*path, part)
-            self._note(path, start)
-        self._expect("=")
-        self._value(path)
-
-    def _key(self) -> list[str]:
-        parts = []
-        while True:
-            self._skip(_SPACE)
-            start = self._at
-            bare = self._take(_BARE_KEY)
-            parts.append(bare if bare is not None else _unquoted(self._take(_STRING)))
-            if len(parts) > MAX_DEPTH:
-                raise TooDeepError(self._line(start))
-            self._skip(_SPACE)
-            if not self._text.startswith(".", self._at):
-                return parts
-            self._at += 1
-
-    def _value(self, path: KeyPath) -> None:
-        self._skip(_SPACE)
-        closing = {"[": "]", "{": "}"}.get(self._text[self._at : self._at + 1])
-        if closing is not None:
-            self._inside(path, closing)
-        elif self._take(_STRING) is None and self._take(_SCALAR) is None:
-            raise _NotTomlError
-
-    def _inside(self, path: KeyPath, closing: str) -> None:
-        """An array, or an inline table."""
-        self._at += 1
-        index = 0
-        while self._skip(_BLANK) < len(self._text) and self._text[self._at] != closing:
-            if closing == "}":
-                self._pair(path)
-            else:
-                self._note((*path, index), self._at)
-                self._value((*path, index))
-            index += 1
-            self._skip(_BLANK)
-            if not self._text.startswith(",", self._at):
-                break
-            self._at += 1
-        self._expect(closing)
-
-    def _note(self, path: KeyPath, start: int) -> None:
-        if len(path) > MAX_DEPTH:
-            raise TooDeepError(self._line(start))
-        self.lines.setdefault(path, self._line(start))
-
-    def _line(self, at: int) -> int:
-        return bisect_right(self._newlines, at - 1) + 1
-
-    def _skip(self, what: re.Pattern[str]) -> int:
-        self._take(what)
-        return self._at
-
-    def _take(self, what: re.Pattern[str]) -> str | None:
-        match = what.match(self._text, self._at)
-        if match is None:
-            return None
-        self._at = match.end()
-        return match[0]
-
-    def _expect(self, text: str) -> None:
-        self._skip(_SPACE)
-        if not self._text.startswith(text, self._at):
-            raise _NotTomlError
-        self._at += len(text)
-
-
-def _unquoted(text: str | None) -> str:
-    # Imported here, because robots import this module for its types and read no TOML.
-    import tomllib
-
-    if text is None:
-        raise _NotTomlError
-    try:
-        return str(tomllib.loads(f"v = {text}")["v"])
-    except tomllib.TOMLDecodeError:
-        raise _NotTomlError from None
 
 
 def parse_value(text: str) -> Any:

@@ -48,6 +48,12 @@ def memory(name: str, array: NDArray[Any], kind: np.dtype[Any], *shape: int, out
         raise ValueError(f"{name}: {error}") from None
 
 
+def empty(kind: np.dtype[Any], *shape: int) -> tuple[NDArray[Any], Any]:
+    """A new array for C to write to, and its memory."""
+    array = np.empty(shape, kind)
+    return array, ffi.from_buffer(_POINTERS[kind], array, True)
+
+
 def check_within(name: str, array: NDArray[Any], low: int, high: int) -> None:
     """Raise ValueError unless all these numbers lie from `low` to below `high`: they are indexes."""
     if array.size and not (low <= array.min() and array.max() < high):

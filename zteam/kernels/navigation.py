@@ -20,6 +20,7 @@ from zteam.kernels.binding import (
     Counts,
     Floats,
     check_within,
+    empty,
     ffi,
     lib,
     memory,
@@ -50,11 +51,10 @@ def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from:
     if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= MAX_CELLS):
         raise ValueError(f"window, reach: {window} is not within {rows} rows and {columns} columns, or {reach} too far")
     width = c1 - c0 + 2 * reach
-    steps, line = np.empty((r1 - r0 + 2 * reach + 1) * width, np.uint8), np.empty(width, np.uint16)
-    squares = np.empty((r1 - r0, c1 - c0), np.uint16)
-    scratch = memory("steps", steps, UINT8, len(steps), out=True), memory("line", line, UINT16, width, out=True)
-    made = memory("squares", squares, UINT16, *squares.shape, out=True)
-    lib.inflate(grid, rows, columns, window, reach, *scratch, made, table, unknown_from, out)
+    _, steps = empty(UINT8, (r1 - r0 + 2 * reach + 1) * width)
+    _, line = empty(UINT16, width)
+    squares, made = empty(UINT16, r1 - r0, c1 - c0)
+    lib.inflate(grid, rows, columns, window, reach, steps, line, made, table, unknown_from, out)
     return squares
 
 
@@ -96,13 +96,9 @@ def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, moti
     if not count or steps < 0 or np.abs(corners).max() > _WIDEST:
         raise ValueError(f"corners, steps: {count} corners up to {_WIDEST} cells from the base, {steps} steps")
     outline = memory("corners", corners, DOUBLE, count, 2)
-    points = np.empty((2, count, 2))
-    return int(
-        lib.find_hit(
-            *_grid("costs", costs, UINT8), outline, count, x, y, yaw, memory("motion", motion, DOUBLE, 3), steps,
-            memory("points", points, DOUBLE, 2, count, 2, out=True),
-        )
-    )  # fmt: skip
+    _, points = empty(DOUBLE, 2, count, 2)
+    way = memory("motion", motion, DOUBLE, 3), steps
+    return int(lib.find_hit(*_grid("costs", costs, UINT8), outline, count, x, y, yaw, *way, points))
 
 
 # search.c: ways over grids of weights
@@ -172,8 +168,7 @@ def trace(weights: Bytes, start: int, goal: int, steps: Steps, costs: Counts) ->
     grid, columns = _walled(weights, steps, start, goal)
     found = memory("costs", costs, UINT32, *weights.shape)
     # No step costs less than a straight one at the least weight.
-    out = np.empty(int(costs[divmod(goal, columns)]) // (steps.straight * max(1, steps.least)) + 1, np.int64)
-    made = memory("out", out, INT64, len(out), out=True)
+    out, made = empty(INT64, int(costs[divmod(goal, columns)]) // (steps.straight * max(1, steps.least)) + 1)
     count = lib.trace(grid, columns, start, goal, steps, found, made, len(out))
     if not count:
         raise ValueError("costs: they lead from the goal to no start")
@@ -195,11 +190,11 @@ def measure_lines(weights: Bytes, begins: Cells, ends: Cells) -> Floats:
     cell that it touches, so it goes through no cell that a step could not enter. Raises ValueError.
     """
     grid, _, columns = _grid("weights", weights, UINT8)
-    out = np.empty(len(begins))
+    out, made = empty(DOUBLE, len(begins))
     if begins.shape != ends.shape:
         raise ValueError(f"ends: {ends.shape} is not {begins.shape}")
     lines = _points("begins", begins, weights), _points("ends", ends, weights), len(begins)
-    lib.measure_lines(grid, columns, *lines, memory("out", out, DOUBLE, len(out), out=True))
+    lib.measure_lines(grid, columns, *lines, made)
     return out
 
 
@@ -214,9 +209,9 @@ def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -
     count = len(way)
     if not count or stride < 1 or reach < 0:
         raise ValueError(f"way, stride, reach: {count} cells, {stride}, {reach}")
-    best, before = np.empty(count), np.empty(count, np.int64)
-    out = memory("best", best, DOUBLE, count, out=True), memory("before", before, INT64, count, out=True)
-    lib.shorten(grid, columns, _points("way", way, weights), count, stride, reach, least, *out)
+    best, made = empty(DOUBLE, count)
+    before, places = empty(INT64, count)
+    lib.shorten(grid, columns, _points("way", way, weights), count, stride, reach, least, made, places)
     return best, before
 
 
@@ -256,9 +251,9 @@ def sum_poses(
     `map`. What is outside counts as the border. Places have seven digits. Raises ValueError.
     """
     count, many = len(poses), beams.shape[-1]
-    out = np.empty(count, np.int64)
+    out, made = empty(INT64, count)
     places = memory("poses", poses, DOUBLE, count, 3), count, memory("beams", beams, FLOAT, 2, many), many
-    lib.sum_poses(_likelihoods(values, place), *places, memory("out", out, INT64, count, out=True))
+    lib.sum_poses(_likelihoods(values, place), *places, made)
     return out
 
 
@@ -272,10 +267,9 @@ def climb(
     where none is better, so many times, in at most `most` rounds. Return the sums of values (n). Raises ValueError.
     """
     count, many = len(poses), beams.shape[-1]
-    sums = np.empty(count, np.int64)
+    sums, made = empty(INT64, count)
     places = memory("poses", poses, DOUBLE, count, 3, out=True), count, memory("beams", beams, FLOAT, 2, many), many
-    out = memory("sums", sums, INT64, count, out=True)
-    lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, out)
+    lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, made)
     return sums
 
 
@@ -300,12 +294,12 @@ def resample(
     count, most = len(sums), len(draws)
     if not count or not len(enough) or len(poses) < count + (most if strange.any() else 0) or min(size) <= 0.0:
         raise ValueError(f"poses, sums, enough, size: {len(poses)}, {count}, {len(enough)} elements, and {size}")
-    guide, out = np.empty(count, np.int64), np.empty((most, 3))
+    _, guide = empty(INT64, count)
+    out, made = empty(DOUBLE, most, 3)
     found = lib.resample(
         memory("poses", poses, DOUBLE, len(poses), 3), memory("sums", sums, DOUBLE, count), count,
         memory("draws", draws, DOUBLE, most), memory("strange", strange, BOOL, most), most,
-        memory("enough", enough, INT64, len(enough)), len(enough), size, *_table(most),
-        memory("guide", guide, INT64, count, out=True), memory("out", out, DOUBLE, most, 3, out=True),
+        memory("enough", enough, INT64, len(enough)), len(enough), size, *_table(most), guide, made,
     )  # fmt: skip
     return out[:found]
 
@@ -320,12 +314,9 @@ def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tupl
     if not (count and 0 < turns <= 64 and min(size) > 0.0):
         raise ValueError(f"poses, turns, size: {count} poses, {turns}, {size}")
     table, mask = _table(count)
-    cluster, stack, labels = np.empty(mask + 1, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
-    totals, moments = np.zeros(count), np.zeros(19)
-    lib.find_cluster(
-        memory("poses", poses, DOUBLE, count, 3), memory("weights", weights, DOUBLE, count), count, size, turns,
-        table, mask, memory("cluster", cluster, INT64, mask + 1, out=True),
-        memory("stack", stack, INT64, count, out=True), memory("totals", totals, DOUBLE, count, out=True),
-        memory("labels", labels, INT64, count, out=True), memory("moments", moments, DOUBLE, 19, out=True),
-    )  # fmt: skip
+    (_, cluster), (_, stack), (labels, own) = empty(INT64, mask + 1), empty(INT64, count), empty(INT64, count)
+    (totals, sums), (moments, made) = empty(DOUBLE, count), empty(DOUBLE, 19)
+    totals[:], moments[:] = 0.0, 0.0
+    particles = memory("poses", poses, DOUBLE, count, 3), memory("weights", weights, DOUBLE, count), count
+    lib.find_cluster(*particles, size, turns, table, mask, cluster, stack, sums, own, made)
     return labels, moments[:16].reshape(4, 4), moments[16:]

@@ -3,9 +3,7 @@
 import math
 from typing import Any
 
-import numpy as np
-
-from zteam.kernels.binding import DOUBLE, Floats, ffi, lib, memory
+from zteam.kernels.binding import DOUBLE, Floats, empty, lib, memory
 
 
 def meet(
@@ -45,9 +43,9 @@ def see(
     count, beams = known.shape[-1], distances.size
     if few < 1:
         raise ValueError(f"few: {few} is less than 1")
-    seen = np.empty(3 * (count - -beams // few))
+    seen, made = empty(DOUBLE, 3 * (count - -beams // few))
     given = memory("known", known, DOUBLE, 3, count), count, *_scan(axes, distances)
-    kept = lib.see(*given, *laser, few, *pose, far, way, oldest, ffi.from_buffer("double[]", seen, True))
+    kept = lib.see(*given, *laser, few, *pose, far, way, oldest, made)
     return seen[: 3 * kept].reshape(3, kept)
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, ffi, lib, memory
+from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, empty, ffi, lib, memory
 
 
 def _memories(kind: np.dtype[Any], *shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
@@ -208,12 +208,12 @@ def hold(
     bodies stay out of each other too, unless both are `tangled` (movers). The polygons are at `poses`.
     """
     movers, groups = len(poses), len(polygons.owner)
-    places, shares = np.zeros(movers), np.ones(movers)
+    (places, scratch), (shares, made) = empty(DOUBLE, movers), empty(DOUBLE, movers)
+    places[:], shares[:] = 0.0, 1.0
     lib.hold(
         polygons.data, maps.data, maps.count, memory("half", half, DOUBLE, groups), polygons.poses(poses),
         memory("ends", ends, DOUBLE, movers, 3, out=True), memory("suspects", suspects, BOOL, movers),
-        memory("tangled", tangled, BOOL, movers), apart, memory("places", places, DOUBLE, movers, out=True),
-        memory("shares", shares, DOUBLE, movers, out=True),
+        memory("tangled", tangled, BOOL, movers), apart, scratch, made,
     )  # fmt: skip
     return shares
 
@@ -223,11 +223,10 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
 
     On the exact arc or, with `tangents`, as Stage steps (Euler): straight ahead by the old heading, then the turn.
     """
-    ends, count = np.empty_like(poses), len(poses)
-    lib.follow(
-        count, memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3), seconds,
-        tangents, memory("ends", ends, DOUBLE, count, 3, out=True),
-    )  # fmt: skip
+    count = len(poses)
+    ends, made = empty(DOUBLE, count, 3)
+    ways = memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3)
+    lib.follow(count, *ways, seconds, tangents, made)
     return ends
 
 

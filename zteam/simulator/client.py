@@ -26,8 +26,10 @@ RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 BOUNDARY_LIMIT = 60.0
 """Host seconds that a change waits for the open tick to end, which a hung participant may hold."""
 MAX_TICKS = 1_000_000_000_000
-MIN_SPEED, MAX_SPEED = 1e-6, 1e6
-"""Simulated seconds a second of the host."""
+MIN_SPEED = 1e-6
+"""Simulated seconds a second of the host, at least."""
+MAX_SPEED = 1e6
+"""Simulated seconds a second of the host, at most."""
 MAX_PLACE = 1e6
 """Metres from the origin of `map`, and radians of a yaw, at most."""
 Place = Annotated[float, msgspec.Meta(ge=-MAX_PLACE, le=MAX_PLACE)]

@@ -39,30 +39,17 @@ def test_a_whole_number_has_digits_only(text: str) -> None:
 
 
 def test_is_number_tells_numbers_from_words() -> None:
-    """Any notation of `float` is a number; words and NaN are none."""
+    """Any notation of `float` is a number; words and NaN are none, nor is one above a limit in magnitude."""
     assert all(map(is_number, ("-1e-3", "inf", " 2 ")))
     assert not any(map(is_number, ("nan", "map", "")))
-
-
-def test_is_number_takes_a_limit() -> None:
-    """A number above the limit in magnitude counts as none."""
     assert [is_number(text, 10.0) for text in ("-10", "10.5", "inf")] == [True, False, False]
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.0, 1.0), (0.5, 51.0), (0.99, 100.0), (1.0, 100.0)])
 def test_a_percentile_is_one_of_the_values(share: float, expected: float) -> None:
-    """The order of the values does not matter, and the whole share is the largest value."""
+    """The order of the values does not matter, and the whole share is the largest value; of no values there is none."""
     assert percentile([float(i) for i in range(100, 0, -1)], share) == expected
-
-
-def test_a_single_value_is_every_percentile() -> None:
-    """No index is out of range."""
-    assert {percentile([7.0], share) for share in (0.0, 0.5, 0.99, 1.0)} == {7.0}
-
-
-def test_no_values_have_no_percentile() -> None:
-    """None, not 0."""
-    assert percentile([], 0.5) is None
+    assert (percentile([7.0], share), percentile([], share)) == (7.0, None)
 
 
 @pytest.mark.parametrize(

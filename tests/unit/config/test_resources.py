@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from zteam.behaviors import load_behavior
 from zteam.config import resources
 from zteam.errors import UsageError
-from zteam.team.file.reading import load_team
+from zteam.team.file.reading import read_team_file
+from zteam.team.launch.check import check_team
 
 
 def test_team_files_are_found_by_name() -> None:
@@ -33,12 +33,21 @@ def test_a_path_comes_before_a_shipped_file(tmp_path: Path, monkeypatch: pytest.
     assert resources.find_world("office.world") == Path("office.world")
 
 
-def test_an_unknown_file_error_lists_the_shipped_ones() -> None:
-    """The error of a mistyped name lists the names that exist."""
-    with pytest.raises(UsageError, match=r"team 'lien': no such file, nor a shipped team \(.*line.*\)"):
-        resources.find_team("lien")
-    with pytest.raises(UsageError, match=r"world 'ofice': no such file, nor a shipped world \(.*office.*\)"):
-        resources.find_world("ofice")
+@pytest.mark.parametrize("name", ["lien", "", "x" * 5000, "a\0b"])
+def test_an_unknown_name_lists_the_shipped_ones(name: str) -> None:
+    """One error, also for a text that no file can have as its name."""
+    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
+        resources.find_team(name)
+    with pytest.raises(UsageError, match=r"no such file, nor a shipped world \(.*arena.*\)"):
+        resources.find_world(name)
+
+
+def test_a_file_of_the_other_kind_is_named_as_such() -> None:
+    """With what takes it."""
+    with pytest.raises(UsageError, match=r"that is a world; say 'zteam up --world office.world'"):
+        resources.find_team("office.world")
+    with pytest.raises(UsageError, match=r"that is a team; say 'zteam up line'"):
+        resources.find_world("line")
 
 
 def test_a_link_that_leads_to_no_file_is_named_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,10 +56,10 @@ def test_a_link_that_leads_to_no_file_is_named_as_such(tmp_path: Path, monkeypat
     Path("a.toml").symlink_to("b.toml")
     Path("b.toml").symlink_to("a.toml")
     Path("gone.world").symlink_to("nowhere.world")
-    for name, reason in (("a.toml", "Too many levels of symbolic links"), ("a.toml/c.toml", "Too many levels")):
-        with pytest.raises(UsageError, match=f"^team '{name}': a symbolic link leads to no file \\({reason}"):
+    for name in ("a.toml", "a.toml/c.toml"):
+        with pytest.raises(UsageError, match=f"^team '{name}': Too many levels of symbolic links"):
             resources.find_team(name)
-    with pytest.raises(UsageError, match=r"^world 'gone.world': a symbolic link leads to no file \(No such file"):
+    with pytest.raises(UsageError, match=r"^world 'gone.world': No such file or directory for"):
         resources.find_world("gone.world")
 
 
@@ -80,53 +89,6 @@ def test_the_copies_in_a_wheel_come_first(tmp_path: Path, monkeypatch: pytest.Mo
     assert resources.teams_folder() == tmp_path / "zteam" / "_deploy"
 
 
-@pytest.mark.parametrize("name", resources.names(resources.teams_folder(), ".toml"))
-def test_every_shipped_team_can_be_started(name: str) -> None:
-    """The team file is valid, its world (if it names one) exists, and its behaviours accept its parameters."""
-    path = resources.shipped_team(name)
-    assert path is not None
-    team = load_team(path)
-    for robot in team.robots:
-        params = dict(robot.params) if robot.follow is None else {"leader": robot.follow, **robot.params}
-        load_behavior("follow" if robot.follow is not None else robot.behavior or "forward", params, robot.id)
-    assert team.team.world is None or resources.shipped_world(team.team.world) is not None
-
-
-def test_the_three_teams_are_shipped() -> None:
-    """The default team, the lectures' exercise and the small team are shipped."""
-    assert {"line", "willow", "arena"} <= set(resources.names(resources.teams_folder(), ".toml"))
-
-
-def test_a_team_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path comes first, so that a file of one's own named `line` is used; else the shipped team of that name."""
-    monkeypatch.chdir(tmp_path)
-    assert resources.find_team("line") == resources.shipped_team("line")
-    assert resources.find_team("line.toml") == resources.shipped_team("line")
-    (tmp_path / "line").write_text("")
-    assert resources.find_team("line") == Path("line")
-
-
-def test_an_unknown_team_names_the_known_ones() -> None:
-    """The way out is in the message."""
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
-        resources.find_team("lien")
-
-
-def test_a_world_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path comes first, so that a user's own file named `arena` is used; else the shipped world of that name."""
-    monkeypatch.chdir(tmp_path)
-    assert resources.find_world("arena") == resources.shipped_world("arena")
-    (tmp_path / "arena").write_text("")
-    assert resources.find_world("arena") == Path("arena")
-
-
-@pytest.mark.parametrize("name", ["aren", "", "x" * 5000, "a\0b"])
-def test_an_unknown_world_names_the_known_ones(name: str) -> None:
-    """One error, also for a text that no file can have as its name."""
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped world \(.*arena.*\)"):
-        resources.find_world(name)
-
-
 def test_a_folder_that_one_may_not_read_is_named_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says who may not read it, and not that there is no file."""
     closed, usual = tmp_path / "team.toml", Path.stat
@@ -137,5 +99,12 @@ def test_a_folder_that_one_may_not_read_is_named_as_one(tmp_path: Path, monkeypa
         return usual(path, **options)
 
     monkeypatch.setattr(Path, "stat", stat)
-    with pytest.raises(UsageError, match=rf"team.toml': Permission denied for user id {os.geteuid()}; .*chmod"):
+    with pytest.raises(UsageError, match=rf"team.toml': Permission denied for user id {os.geteuid()}"):
         resources.find_team(closed)
+
+
+@pytest.mark.parametrize("name", resources.names(resources.teams_folder(), ".toml"))
+def test_every_shipped_team_can_be_started(name: str) -> None:
+    """Neither file nor world nor the behaviours' parameters have a mistake; the lectures' world is not shipped."""
+    world = resources.find_world("office") if name == "willow" else None
+    check_team(read_team_file(resources.find_team(name)), world, here=True)

@@ -1,6 +1,5 @@
 """Single values in TOML, their text on one line, and the lines of the keys in a TOML text."""
 
-import tomllib
 from typing import Any
 
 import pytest
@@ -43,67 +42,6 @@ def test_what_toml_lacks_has_no_text() -> None:
     for value in (None, 2**63):
         with pytest.raises(TypeError):
             toml_text(value)
-
-
-TEXT = (
-    r'''# a comment with [brackets] and = signs
-title = """
-not.a.key = 1
-[nor.a.table]
-"""
-[team] # 6
-world = "office"
-"two words" . x = 1
-'literal.key' = 2
-
-[[robots]]
-id = 0
-pose = [
-  1.0, # one
-  [2,
-        { a = 3, b = 4 }],
-]
-[[robots]]  # 18
-id = 1
-[robots.inner]
-deep."\u00fc" = '''
-    """'''
-two lines ''''' # closed by five
-[robots.inner.more]
-x = 1979-05-27 07:32:00
-[[robots.parts]]
-n = 1
-[[robots.parts]]
-n = 2
-inline = { a = 1, "b c" = [ { d = 2 } ] }
-"""
-)
-
-
-def test_every_kind_of_key_has_its_line() -> None:
-    """Tables, arrays of tables, inline tables, quoted and dotted keys, after strings and arrays of several lines."""
-    tomllib.loads(TEXT)
-    lines = key_lines(TEXT)
-    expected = {
-        ("title",): "title",
-        ("team",): "[team]",
-        ("team", "world"): "world",
-        ("team", "two words", "x"): '"two words"',
-        ("team", "literal.key"): "'literal.key'",
-        ("robots", 0): "[[robots]]",
-        ("robots", 0, "pose", 0): "  1.0",
-        ("robots", 0, "pose", 1, 1, "a"): "        { a",
-        ("robots", 0, "pose", 1, 1, "b"): "        { a",
-        ("robots", 1): "[[robots]]  # 18",
-        ("robots", 1, "inner", "deep", "ü"): "deep",
-        ("robots", 1, "inner", "more", "x"): "x = 1979",
-        ("robots", 1, "parts", 1, "n"): "n = 2",
-        ("robots", 1, "parts", 1, "inline", "b c", 0, "d"): "inline",
-    }
-    rows = TEXT.splitlines()
-    assert {path: rows[lines[path] - 1].startswith(text) for path, text in expected.items()} == dict.fromkeys(
-        expected, True
-    )
 
 
 def test_the_nearest_line_above_is_found() -> None:

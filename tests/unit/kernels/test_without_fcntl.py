@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 from support.limits import LIMIT
 
 CODE = """
@@ -26,6 +28,7 @@ assert len(plan.path) > 1
 """
 
 
+@pytest.mark.ci
 def test_simulator_and_navigation_run_without_modules_of_unix() -> None:
     """An engine makes a tick, and a planner finds a path, where fcntl, resource and termios are missing."""
     done = subprocess.run(

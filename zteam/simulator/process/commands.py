@@ -126,7 +126,8 @@ class RobotCommands:
             self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if i in self._robots}
             wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
 
-    def take(self) -> dict[int, Twist]:
+    def drain(self) -> dict[int, Twist]:
+        """The commands since the last call, of robots in the world."""
         with self._changed:
             fresh, self._fresh = self._fresh, {}
         return {robot_id: command for robot_id, command in fresh.items() if robot_id in self._robots}

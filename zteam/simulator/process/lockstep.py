@@ -106,7 +106,7 @@ class LockStep:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
             with self._changed:
-                self.tick.take_go(status.epoch)
+                self.tick.on_go(status.epoch)
                 self._changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -116,7 +116,7 @@ class LockStep:
         with self._changed:
             if alive and self.tick.note_return(*token):
                 log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
-            if self.tick.take_token(*token, alive):
+            if self.tick.on_token(*token, alive):
                 self._send_for_token()
             self._changed.notify_all()
 
@@ -141,10 +141,10 @@ class LockStep:
         name = names.process_of(key, names.DONE) or ""
         robot_id = names.robot_id_of(name)
         with self._changed:
-            if self.tick.take_done(name, session, done):
+            if self.tick.on_done(name, session, done):
                 if done.has_command and robot_id is not None:
                     self._on_command(robot_id)
-                if self.tick.needs_attention:
+                if self.tick.is_over or self.tick.must_reopen:
                     self._changed.notify_all()
             elif name in self.tick.holders:
                 holder = self.tick.holders.name_of(session)

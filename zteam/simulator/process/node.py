@@ -6,42 +6,38 @@ is due; in real time when it is due (`run_ticks`).
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from typing import Any, TypeVar
 
 from zteam import names
+from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.clock import FREEZES, Every
 from zteam.config.numbers import counted
-from zteam.config.robot_ids import format_robot_ids
 from zteam.config.simulation_options import SimOptions
+from zteam.errors import BusError
 from zteam.messages import OccupancyGrid, Twist
 from zteam.node.process_node import ProcessNode
+from zteam.simulator import client
+from zteam.simulator.core import Engine
 from zteam.simulator.core.occupancy_grid import map_message
-from zteam.simulator.process.queries import serve_queries, serve_shapes
 from zteam.simulator.process.simulation import Simulation
-from zteam.simulator.world import Robot, World
+from zteam.simulator.world import Robot, Shape, World
 
 log = logging.getLogger("zteam")
 
+T = TypeVar("T")
 
-def _hold_text(options: SimOptions) -> str:
-    """What the first tick waits for, as the end of a sentence."""
-    lockstep = options.lockstep
-    awaited = [] if lockstep is None else [*lockstep.expected, *(["the monitor's GO"] if lockstep.gate else [])]
-    held = f", lock-step: the first tick waits for {', '.join(awaited)}" if awaited else ""
-    return f"{held}{', paused' if options.paused else ''}"
+_DIGITS = 4
+"""Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""
 
 
 def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    for pair in options.follows.items():
-        if not set(pair) <= robots.keys():
-            log.warning(
-                "--gap %d:%d is measured once both robots are there: the world has %s",
-                *pair, format_robot_ids(sorted(robots)) or "no robot",
-            )  # fmt: skip
     simulation = open_simulation(node, world, robots, options)
     node.become_present()
     size, period = counted(len(robots), "robot"), world.interval / 1e6
-    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, _hold_text(options))
+    mode = ", in lock-step" * (options.lockstep is not None) + ", paused" * options.paused
+    log.info("%s: %s, a tick every %g ms%s", world.name, size, period, mode)
     run_ticks(simulation)
 
 
@@ -83,3 +79,96 @@ def run_ticks(simulation: Simulation) -> None:
             pacer.start_anew()
         elif pacer.behind and not FREEZES.has_just_woken() and behind.due():
             log.warning("real-time factor %.2g: %s", pacer.factor, profile.last_text())
+
+
+def serve_queries(bus: Bus, simulation: Simulation) -> None:
+    """Serve `sim/…`. A bus thread runs each query; the main loop makes the changes, between two ticks."""
+    pacer, boundary = simulation.pacer, simulation.boundary
+
+    def serve(service: str, request_type: Any, answer: Callable[[Any], Any]) -> None:
+        bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
+
+    def serve_change(service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
+        """Answer with what `make` returns, or with the status afterwards."""
+
+        def answer(request: Any) -> Deferred:
+            future = boundary.submit(lambda: make(request) or simulation.status())
+            return Deferred(lambda: _result_of(future))
+
+        serve(service, request_type, answer)
+
+    def set_pace(change: Callable[[], None]) -> client.SimStatus:
+        boundary.set_pace(change)
+        return simulation.status()
+
+    def step(request: client.StepRequest) -> client.SimStatus | Deferred:
+        def stand_still() -> client.SimStatus:
+            boundary.wait_for_steps()
+            return simulation.status()
+
+        if boundary.finished:
+            raise BusError("the run is over: 'zteam sim reset' starts it again")
+        status = set_pace(lambda: pacer.step(request.ticks))
+        return Deferred(stand_still) if request.wait else status
+
+    def stand(request: client.WaitRequest) -> Deferred:
+        return Deferred(lambda: client.StandReply(boundary.wait_until_standing(request.timeout), simulation.status()))
+
+    def finish(request: client.WaitRequest) -> Deferred:
+        return Deferred(lambda: client.FinishReply(boundary.wait_until_finished(request.timeout)))
+
+    serve("status", NoRequest, lambda _: simulation.status())
+    serve("report", NoRequest, lambda _: simulation.report())
+    serve("pause", Change, lambda _: set_pace(pacer.pause))
+    serve("resume", Change, lambda _: set_pace(pacer.resume))
+    serve("speed", client.SpeedRequest, lambda request: set_pace(lambda: pacer.set_speed(request.speed)))
+    serve("step", client.StepRequest, step)
+    serve("stand", client.WaitRequest, stand)
+    serve("finish", client.WaitRequest, finish)
+    serve_change("repeat", Change, lambda _: simulation.repeat())
+    # Nothing changes, but only between two ticks does what was sent stay as it is.
+    serve_change("scans", client.ScansRequest, lambda request: simulation.scans(request.robots))
+    serve_change("reset", client.ResetRequest, lambda request: simulation.reset(anew=request.anew))
+    serve_change("spawn", client.SpawnRequest, lambda request: client.SpawnReply(simulation.spawn(request)))
+    serve_change("remove", client.RemoveRequest, lambda request: simulation.remove(request.id))
+    serve_change("fault", client.FaultRequest, lambda request: simulation.add_fault(request))
+    serve_change("move", client.MoveRequest, simulation.move)
+
+
+def _result_of(change: Future[T]) -> T:
+    """The result of a change. Raises its ZteamError, or BusError if the open tick does not end in time."""
+    try:
+        return change.result(client.BOUNDARY_LIMIT)
+    except TimeoutError:
+        text = f"the tick at hand did not end within {client.BOUNDARY_LIMIT:g} s: see 'zteam sim status'"
+        raise BusError(text) from None
+
+
+def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
+    """Serve both queries. They are answered from what is there, during a tick too."""
+
+    def shapes(_: NoRequest) -> client.ShapesReply:
+        robots = {robot_id: _robot_shape(robot) for robot_id, robot in list(engine.robots.items())}
+        return client.ShapesReply(robots, sorted({*world.templates, "erratic"}))
+
+    def obstacles(_: NoRequest) -> client.ObstaclesReply:
+        return client.ObstaclesReply(
+            [
+                client.ObstacleShape(thing.name, *thing.pose, _outline(thing.shapes), thing.mass is not None)
+                for thing in engine.obstacles()
+            ]
+        )
+
+    bus.serve(names.service_key(names.SIMULATOR, "shapes"), NoRequest, shapes)
+    bus.serve(names.service_key(names.SIMULATOR, "obstacles"), NoRequest, obstacles)
+
+
+def _robot_shape(robot: Robot) -> client.RobotShape:
+    """A robot from above: its polygons from the ground up, and its lasers."""
+    shapes = sorted(robot.shapes, key=lambda shape: shape.z_max)
+    lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
+    return client.RobotShape(robot.model, _outline(shapes), lasers)
+
+
+def _outline(shapes: Sequence[Shape]) -> list[list[tuple[float, float]]]:
+    return [[(round(x, _DIGITS), round(y, _DIGITS)) for x, y in shape.points] for shape in shapes]

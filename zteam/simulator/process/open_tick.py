@@ -60,7 +60,7 @@ class OpenTick:
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
-    def take_token(self, name: str, session: str, alive: bool) -> bool:
+    def on_token(self, name: str, session: str, alive: bool) -> bool:
         """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
         self.holders.take(name, session, alive)
         if name not in self.holders:
@@ -84,7 +84,7 @@ class OpenTick:
         self.hung += [name] if back else []
         return back
 
-    def take_done(self, name: str, session: str, done: Done) -> bool:
+    def on_done(self, name: str, session: str, done: Done) -> bool:
         """Take an answer. False if its session does not hold `name`: the answer is ignored."""
         if session not in self.holders.instances(name):
             return False
@@ -96,7 +96,7 @@ class OpenTick:
             self.left.discard(name)
         return True
 
-    def take_go(self, epoch: int) -> None:
+    def on_go(self, epoch: int) -> None:
         """The monitor gave GO; the highest epoch counts."""
         self._go_epoch = max(self._go_epoch, epoch)
         self._changed = True
@@ -170,11 +170,6 @@ class OpenTick:
         return self.held and not self.message.epoch
 
     @property
-    def needs_attention(self) -> bool:
-        """Whether the wait for the answers may be over, or the tick may have to be opened again."""
-        return self._changed or self.complete
-
-    @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
         return self.complete and not self.must_reopen and self._start is not Start.HELD
@@ -203,7 +198,8 @@ class OpenTick:
 
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
-        silent = [_with_need(name, lacking) for name in self.silent()]
+        needs = lacking or {}
+        silent = [f"{name}, which waits for {needs[name]}" if needs.get(name) else name for name in self.silent()]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)
@@ -231,8 +227,3 @@ class OpenTick:
 def _culprits(missing: list[str]) -> list[str]:
     """Those of `missing` that are to blame: robots wait for the aggregator's transforms."""
     return [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
-
-
-def _with_need(name: str, lacking: Mapping[str, str] | None) -> str:
-    need = lacking.get(name) if lacking else None
-    return f"{name}, which waits for {need}" if need else name

@@ -1,6 +1,6 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from zteam import names
@@ -21,14 +21,14 @@ class RobotOutputs:
     """One robot's publishers."""
 
     def __init__(self, bus: Bus, robot_id: int, robot: Robot, *, lockstep: bool) -> None:
-        self.robot = robot
+        self.robot, self._id = robot, robot_id
         self._publishers: list[Publisher[Any]] = []
 
         def publisher(key: str, message_type: type[M], **options: bool) -> Publisher[M]:
             self._publishers.append(bus.publisher(key, message_type, **options))
             return self._publishers[-1]
 
-        self.tf = publisher(names.robot_key(robot_id, names.TF), TFMessage)
+        self._tf = publisher(names.robot_key(robot_id, names.TF), TFMessage)
         self.tf_static = publisher(names.robot_key(robot_id, names.TF_STATIC), TFMessage, latched=True)
         publisher(names.robot_key(robot_id, names.BASE_INFO), BaseInfo, latched=True).put(base_info(robot))
         command_key = names.robot_key(robot_id, names.CMD_VEL)
@@ -39,12 +39,36 @@ class RobotOutputs:
             for topic, (kind, build, _) in to_messages.SENSORS.items()
         }
         # Robots compute their next command from these: they are published first.
-        self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
-        self.rest = [output for outputs in sensed.values() for output in outputs]
+        self._odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
+        self._rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
         for publisher in self._publishers:
             publisher.close()
+
+    def put_transforms(self, observation: Observation) -> None:
+        """Send odom -> base_footprint."""
+        odom = observation.robots[self._id].odom
+        self._tf.put_owned(to_messages.transforms(observation.stamp, self._id, odom))
+
+    def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
+        """Send its odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
+        self._put(self._odom, observation, again)
+
+    def put_scans(self, observation: Observation, *, again: bool = False) -> None:
+        """Send its scans; `again` as with `put_odometry`."""
+        self._put(self.scans, observation, again)
+
+    def put_rest(self, observation: Observation) -> None:
+        """Send what no robot's next command depends on."""
+        for publisher, build, number in self._rest:
+            if publisher.has_subscribers:
+                publisher.put(build(observation, self._id, number))
+
+    def _put(self, outputs: Sequence[_Output], observation: Observation, again: bool) -> None:
+        for publisher, build, number in outputs:
+            if again or publisher.has_subscribers:
+                publisher.put_owned(build(observation, self._id, number))
 
 
 class TeamOutputs(dict[int, RobotOutputs]):
@@ -71,46 +95,9 @@ class TeamOutputs(dict[int, RobotOutputs]):
         output, origin = self[robot_id], self._engine.odom_origin(robot_id)
         output.tf_static.put(to_messages.static_transforms(robot_id, output.robot, origin))
 
-    def put_transforms(self, robot_ids: Iterable[int], observation: Observation) -> None:
-        """Send these robots' odom -> base_footprint."""
-        for robot_id in robot_ids:
-            odom = observation.robots[robot_id].odom
-            self[robot_id].tf.put_owned(to_messages.transforms(observation.stamp, robot_id, odom))
-
-    def put_odometry(self, robot_ids: Iterable[int], observation: Observation, *, again: bool = False) -> None:
-        """Send these robots' odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
-        for robot_id in robot_ids:
-            _send(self[robot_id].odom, observation, robot_id, again)
-
-    def put_scans(
-        self, robot_ids: Iterable[int], observation: Observation, on_scan: Callable[[int], None], *, again: bool = False
-    ) -> None:
-        """Send these robots' scans; `again` as with `put_odometry`.
-
-        `on_scan(robot_id)` is called before the scans of a robot leave.
-        """
-        for robot_id in robot_ids:
-            scans = self[robot_id].scans
-            if scans:
-                on_scan(robot_id)
-            _send(scans, observation, robot_id, again)
-
-    def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
-        """Send what no robot's next command depends on."""
-        for robot_id in robot_ids:
-            for publisher, build, number in self[robot_id].rest:
-                if publisher.has_subscribers:
-                    publisher.put(build(observation, robot_id, number))
-
     def put_commands(self, commands: Mapping[int, Twist]) -> None:
         """Send, on `cmd_vel`, the commands that came with the answers of lock-step."""
         for robot_id, command in commands.items():
             publisher = self[robot_id].command
             if publisher is not None and publisher.has_subscribers:
                 publisher.put(command)
-
-
-def _send(outputs: Sequence[_Output], observation: Observation, robot_id: int, again: bool) -> None:
-    for publisher, build, number in outputs:
-        if again or publisher.has_subscribers:
-            publisher.put_owned(build(observation, robot_id, number))

@@ -121,8 +121,8 @@ class TickBoundary:
         self._node = node
         self._pacer = pacer
         self._changes: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
-        self._waits = False
-        """Whether the main loop waits here and no tick is due."""
+        self._is_idle = False
+        """Whether the main loop waits here."""
         self.finished = False
         """Whether the time of `--for` is over."""
 
@@ -136,20 +136,18 @@ class TickBoundary:
     def set_pace(self, change: Callable[[], None]) -> None:
         """Change the pacer now, during the open tick, and let the main loop look at it."""
         with self._node.changed:
-            self._waits = False
             change()
             self._node.changed.notify_all()
 
     def wait_for_steps(self) -> None:
         """Wait until the steps are done, the world is resumed or the process stops, however long that takes."""
         # If the client that asked has gone, this thread ends with the process.
-        while not (self._wait(lambda: not self._pacer.paused or self._waits, _LONGEST_WAIT) or self._node.stopping):
+        while not (self._wait(lambda: not self._pacer.paused or self._stands(), _LONGEST_WAIT) or self._node.stopping):
             pass
 
     def wait_until_standing(self, timeout: float) -> bool:
         """Wait `timeout` host seconds at most; whether the world stands still."""
-        # After `resume` or `step` the main loop may not have looked at the pacer yet.
-        return self._wait(lambda: self._waits and self._remaining() is None, timeout)
+        return self._wait(self._stands, timeout)
 
     def wait_until_finished(self, timeout: float) -> bool:
         """Wait `timeout` host seconds at most; whether the time of `--for` is over."""
@@ -181,21 +179,18 @@ class TickBoundary:
                     future.set_result(change())
                 except ZteamError as error:
                     future.set_exception(error)
-            with self._node.changed:
-                remaining = self._remaining()
-                self._waits = remaining is None
-                if self._waits:
-                    self._node.changed.notify_all()
+            remaining = self._remaining()
             if remaining == 0.0:
                 return True
-            self._node.wait(self._has_news, _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT))
+            self._is_idle = True
+            self._node.wake()
+            longest = _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT)
+            self._node.wait(lambda: bool(self._changes) or self._remaining() == 0.0, longest)
+            self._is_idle = False
         return False
 
-    def _has_news(self) -> bool:
-        """Whether there is a change to make, the next tick is due, or the pace has changed."""
-        remaining = self._remaining()
-        # The pace may have changed between the last look and this wait: then `_waits` is to be set again.
-        return bool(self._changes) or remaining == 0.0 or (remaining is None) != self._waits
+    def _stands(self) -> bool:
+        return self._is_idle and self._remaining() is None
 
     def _remaining(self) -> float | None:
         return None if self.finished else self._pacer.remaining(monotonic())

@@ -35,7 +35,7 @@ ANSWER_SHARE = 0.4
 class Simulation:
     """A world on the bus: its ticks, the count of its run, and the changes that are asked for.
 
-    The main loop calls all of it, but for `take_go`, `status` and `report`, which any thread may call.
+    The main loop calls all of it, but for `set_go`, `status` and `report`, which any thread may call.
     """
 
     def __init__(self, node: ProcessNode, world: World, robots: Mapping[int, Robot], options: SimOptions) -> None:
@@ -86,7 +86,8 @@ class Simulation:
         assert self._observation is not None
         if not self._is_first and self._clock.has_subscribers:
             self._clock.put(Clock(time_from_ns(self.engine.now)))
-        self.outputs.put_rest(self.outputs, self._observation)
+        for output in self.outputs.values():
+            output.put_rest(self._observation)
         self._is_first = False
         self.profile.end("publish")
 
@@ -104,15 +105,23 @@ class Simulation:
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
         # complete when a robot has its scan.
         bases = engine.observe_bases()
-        outputs.put_transforms(outputs, bases)
-        outputs.put_odometry(outputs, bases)
+        for output in outputs.values():
+            output.put_transforms(bases)
+        for output in outputs.values():
+            output.put_odometry(bases)
         self.profile.end("publish")
         self._observation = engine.observe()
         self.profile.end("sensors")
-        outputs.put_scans(outputs, self._observation, self.commands.scan_sent)
+        self._put_scans(self._observation, outputs)
         if not early:
             self._announce()
         self.profile.end("publish")
+
+    def _put_scans(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
+        for robot_id in robot_ids:
+            if self.outputs[robot_id].scans:
+                self.commands.scan_sent(robot_id)
+            self.outputs[robot_id].put_scans(observation, again=again)
 
     def _announce(self) -> None:
         if self.lockstep is not None:
@@ -121,7 +130,7 @@ class Simulation:
 
     def take_commands(self) -> dict[int, Twist]:
         """The commands since the last tick, for the next one."""
-        commands = self.commands.take()
+        commands = self.commands.drain()
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
@@ -131,9 +140,9 @@ class Simulation:
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
-            self.take_go(ns_from_time(status.go_stamp))
+            self.set_go(ns_from_time(status.go_stamp))
 
-    def take_go(self, stamp: int) -> None:
+    def set_go(self, stamp: int) -> None:
         """GO holds from simulated time `stamp` (ns) on, but not from later than now. Only the first GO counts."""
         if self._go is None:
             # A stamp beyond this simulator's time belongs to an earlier simulator: GO then holds from now on.
@@ -153,7 +162,7 @@ class Simulation:
         """Count the engine's tick if GO was given; finish the run if its time is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
         if self.lockstep is not None and self.lockstep.tick.message.epoch > 0:
-            self.take_go(engine.now)
+            self.set_go(engine.now)
         end = f"before tick {engine.tick + 1}" if until is not None and engine.tick + 1 >= until else ""
         if self._go is not None:
             ids, poses, stalled = engine.standing()
@@ -192,11 +201,12 @@ class Simulation:
         assert observation is not None
         robots = {names.robot_id_of(name) for name in participants} or {None}
         present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
-        outputs.put_transforms(present, observation)
-        outputs.put_odometry(present, observation, again=True)
-        outputs.put_scans(present, observation, self.commands.scan_sent, again=True)
-        if None in robots:
-            outputs.put_rest(present, observation)
+        for i in present:
+            outputs[i].put_transforms(observation)
+            outputs[i].put_odometry(observation, again=True)
+        self._put_scans(observation, present, again=True)
+        for i in present if None in robots else ():
+            outputs[i].put_rest(observation)
 
     def reset(self, *, anew: bool = False) -> None:
         """Put everything back to the start, where GO, if it was given, holds from the first tick on.

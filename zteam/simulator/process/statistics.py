@@ -1,10 +1,9 @@
 """The count of a run since GO: distances, gaps, stalls, late steps, latencies, the time of its ticks. No bus."""
 
 import hashlib
-import itertools
 import math
 import threading
-from array import array
+from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Literal
 
@@ -22,8 +21,8 @@ Ints = NDArray[np.int_]
 
 Phase = Literal["wait", "physics", "sensors", "publish", "idle"]
 """Of a tick, as in `Timing`."""
-_MAX_LATENCIES = 100_000
-"""Only the newest latencies are kept, in a place that is taken at the start: memory does not grow."""
+_MAX_LATENCIES = 10_000
+"""Only the newest latencies are kept."""
 _FIRST_LATE_TICK = 2
 """Ticks after that of GO from which on a missing command is late. GO may arrive after the scans of two ticks, so
 before that a robot may rightly have sent no command."""
@@ -63,9 +62,7 @@ class RunStatistics:
         self._sums = np.zeros(0, _SUMS)
         self._present: tuple[int, ...] | None = None
         """The robots of the last tick; None before the first one."""
-        self._latencies = array("d", bytes(8 * _MAX_LATENCIES))
-        self._places = itertools.count()
-        self._measured = 0
+        self._latencies = deque[float](maxlen=_MAX_LATENCIES)
         self._trajectory = hashlib.sha256()
         self._started = 0.0
         self._counted = 0.0
@@ -141,10 +138,7 @@ class RunStatistics:
     def add_latency(self, seconds: float) -> None:
         """Count a command that came this long after its robot's scan was sent."""
         if self.go_stamp is not None:
-            # Several threads come here.
-            place = next(self._places)
-            self._latencies[place % _MAX_LATENCIES] = seconds
-            self._measured = place + 1
+            self._latencies.append(seconds)
 
     def add_external_command(self) -> None:
         self.external_commands += self.go_stamp is not None
@@ -177,7 +171,7 @@ class RunStatistics:
 
     def latency(self) -> Latency:
         """Milliseconds from a robot's scan to its command."""
-        milliseconds = [1e3 * seconds for seconds in self._latencies[: self._measured]]
+        milliseconds = [1e3 * seconds for seconds in self._latencies.copy()]
         return Latency(percentile(milliseconds, 0.5), percentile(milliseconds, 0.99), len(milliseconds))
 
 

@@ -6,7 +6,7 @@ bottom, plus its own z. `origin` moves a model's body and sensors, not its child
 
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -104,19 +104,13 @@ class Chassis(msgspec.Struct):
     devices: list[Device] = msgspec.field(default_factory=list)
     markers: list[FiducialMarker] = msgspec.field(default_factory=list)
 
-    def robot(self) -> Robot:
-        assert isinstance(self.base, Robot)
-        return msgspec.structs.replace(
-            self.base,
-            shapes=tuple(self.shapes),
-            rangers=tuple(device for device in self.devices if isinstance(device, Ranger)),
-            devices=tuple(device for device in self.devices if not isinstance(device, Ranger)),
-            markers=tuple(self.markers),
-        )
-
-    def obstacle(self) -> Obstacle:
-        assert isinstance(self.base, Obstacle)
-        return msgspec.structs.replace(self.base, shapes=tuple(self.shapes), markers=tuple(self.markers))
+    def finished(self) -> Any:
+        """The robot or the obstacle with its parts."""
+        parts: dict[str, Any] = {"shapes": tuple(self.shapes), "markers": tuple(self.markers)}
+        if isinstance(self.base, Robot):
+            parts["rangers"] = tuple(device for device in self.devices if isinstance(device, Ranger))
+            parts["devices"] = tuple(device for device in self.devices if not isinstance(device, Ranger))
+        return msgspec.structs.replace(self.base, **parts)
 
 
 class Mount(NamedTuple):
@@ -299,8 +293,8 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         name=reader.text("name", path.stem),
         interval=max(1, round(milliseconds * 1e6)),
         floorplans=tuple(builder.floorplans),
-        obstacles=(*builder.obstacles, *(thing.obstacle() for thing in builder.pushed)),
-        robots=tuple(chassis.robot() for chassis in builder.robots),
+        obstacles=(*builder.obstacles, *(thing.finished() for thing in builder.pushed)),
+        robots=tuple(chassis.finished() for chassis in builder.robots),
         physics=reader.choice("physics", "dynamic", PHYSICS),
         warnings=remarks.all(),
         templates={name: (document, settings) for name in document.macros if document.type_of(name) == "position"},
@@ -326,4 +320,5 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     if len(builder.robots) != 1:
         raise entity.place.error(f"macro {model!r} holds {len(builder.robots)} robots, not one")
     world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
-    return msgspec.structs.replace(builder.robots[0].robot(), pose=pose)
+    robot: Robot = builder.robots[0].finished()
+    return msgspec.structs.replace(robot, pose=pose)

@@ -18,10 +18,8 @@ REACH = 1e6
 WALL_RIM = 0.05
 """Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
 touches a wall sinks in as far (`zteam.simulator.core.dynamic`)."""
-_TOUCH = 1e-9
-"""Metres that bodies may overlap and still only touch."""
-_INWARD = 1e-6
-"""Metres from an edge to the points that are tested inside of it."""
+_TOUCH = 1e-6
+"""Share by which a body is taken smaller: what only touches it is then apart."""
 
 
 def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
@@ -151,45 +149,23 @@ def _reach(shapes: Sequence[Shape]) -> float:
     return max((math.hypot(x, y) for shape in shapes for x, y in shape.points), default=0.0)
 
 
-def _overlap(one: Floats, other: Floats) -> bool:
+def _overlap(thing: Floats, body: Floats) -> bool:
     """Whether two simple polygons, convex or not, share more than their edges."""
-    if (one.max(axis=0) <= other.min(axis=0) + _TOUCH).any() or (other.max(axis=0) <= one.min(axis=0) + _TOUCH).any():
+    body = body + _TOUCH * (body.mean(axis=0) - body)
+    if (thing.max(axis=0) <= body.min(axis=0)).any() or (body.max(axis=0) <= thing.min(axis=0)).any():
         return False
-    if _edges_cross(one, other):
-        return True
-    # No edges cross: the polygons are apart, or one holds the other, or they have edges in common.
-    return any(in_polygon(b, *_points_inside(a)).any() for a, b in ((one, other), (other, one)))
-
-
-def _points_inside(polygon: Floats) -> tuple[Floats, Floats]:
-    """A point inside of a counter-clockwise polygon beside the middle of each edge: their x, and their y."""
-    ahead = np.roll(polygon, -1, axis=0)
-    way = ahead - polygon
-    inward = _INWARD * np.stack((-way[:, 1], way[:, 0]), axis=1) / np.maximum(_lengths(way), _TOUCH)[:, None]
-    x, y = (0.5 * (polygon + ahead) + inward).T
-    return x, y
+    # If no edges cross, the polygons are apart, or one holds the other.
+    return _edges_cross(thing, body) or bool(in_polygon(thing, *body[0]) or in_polygon(body, *thing[0]))
 
 
 def _edges_cross(one: Floats, other: Floats) -> bool:
     a, b = one[:, None], np.roll(one, 1, axis=0)[:, None]
     c, d = other[None], np.roll(other, 1, axis=0)[None]
-    return bool((_parts(a, b, c, d) & _parts(c, d, a, b)).any())
+    parted = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
+    return bool(parted.any())
 
 
-def _parts(a: Floats, b: Floats, c: Floats, d: Floats) -> NDArray[np.bool_]:
-    """Whether the points `c` and `d` lie on either side of the line through `a` and `b`, by more than touching."""
-    c_side, d_side = _distance(a, b, c), _distance(a, b, d)
-    apart: NDArray[np.bool_] = (np.minimum(c_side, d_side) < -_TOUCH) & (np.maximum(c_side, d_side) > _TOUCH)
-    return apart
-
-
-def _distance(a: Floats, b: Floats, p: Floats) -> Floats:
-    """Metres, above 0 where `p` lies left of the line from `a` to `b`."""
-    side = (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
-    distance: Floats = side / np.maximum(_lengths(b - a), _TOUCH)
-    return distance
-
-
-def _lengths(ways: Floats) -> Floats:
-    lengths: Floats = np.hypot(ways[..., 0], ways[..., 1])
-    return lengths
+def _side(a: Floats, b: Floats, p: Floats) -> Floats:
+    """Above 0 where `p` lies left of the line from `a` to `b`."""
+    side: Floats = (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
+    return side

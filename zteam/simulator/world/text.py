@@ -189,7 +189,6 @@ MAX_TOKENS = 500_000
 MAX_FILES = 256
 MAX_CHARACTERS = 32 * 2**20
 """Of all included files."""
-MAX_INCLUDE_DEPTH = 16
 
 
 class Splicer:
@@ -232,8 +231,6 @@ class Splicer:
             raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
         if path.resolve() in self._open_files:
             raise name.place.error(f"{name.written!r} includes itself")
-        if len(self._open_files) > MAX_INCLUDE_DEPTH:
-            raise name.place.error(f"includes nest deeper than {MAX_INCLUDE_DEPTH}")
         if self._files >= MAX_FILES:
             raise name.place.error(f"more than {MAX_FILES} files included")
         try:

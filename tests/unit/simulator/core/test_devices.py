@@ -25,16 +25,6 @@ def seer(**changes: Any) -> Robot:
     return make_robot(devices=(finder(**changes),))
 
 
-def test_a_teammate_is_found_by_id_range_and_bearing() -> None:
-    """Range and bearing lead to the other's origin, and its heading is seen from here."""
-    mate = make_robot(1.0, 1.0, math.pi / 2, markers=MARK)
-    ((sighting,),) = Engine(make_world(seer(), mate)).observe().robots[0].fiducials
-    assert sighting.id == 7
-    assert sighting.range == pytest.approx(math.sqrt(2))
-    assert sighting.bearing == pytest.approx(math.pi / 4)
-    assert sighting.orientation == pytest.approx(math.pi / 2)
-
-
 @pytest.mark.parametrize(
     ("robot", "mate"),
     [
@@ -109,9 +99,6 @@ def test_a_blob_finder_names_the_colours_it_looks_for() -> None:
     assert seen.blobs[0][0].bearing < seen.blobs[0][2].bearing
 
 
-MARK = (FiducialMarker(7, 0, 0.0, 0.0, 0.0),)
-
-
 def test_a_single_pixel_looks_straight_ahead() -> None:
     """A blob finder of one pixel sees what is in front of it, not what is at the edge of its field of view."""
     eye = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(60.0), 1, 12.0)
@@ -122,7 +109,7 @@ def test_a_single_pixel_looks_straight_ahead() -> None:
     assert blob.bearing == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.1, 3.1, -2.5])
+@pytest.mark.parametrize("turn", [1.1, -2.5])
 def test_robots_in_a_circle_find_each_other(turn: float) -> None:
     """Of twelve robots on a circle that look inwards, each finds all others where they are, in the order of ids."""
     eye = Finder("f", 0.0, 0.0, 0.1, 0.0, math.tau, 0.0, 20.0, 20.0)

@@ -1,4 +1,4 @@
-"""The core: motion, watchdog, odometry, contacts, repetition."""
+"""The core: motion, watchdog, odometry, contacts."""
 
 import math
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from support.small_worlds import BODY, drive, make_robot, make_world
-from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape, World
+from zteam.simulator.world.model import Obstacle, Shape
 
 
 def test_the_first_stamp_is_one_interval() -> None:
@@ -17,17 +16,6 @@ def test_the_first_stamp_is_one_interval() -> None:
     engine = Engine(make_world(make_robot()))
     assert engine.now == 0
     assert engine.step({}).stamp == 100_000_000
-
-
-def test_a_turn_is_an_exact_arc() -> None:
-    """Constant v and w for 2 s end on the circle of radius v/w, for the truth and for the odometry alike."""
-    engine = Engine(make_world(make_robot(1.0, -1.0, 0.5), wall_at=50.0))
-    for _ in range(20):
-        seen = engine.step({0: drive(0.5, 0.8)}).robots[0]
-    radius, turn = 0.5 / 0.8, 1.6
-    assert seen.odom == pytest.approx((radius * math.sin(turn), radius * (1 - math.cos(turn)), turn), abs=1e-9)
-    assert seen.truth.yaw == pytest.approx(0.5 + turn)
-    assert seen.velocity == pytest.approx((0.5, 0.0, 0.8), abs=1e-9)
 
 
 def test_velocities_are_limited_and_diff_drives_do_not_slide() -> None:
@@ -70,16 +58,6 @@ def test_a_wall_does_not_turn_a_robot() -> None:
     assert seen.truth.y > 1.9
 
 
-def test_robots_do_not_drive_through_each_other() -> None:
-    """Head on they stop each other where their bodies touch."""
-    engine = Engine(make_world(make_robot(-1.5), make_robot(1.5, yaw=math.pi)))
-    for _ in range(60):
-        seen = engine.step({0: drive(0.5), 1: drive(0.5)}).robots
-    assert seen[1].truth.x - seen[0].truth.x == pytest.approx(0.4, abs=0.03)
-    assert seen[0].stall
-    assert seen[1].stall
-
-
 def test_lasers_see_walls_and_other_robots() -> None:
     """Straight ahead stands the wall with its intensity; to the left the other robot; behind it nothing."""
     seen = Engine(make_world(make_robot(), make_robot(0.0, 2.0))).observe().robots[0].readings[0]
@@ -89,48 +67,6 @@ def test_lasers_see_walls_and_other_robots() -> None:
     assert seen.intensities[90] == 1.0
     assert seen.ranges[0] == 8.0
     assert seen.intensities[0] == 0.0
-
-
-def test_a_laser_looks_over_what_is_lower() -> None:
-    """A robot 0.05 m high is not seen at 0.1 m."""
-    low = Robot("low", "flat", Pose2(0.0, 2.0, 0.0), (Shape(BODY, 0.0, 0.05),), ())
-    assert Engine(make_world(make_robot(), low)).observe().robots[0].readings[0].ranges[90] == 8.0
-
-
-def test_the_same_commands_give_the_same_bytes() -> None:
-    """Two engines agree in every bit, whatever the order in which robots were given."""
-    poses = {i: make_robot(-1.5 + 0.6 * i, 0.3 * i, 0.7 * i) for i in range(5)}
-    first = Engine(make_world(), robots=poses)
-    second = Engine(make_world(), robots=dict(reversed(poses.items())))
-    for tick in range(200):
-        commands = {i: drive(0.8, math.sin(tick + i)) for i in range(5)}
-        a, b = first.step(commands), second.step(dict(reversed(commands.items())))
-        assert [r.truth for r in a.robots.values()] == [b.robots[i].truth for i in a.robots]
-        for i in a.robots:
-            assert a.robots[i].readings[0].ranges.tobytes() == b.robots[i].readings[0].ranges.tobytes()
-
-
-def test_no_robot_ends_inside_a_bitmaps_wall() -> None:
-    """Ramming the walls of a closed room at full speed from all sides leaves every centre in free cells."""
-    occupied = np.zeros((40, 40), bool)
-    occupied[0] = occupied[-1] = True
-    occupied[:, 0] = occupied[:, -1] = True
-    occupied[18:22, 18:22] = True
-    room = Floorplan("room", occupied, (0.1, 0.1), Pose2(-2.0, -2.0, 0.0), 0.0, 1.0)
-    robots = tuple(make_robot(1.2 * math.cos(a), 1.2 * math.sin(a), 2.3 * a) for a in (0.0, 1.5, 3.0, 4.5))
-    engine = Engine(World("room", 100_000_000, (room,), (), robots))
-    for tick in range(300):
-        seen = engine.step({i: drive(1.0, 1.5 * math.sin(0.05 * tick + i)) for i in range(4)}).robots
-        for one in seen.values():
-            assert math.isfinite(one.truth.x) and math.isfinite(one.truth.y)
-            column, row = math.floor((one.truth.x + 2.0) / 0.1), math.floor((one.truth.y + 2.0) / 0.1)
-            assert not occupied[row, column]
-
-
-def test_a_command_for_no_robot_is_named() -> None:
-    """An unknown id is an error that names the robots there are."""
-    with pytest.raises(UsageError, match=r"no robot 3 in this world: it has 0$"):
-        Engine(make_world(make_robot())).step({3: drive(1.0)})
 
 
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])

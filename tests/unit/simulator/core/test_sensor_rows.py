@@ -92,7 +92,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
     engine = Engine(world)
     outputs = TeamOutputs(hub.bus(), engine)
     outputs.match_robots()
-    outputs.put_rest([0], engine.observe())
+    outputs[0].put_rest(engine.observe())
     assert [(key, message.degrees, message.header.frame_id) for key, message in heard] == [
         ("robot_0/temperature", 23.0, "robot_0/thermometer_link"),
         ("robot_0/temperature_1", 20.0, "robot_0/thermometer_link_1"),

@@ -17,7 +17,7 @@ from zteam.bus import MemoryHub
 from zteam.bus.memory import HubReceiver, deliver_now
 from zteam.bus.transport import RawSample
 from zteam.clock import wait_until
-from zteam.messages import Message, PoseStamped, Twist, TwistStamped
+from zteam.messages import PoseStamped, Twist, TwistStamped
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.simulator.process import commands
@@ -103,13 +103,13 @@ def test_the_last_command_of_a_robot_that_left_is_its_own(harness: CommandsHarne
     harness.tokens[0].close()
     harness.publishers[0].put(Twist())
     assert (harness.statistics.external_commands, harness.commands.writers()) == (0, {})
-    assert harness.commands.take() == {0: Twist()}
+    assert harness.commands.drain() == {0: Twist()}
 
 
 def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> None:
     """A robot of the world whose process lives and that sent no command is late; the others are not."""
     harness.publishers[0].put(Twist())
-    taken = harness.commands.take()
+    taken = harness.commands.drain()
     assert harness.commands.missing(taken) == [1]
     harness.tokens[1].close()
     assert harness.commands.missing(taken) == []
@@ -118,22 +118,19 @@ def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> Non
     assert harness.commands.missing({}) == []
 
 
-@pytest.mark.parametrize(
-    ("topic", "message"),
-    [(names.CMD_VEL_TELEOP, Twist()), (names.CMD_VEL_NAV, TwistStamped()), (names.GOAL_POSE, PoseStamped())],
-)
-def test_what_comes_from_outside_is_counted(topic: str, message: Message) -> None:
+def test_what_comes_from_outside_is_counted() -> None:
     """From GO on each message counts that a process sends which takes no part, to a robot of the world; what a
     participant sends to any robot does not."""
+    messages = {names.CMD_VEL_TELEOP: Twist(), names.CMD_VEL_NAV: TwistStamped(), names.GOAL_POSE: PoseStamped()}
     with InProcessTeam(TeamOptions(paused=True)) as team:
-        outside, key = team.hub.bus(), names.robot_key(1, topic)
+        outside, participant = team.hub.bus(), team.nodes["robot_0"].bus
         team.step(5)
-        before = team.report().external_commands
-        for _ in range(2):
-            outside.publisher(key, type(message)).put(message)
-        outside.publisher(names.robot_key(9, topic), type(message)).put(message)
-        team.nodes["robot_0"].bus.publisher(key, type(message)).put(message)
-        assert (before, team.report().external_commands) == (0, 2)
+        counts = [team.report().external_commands]
+        for topic, message in messages.items():
+            for bus, robot_id in ((outside, 1), (outside, 1), (outside, 9), (participant, 1)):
+                bus.publisher(names.robot_key(robot_id, topic), type(message)).put(message)
+            counts.append(team.report().external_commands)
+    assert counts == [0, 2, 4, 6]
 
 
 def test_late_commands_are_refused_and_counted() -> None:
@@ -149,7 +146,7 @@ def test_late_commands_are_refused_and_counted() -> None:
         taken = []
         while delays:
             harness.publishers[1].put(Twist())
-            taken.append([*harness.commands.take()])
+            taken.append([*harness.commands.drain()])
         assert taken == [[1], [], [1]]
         assert [robot.late_commands for robot in harness.statistics.robots()] == [0, 1]
         refused = harness.commands._node.bus.counters.snapshot()["robot_1/cmd_vel"]

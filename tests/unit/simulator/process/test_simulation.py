@@ -1,15 +1,16 @@
 """A simulation: what a tick sends, the count of a run, changes of the world, status and report."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 import pytest
 
+from support.lockstep_doubles import ScriptedMonitor
 from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError
-from zteam.messages import BaseInfo, Bool, Clock, LaserScan, Odometry, TFMessage, encode
+from zteam.messages import BaseInfo, Bool, Clock, LaserScan, Odometry, TeamState, TFMessage, encode
 from zteam.simulator.client import MoveRequest, SpawnRequest
 
 
@@ -54,34 +55,24 @@ def test_the_first_tick_begins_with_the_clock(parts: SimulatorParts, sent: list[
     assert sent[0] == names.CLOCK
 
 
-def test_a_repeat_has_no_clock(parts: SimulatorParts, sent: list[str]) -> None:
-    """The last tick's data are sent again; time does not go on."""
-    parts.whole_tick()
-    sent.clear()
-    parts.repeat()
-    assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
-
-
 @pytest.mark.parametrize(
     ("missing", "expected"),
-    [(["robot_0"], [names.TF, names.ODOM, names.BASE_SCAN]), (["robot_1"], [])],
+    [
+        ((), [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]),
+        ((["robot_0"],), [names.TF, names.ODOM, names.BASE_SCAN]),
+        ((["robot_1"],), []),
+        ((["robot_1", "planner"],), [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]),
+    ],
 )
-def test_a_repeat_robots_has_their_inputs_alone(
-    parts: SimulatorParts, sent: list[str], missing: list[str], expected: list[str]
+def test_a_repeat_sends_the_last_tick_again(
+    parts: SimulatorParts, sent: list[str], missing: tuple[list[str], ...], expected: list[str]
 ) -> None:
-    """A robot that has answered receives nothing again."""
+    """Without the clock: a robot that has not answered receives its inputs alone, another process everything, as its
+    inputs are not known."""
     parts.whole_tick()
     sent.clear()
-    parts.repeat(missing)
+    parts.repeat(*missing)
     assert sent == expected
-
-
-def test_a_repeat_another_process_has_everything(parts: SimulatorParts, sent: list[str]) -> None:
-    """The inputs that it needs are not known."""
-    parts.whole_tick()
-    sent.clear()
-    parts.repeat(["robot_1", "planner"])
-    assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
 
 
 def test_the_scans_of_the_last_tick_can_be_asked_for(hub: MemoryHub, parts: SimulatorParts) -> None:
@@ -104,45 +95,27 @@ def half_second(hub: MemoryHub) -> Iterator[SimulatorParts]:
     made.close()
 
 
-def test_no_tick_counts_before_go(half_second: SimulatorParts) -> None:
-    """However many there are."""
-    for _ in range(10):
-        assert not half_second.whole_tick()
-    assert (half_second.is_counting, half_second.statistics.ticks) == (False, 0)
-
-
-def test_a_run_is_over_its_time_after_go(half_second: SimulatorParts) -> None:
-    """GO in tick 2 of 0.1 s each: tick 7 is the last one."""
+def test_a_run_is_over_its_time_after_go(hub: MemoryHub, half_second: SimulatorParts) -> None:
+    """GO in tick 2 of 0.1 s each: tick 7 is the last one. A stamp beyond this simulator's time belongs to an earlier
+    simulator, and only the first GO counts."""
     half_second.whole_tick()
     half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
-    assert [half_second.whole_tick() for _ in range(5)] == [False, False, False, False, True]
+    monitor = ScriptedMonitor(hub)
+    monitor.say(TeamState.WAITING)
+    assert (half_second.since_go, half_second.is_counting, half_second.statistics.ticks) == (None, False, 0)
+    monitor.give_go(1, 10**15)
+    assert [half_second.whole_tick() for _ in range(2)] == [False, False]
+    monitor.give_go(1, half_second.engine.now)
+    assert [half_second.whole_tick() for _ in range(3)] == [False, False, True]
     assert half_second.statistics.ticks == 5
-
-
-def test_only_the_first_go_counts(half_second: SimulatorParts) -> None:
-    """A later one does not prolong the run."""
-    half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
-    half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
-    half_second.whole_tick()
-    assert half_second.statistics.go_stamp == half_second.world.interval
-
-
-def test_a_go_of_an_earlier_simulator_holds_from_now_on(half_second: SimulatorParts) -> None:
-    """Its stamp may lie beyond this simulator's time."""
-    half_second.whole_tick()
-    half_second.take_go(10**15)
-    half_second.whole_tick()
-    assert half_second.statistics.go_stamp == half_second.world.interval
+    assert half_second.statistics.go_stamp == 2 * half_second.world.interval
 
 
 def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorParts) -> None:
     """The count begins again with it."""
     for _ in range(3):
         half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
+    half_second.set_go(half_second.engine.now)
     half_second.whole_tick()
     half_second.reset()
     assert not half_second.is_counting
@@ -153,7 +126,7 @@ def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorPar
 def test_a_simulator_that_begins_anew_waits_for_go_again(half_second: SimulatorParts) -> None:
     """It has forgotten GO, stops and the pace, as if it had just started."""
     half_second.whole_tick()
-    half_second.take_go(half_second.engine.now)
+    half_second.set_go(half_second.engine.now)
     half_second.whole_tick()
     half_second.holds._change(0, True)
     half_second.pacer.set_speed(7.0)
@@ -173,35 +146,27 @@ def ticked(hub: MemoryHub) -> Iterator[SimulatorParts]:
     made.close()
 
 
-def test_a_new_robot_gets_the_lowest_free_id_and_publishers(ticked: SimulatorParts) -> None:
-    """Its scans come with the next tick."""
-    scans = ticked.record(names.scan_key(3, 0), LaserScan)
+def test_robots_come_and_go(ticked: SimulatorParts) -> None:
+    """A new robot gets the lowest free id, and its scans come with the next tick; one that leaves publishes no more,
+    and a repeat does not send it either. A reset makes the first robots again."""
+    scans = ticked.record(names.all_robots_key(names.BASE_SCAN), LaserScan)
     assert ticked.spawn(SpawnRequest(-3.5, -1.5)) == 3
     assert list(ticked.outputs) == [0, 1, 2, 3]
     ticked.whole_tick()
-    assert scans == [names.scan_key(3, 0)]
-
-
-def test_a_robot_that_leaves_publishes_no_more(ticked: SimulatorParts) -> None:
-    """Its id is free again, and a repeat does not send it either."""
-    scans = ticked.record(names.scan_key(1, 0), LaserScan)
+    assert scans == [names.scan_key(robot_id, 0) for robot_id in range(4)]
     ticked.remove(1)
+    scans.clear()
     ticked.repeat()
     ticked.whole_tick()
-    assert (list(ticked.outputs), scans) == ([0, 2], [])
-    assert ticked.spawn(SpawnRequest(-3.5, -1.5)) == 1
-
-
-def test_a_moved_robot_has_new_fixed_frames(ticked: SimulatorParts) -> None:
-    """Its `odom` frame has another origin in `map`."""
-    frames = ticked.record(names.robot_key(0, names.TF_STATIC), TFMessage)
-    ticked.move(MoveRequest(0, -3.5, -1.5))
-    assert frames[-1:] == [names.robot_key(0, names.TF_STATIC)]
-    assert ticked.engine.truth(0)[:2] == (-3.5, -1.5)
+    assert (list(ticked.outputs), scans.count(names.scan_key(1, 0)), len(scans)) == ([0, 2, 3], 0, 6)
+    assert ticked.spawn(SpawnRequest(0.0, -3.0)) == 1
+    ticked.reset()
+    assert (ticked.engine.tick, sorted(ticked.outputs), ticked.is_counting) == (0, [0, 1, 2], False)
 
 
 def test_every_robot_tells_its_base_and_a_new_one_anew(ticked: SimulatorParts, hub: MemoryHub) -> None:
-    """A late subscriber gets it; a robot of the same id and another model tells its own, also when a reset makes it."""
+    """A late subscriber gets it; another robot of the same id tells its own, also when a reset makes it. A move tells
+    the new origin of its `odom` frame alone."""
     told: list[str] = []
     hub.bus().subscribe(names.robot_key(1, names.BASE_INFO), BaseInfo, lambda _, m: told.append(m.model), latched=True)
     assert told == ["erratic"]
@@ -212,34 +177,29 @@ def test_every_robot_tells_its_base_and_a_new_one_anew(ticked: SimulatorParts, h
     assert told == ["erratic", "small"]
     ticked.reset()
     assert told == ["erratic", "small", "erratic"]
+    frames = ticked.record(names.robot_key(1, names.TF_STATIC), TFMessage)
     ticked.move(MoveRequest(1, -3.5, -1.5))
-    assert told == ["erratic", "small", "erratic"]
+    assert (told, frames) == (["erratic", "small", "erratic"], [names.robot_key(1, names.TF_STATIC)])
 
 
 def test_a_refused_change_changes_nothing(ticked: SimulatorParts) -> None:
-    """A robot or a model that is not there, and an id that is taken: the error names it."""
+    """A robot or a model that is not there, an id that is taken, a place in a wall, in a robot or outside of the world.
+    With force a robot stands there."""
     before = [ticked.engine.truth(robot_id) for robot_id in ticked.outputs]
-    with pytest.raises(UsageError, match="robot 9"):
-        ticked.remove(9)
-    with pytest.raises(UsageError, match="robot 9"):
-        ticked.move(MoveRequest(9, -3.5, -1.5))
-    with pytest.raises(UsageError, match="robot 1"):
-        ticked.spawn(SpawnRequest(-3.5, -1.5, id=1))
-    with pytest.raises(UsageError, match="unicorn"):
-        ticked.spawn(SpawnRequest(-3.5, -1.5, model="unicorn"))
+    changes: list[Callable[[], object]] = [
+        lambda: ticked.remove(9),
+        lambda: ticked.move(MoveRequest(9, -3.5, -1.5)),
+        lambda: ticked.spawn(SpawnRequest(-3.5, -1.5, id=1)),
+        lambda: ticked.spawn(SpawnRequest(-3.5, -1.5, model="unicorn")),
+    ]
+    for x, y in ((-4.95, 0.0), before[1][:2], (40.0, 0.0)):
+        changes.append(lambda x=x, y=y: ticked.move(MoveRequest(0, x, y)))  # type: ignore[misc]
+        changes.append(lambda x=x, y=y: ticked.spawn(SpawnRequest(x, y)))  # type: ignore[misc]
+    for change in changes:
+        with pytest.raises(UsageError):
+            change()
     assert list(ticked.outputs) == [0, 1, 2]
     assert [ticked.engine.truth(robot_id) for robot_id in ticked.outputs] == before
-
-
-def test_a_place_without_room_is_refused_unless_forced(ticked: SimulatorParts) -> None:
-    """A wall, another robot, outside of the world: the error has the reason. With force the robot stands there."""
-    x, y, _ = ticked.engine.truth(1)
-    for pose, why in (((-4.95, 0.0), "'west'"), ((x, y), "in robot 1"), ((40.0, 0.0), "outside of the world")):
-        with pytest.raises(UsageError, match=f"no room.*{why}.*free place"):
-            ticked.move(MoveRequest(0, *pose))
-        with pytest.raises(UsageError, match=f"no room.*{why}.*free place"):
-            ticked.spawn(SpawnRequest(*pose))
-    assert list(ticked.outputs) == [0, 1, 2]
     assert ticked.spawn(SpawnRequest(-4.95, 3.0, force=True)) == 3
     ticked.move(MoveRequest(0, 0.0, -4.95, force=True))
     for _ in range(30):
@@ -248,37 +208,22 @@ def test_a_place_without_room_is_refused_unless_forced(ticked: SimulatorParts) -
     assert ticked.engine.truth(3)[:2] == pytest.approx((-4.95, 3.0))
 
 
-def test_a_reset_tells_every_part(ticked: SimulatorParts) -> None:
-    """Robots that came are gone, and the next tick is the first one."""
-    ticked.spawn(SpawnRequest(-3.5, -1.5))
-    ticked.reset()
-    assert (ticked.engine.tick, list(ticked.outputs), ticked.is_counting) == (0, [0, 1, 2], False)
-
-
 @pytest.fixture
 def counted(hub: MemoryHub) -> Iterator[SimulatorParts]:
     """A simulator after three ticks, the last of them after GO."""
     made = SimulatorParts(hub)
     made.whole_tick()
     made.whole_tick()
-    made.take_go(made.engine.now)
+    made.set_go(made.engine.now)
     made.whole_tick()
     yield made
     made.close()
 
 
-def test_the_report_has_these_members(counted: SimulatorParts) -> None:
-    """Programs read its JSON: the names stay."""
-    counted.boundary.finish()
-    report = msgspec.json.decode(msgspec.json.encode(counted.report()))
-    assert set(report) == {
-        "sim_seconds", "seed", "external_commands", "finished", "robots", "latency_ms", "ticks", "wall_seconds",
-        "real_time_factor", "trajectory_sha256", "lockstep", "resends", "hung", "timing_ms", "lateness_p99_ms",
-    }  # fmt: skip
-
-
 def test_the_report_takes_its_figures_from_the_parts(counted: SimulatorParts) -> None:
-    """Statistics, profile and pacer; without lock-step nothing was repeated."""
+    """Statistics, profile and pacer; without lock-step nothing was repeated. A real-time factor needs two ticks."""
+    report = counted.report()
+    assert (report.wall_seconds, report.real_time_factor) == (0.0, None)
     counted.whole_tick()
     report = counted.report()
     assert (report.sim_seconds, report.ticks, report.finished) == (0.2, 2, False)
@@ -286,12 +231,6 @@ def test_the_report_takes_its_figures_from_the_parts(counted: SimulatorParts) ->
     assert report.timing_ms == counted.profile.timing()
     assert report.real_time_factor == pytest.approx(0.1 / report.wall_seconds)
     assert (report.lockstep, report.resends, report.hung, report.lateness_p99_ms) == (False, 0, [], None)
-
-
-def test_a_real_time_factor_needs_two_ticks(counted: SimulatorParts) -> None:
-    """With one there is no time to divide by."""
-    report = counted.report()
-    assert (report.wall_seconds, report.real_time_factor) == (0.0, None)
 
 
 def test_the_status_tells_the_session_and_the_world(counted: SimulatorParts) -> None:

@@ -7,30 +7,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.world_texts import LoadText, box_of, text_loader
-from zteam.geometry import Pose2, convex_hull, signed_area
+from support.world_texts import LoadText, box_of
+from zteam.geometry import Pose2, signed_area
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
 from zteam.simulator.world.bodies import (
-    UNIT_BOX,
     Block,
     Surface,
     boundary_slabs,
     fit_blocks,
-    is_simple,
     place_blocks,
     without_repeats,
 )
 from zteam.simulator.world.properties import Size3
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-
-
-def test_blocks_are_stretched_to_the_size_and_centred() -> None:
-    """The units of a block do not matter, its proportions do not survive: the box of its points becomes the size."""
-    (block,) = fit_blocks([Block(((10, 10), (30, 10), (30, 20), (10, 20)), 0, 5)], Size3(4, 6, 2))
-    assert block.points == ((-2, -3), (2, -3), (2, 3), (-2, 3))
-    assert (block.z_min, block.z_max) == (0, 2)
 
 
 def test_blocks_of_a_model_are_fitted_together() -> None:
@@ -41,12 +32,6 @@ def test_blocks_of_a_model_are_fitted_together() -> None:
     assert fitted[0].points == ((-4, -1), (-2, -1), (-2, 1), (-4, 1))
     assert fitted[1].points == ((2, -1), (4, -1), (4, 0), (2, 0))
     assert [(block.z_min, block.z_max) for block in fitted] == [(0.25, 0.5), (0.5, 1)]
-
-
-def test_a_block_without_a_height_stays_flat() -> None:
-    """The size's height is not theirs."""
-    (flat,) = fit_blocks([UNIT_BOX._replace(z_max=0)], Size3(1, 1, 1))
-    assert (flat.z_min, flat.z_max) == (0, 0)
 
 
 def test_placed_shapes_are_rotated_moved_raised_and_counter_clockwise() -> None:
@@ -66,39 +51,9 @@ def test_a_boundary_is_four_thin_slabs_inside_the_box() -> None:
     assert all((slab.z_min, slab.z_max) == (0, 2) for slab in slabs)
 
 
-@pytest.mark.parametrize(
-    ("points", "simple"),
-    [
-        (SQUARE, True),
-        (SQUARE[::-1], True),
-        (((0, 0), (4, 0), (4, 3), (2, 1), (0, 3)), True),
-        (((0, 0), (2, 0), (1, 0), (1, 1)), False),
-        (((0, 0), (1, 1), (1, 0), (0, 1)), False),
-        (((0, 0), (4, 0), (4, 2), (2, 0), (0, 2)), False),
-        (((0, 0), (2, 0), (2, 1), (3, 1), (2, 1), (2, 2), (0, 2)), False),
-        (((0, 0), (4, 0), (4, 4), (5, 4), (5, 1), (1, 1), (1, 4), (0, 4)), False),
-    ],
-)
-def test_simple_outlines_are_told_from_crossing_ones(points: tuple[tuple[float, float], ...], simple: bool) -> None:
-    """Concave is simple; a spike, a crossing, and a corner that touches an edge are not."""
-    assert is_simple(tuple(points)) is simple
-
-
-def test_the_hull_of_points() -> None:
-    """Inner points and points on an edge are left out, and the hull runs counter-clockwise."""
-    hull = convex_hull([(1, 1), (0, 0), (2, 0), (1, 0), (2, 2), (0, 2), (0, 0)])
-    assert hull == ((0, 0), (2, 0), (2, 2), (0, 2))
-
-
 def test_repeated_corners_are_dropped() -> None:
     """Neither a corner given twice nor a closing corner makes an edge of length zero."""
     assert without_repeats([*SQUARE[:2], SQUARE[1], *SQUARE[2:], SQUARE[0]]) == (*SQUARE[1:], SQUARE[0])
-
-
-@pytest.fixture
-def load(tmp_path: Path) -> LoadText:
-    """Loads the text of a world, with a robot added at its end."""
-    return text_loader(tmp_path)
 
 
 @pytest.fixture
@@ -252,12 +207,6 @@ def test_a_bitmap_can_be_read_as_a_whole(load: LoadText, bitmap: str) -> None:
     ):
         (floor,) = load(text.format(extra), whole_bitmaps=option).floorplans
         assert floor.occupied.shape == shape
-
-
-def test_a_floors_pose_is_its_lower_left_corner(load: LoadText, bitmap: str) -> None:
-    """The model's rotation and origin apply: cells keep the bitmap's own axes."""
-    (floor,) = load(f'model ( bitmap "{bitmap}" size [4 2 1] origin [1 0 0 0] pose [10 0 0 90] )').floorplans
-    assert floor.pose == pytest.approx((11, -1, math.pi / 2))
 
 
 def test_a_floor_may_have_a_boundary(load: LoadText, bitmap: str) -> None:

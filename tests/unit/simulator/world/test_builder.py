@@ -3,32 +3,18 @@
 import math
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from support.world_texts import LoadText
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.world import World, add_robot, load_world
-
-Load = Callable[[str], World]
+from zteam.world import add_robot, load_world
 
 
-@pytest.fixture
-def load(tmp_path: Path) -> Load:
-    """Loads the text of a world, with a robot added at its end."""
-
-    def load_text(text: str) -> World:
-        path = tmp_path / "w.world"
-        path.write_text(text + "\nposition ()")
-        return load_world(path)
-
-    return load_text
-
-
-def test_add_robot_makes_the_files_own_robots(load: Load) -> None:
+def test_add_robot_makes_the_files_own_robots(load: LoadText) -> None:
     """A further robot of a macro has its body and sensors, and the pose and name asked for."""
     world = load('define bot position ( size [1 2 3] ctrl "x" ranger ( sensor () ) )')
     robot = add_robot(world, "bot", Pose2(1, 2, 3), "robot_7")
@@ -41,7 +27,7 @@ def test_add_robot_makes_the_files_own_robots(load: Load) -> None:
     assert len(world.warnings) == 1
 
 
-def test_add_robot_knows_an_erratic_of_its_own(load: Load) -> None:
+def test_add_robot_knows_an_erratic_of_its_own(load: LoadText) -> None:
     """In a world that defines no erratic the built-in one is used; one of the file wins."""
     robot = add_robot(load(""), "erratic", Pose2(0, 0, 0), "a")
     assert robot.shapes[0].points[0] == pytest.approx((-0.225, -0.175))
@@ -54,7 +40,7 @@ def test_add_robot_knows_an_erratic_of_its_own(load: Load) -> None:
     assert own.rangers == ()
 
 
-def test_add_robot_refuses_what_is_no_robot(load: Load) -> None:
+def test_add_robot_refuses_what_is_no_robot(load: LoadText) -> None:
     """An unknown macro and a macro of another type are errors that list the robots there are."""
     world = load("define box model ()\ndefine bot position ()\ndefine pair position ( position () )")
     for name in ("box", "gone"):

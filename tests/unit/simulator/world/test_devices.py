@@ -1,31 +1,14 @@
 """Devices, markers and things to push in world files, and the colours of models."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 
+from support.world_texts import LoadText
 from zteam.errors import WorldError
 from zteam.simulator.world.colors import find_color, random_color
 from zteam.simulator.world.devices import Blobfinder, BumperPiece, Finder
-from zteam.world import World, load_world
-
-Load = Callable[[str], World]
 
 
-@pytest.fixture
-def load(tmp_path: Path) -> Load:
-    """Loads a world from its text."""
-
-    def load_text(text: str) -> World:
-        path = tmp_path / "x.world"
-        path.write_text(text)
-        return load_world(path)
-
-    return load_text
-
-
-def test_a_fiducial_finder_has_stages_defaults_and_its_own_values(load: Load) -> None:
+def test_a_fiducial_finder_has_stages_defaults_and_its_own_values(load: LoadText) -> None:
     """It stands on the robot, in the base's frame; lengths and angles are converted."""
     text = "position ( size [1 1 0.4] fiducial ( pose [0.1 0 -0.2 90] {} ) )"
     (finder,) = load(text.format("")).robots[0].devices_of(Finder)
@@ -39,7 +22,7 @@ def test_a_fiducial_finder_has_stages_defaults_and_its_own_values(load: Load) ->
     assert finder.ignore_zloc
 
 
-def test_bumpers_are_pieces_that_face_outward(load: Load) -> None:
+def test_bumpers_are_pieces_that_face_outward(load: LoadText) -> None:
     """Each bpose is a centre and a facing direction; blength holds for all, or for one."""
     text = """position ( size [1 1 0.4]
       bumper ( pose [0 0 -0.4 0]
@@ -56,7 +39,7 @@ def test_bumpers_are_pieces_that_face_outward(load: Load) -> None:
     assert (third.x, third.yaw, third.length) == (0, 0, 0.3)
 
 
-def test_a_blobfinder_is_one_row_of_pixels(load: Load) -> None:
+def test_a_blobfinder_is_one_row_of_pixels(load: LoadText) -> None:
     """Its image's width, its colours, and a pan that turns it."""
     text = 'position ( blobfinder ( image [120 90] colors ["red" "blue"] colors_count 2 range 7 fov 80 pan 10 ) )'
     (finder,) = (
@@ -66,16 +49,16 @@ def test_a_blobfinder_is_one_row_of_pixels(load: Load) -> None:
     assert finder.yaw == pytest.approx(0.17453, abs=1e-4)
     indexed = 'position ( blobfinder ( colors_count 2\ncolors[0] "red"\ncolors[1] "green" ) )'
     assert load(indexed).robots[0].devices_of(Blobfinder)[0].colors == ("red", "green")
-    with pytest.raises(WorldError, match=r"x.world:1:.* image"):
+    with pytest.raises(WorldError, match=r"w.world:1:.* image"):
         load("position ( blobfinder ( image [0 60] ) )")
 
 
-def test_devices_without_a_robot_are_remarked(load: Load) -> None:
+def test_devices_without_a_robot_are_remarked(load: LoadText) -> None:
     """A finder on a box does nothing, and says so."""
     assert "no robot carries" in str(load("model ( fiducial ( ) )\nposition ( )").warnings[0])
 
 
-def test_fiducial_returns_are_markers(load: Load) -> None:
+def test_fiducial_returns_are_markers(load: LoadText) -> None:
     """Robots, what they carry and things that stand still bear markers; 0, the default, is none."""
     world = load("model ( fiducial_return 4\nfiducial_key 2 )\nposition ( model ( pose [1 0 0 0] fiducial_return 7 ) )")
     (marker,) = world.obstacles[0].markers
@@ -84,7 +67,7 @@ def test_fiducial_returns_are_markers(load: Load) -> None:
     assert (carried.id, carried.x) == (7, 1.0)
 
 
-def test_what_can_be_pushed_moves_as_one(load: Load) -> None:
+def test_what_can_be_pushed_moves_as_one(load: LoadText) -> None:
     """A pushable model takes along what stands on it; robots and bitmaps are not pushable."""
     world = load(
         'model ( name "cart" pushable 1\nmass 3\npose [2 0 0 0] size [1 1 1] model ( pose [0 0 0 0] ) )\nposition ( )'
@@ -95,18 +78,18 @@ def test_what_can_be_pushed_moves_as_one(load: Load) -> None:
         load("position ( pushable 1 )")
 
 
-def test_wheels_alphas_and_physics_are_zteams_own(load: Load) -> None:
+def test_wheels_alphas_and_physics_are_zteams_own(load: LoadText) -> None:
     """They are read where Stage has no such thing; the wheels are as far apart as the base is wide by default."""
     world = load('physics "kinematic"\nposition ( size [0.5 0.4 0.2] odom_alphas [0.1 0.2 0.3 0.4] wheel_radius 0.07 )')
     robot = world.robots[0]
     assert (world.physics, robot.odom_alphas) == ("kinematic", (0.1, 0.2, 0.3, 0.4))
     assert (robot.wheel_radius, robot.wheel_separation) == (0.07, 0.4)
     for wrong in ('physics "soft"\nposition ( )', "position ( odom_alphas [1 1 1 -1] )", "position ( wheel_radius 0 )"):
-        with pytest.raises(WorldError, match=r"x\.world:"):
+        with pytest.raises(WorldError, match=r"w\.world:"):
             load(wrong)
 
 
-def test_colours_are_x11s(load: Load) -> None:
+def test_colours_are_x11s(load: LoadText) -> None:
     """Names with and without blanks, shades, grays and hex; "random" belongs to the model."""
     assert find_color("NavyBlue") == (0.0, 0.0, 128 / 255)
     assert find_color("light blue") == find_color("LightBlue")
@@ -115,7 +98,7 @@ def test_colours_are_x11s(load: Load) -> None:
     assert find_color("#ff8000") == (1.0, 128 / 255, 0.0)
     assert find_color("no such colour") is None
     assert find_color("gray900") is None
-    first, second = (r.color for r in load('position ( color "random" )\nposition ( color "random" )').robots)
+    first, second, _ = (r.color for r in load('position ( color "random" )\nposition ( color "random" )').robots)
     assert first != second
     assert find_color(first) is not None
     assert random_color("a") == random_color("a")

@@ -18,61 +18,37 @@ from zteam.sim import Engine
 from zteam.simulator.world.bodies import occupied_box, read_bitmap, rectangles
 from zteam.world import add_robot, load_world
 
-CELLS = np.array([[0, 127, 128], [205, 255, 1]], np.uint8)
-OCCUPIED = [[False, False, True], [True, True, False]]
-"""`CELLS` with row 0 at the bottom."""
+DEEP = np.array([[0x7FFF, 0x8000]], np.uint16)
+PALETTE = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
+PALETTE.putpalette([255, 0, 0, 0, 255, 255])
+PLAIN = Image.fromarray(np.array([[0, 127, 128], [205, 255, 1]], np.uint8))
+EVEN = Image.fromarray(np.repeat(np.array([[0], [255]], np.uint8), 8, axis=0).repeat(8, axis=1))
+COLORS = Image.fromarray(np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0]]], np.uint8))
 
 
-def occupied(path: Path) -> list[list[bool]]:
-    return read_bitmap(path).tolist()  # type: ignore[no-any-return]
-
-
-@pytest.mark.parametrize("name", ["a.png", "a.bmp", "a.pgm", "a.gif"])
-def test_gray_images_of_every_lossless_format(tmp_path: Path, name: str) -> None:
-    """127 is occupied, 128 and map_server's unknown 205 are free; the image's last row becomes row 0."""
-    Image.fromarray(CELLS).save(tmp_path / name)
-    assert occupied(tmp_path / name) == OCCUPIED
-
-
-def test_jpeg(tmp_path: Path) -> None:
-    """A JPEG of even areas is read like the others."""
-    Image.fromarray(np.repeat(np.array([[0], [255]], np.uint8), 8, axis=0).repeat(16, axis=1)).save(tmp_path / "a.jpg")
-    grid = read_bitmap(tmp_path / "a.jpg")
-    assert grid.shape == (16, 16)
-    assert not grid[:8].any()
-    assert grid[8:].all()
-
-
-def test_ascii_pgm_and_its_depth(tmp_path: Path) -> None:
-    """A P2 file's values are scaled by its own maximum: 7 of 15 is dark, 8 of 15 is not."""
-    (tmp_path / "a.pgm").write_text("P2\n# a comment\n2 1\n15\n7 8\n")
-    assert occupied(tmp_path / "a.pgm") == [[True, False]]
-
-
-def test_sixteen_bits_a_sample(tmp_path: Path) -> None:
-    """Deep images are judged by their upper byte: 0x7fff is dark, 0x8000 is not."""
-    samples = np.array([[0x7FFF, 0x8000]], np.uint16)
-    Image.fromarray(samples).save(tmp_path / "a.png")
-    (tmp_path / "a.pgm").write_bytes(b"P5 2 1 65535\n" + samples.astype(">u2").tobytes())
-    assert occupied(tmp_path / "a.png") == [[True, False]]
-    assert occupied(tmp_path / "a.pgm") == [[True, False]]
-
-
-def test_only_the_first_channel_counts(tmp_path: Path) -> None:
-    """Red decides, green, blue and alpha do not: blue is occupied, transparent black too, yellow is free."""
-    pixels = np.array([[[0, 0, 255, 255], [255, 255, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0]]], np.uint8)
-    Image.fromarray(pixels).save(tmp_path / "a.png")
-    assert occupied(tmp_path / "a.png") == [[True, False, True, False]]
-
-
-def test_palettes_and_bits(tmp_path: Path) -> None:
-    """An indexed image is judged by its colours, not its indices; a 1-bit image by black and white."""
-    indexed = Image.fromarray(np.array([[0, 1]], np.uint8)).convert("P")
-    indexed.putpalette([255, 0, 0, 0, 255, 255])
-    indexed.save(tmp_path / "p.png")
-    Image.fromarray(np.array([[True, False]])).save(tmp_path / "1.png")
-    assert occupied(tmp_path / "p.png") == [[False, True]]
-    assert occupied(tmp_path / "1.png") == [[False, True]]
+@pytest.mark.parametrize(
+    ("name", "image", "occupied"),
+    [
+        *((f"a.{kind}", PLAIN, [[False, False, True], [True, True, False]]) for kind in ("png", "bmp", "pgm", "gif")),
+        ("even.jpg", EVEN, [[False] * 8] * 8 + [[True] * 8] * 8),
+        ("ascii.pgm", b"P2\n# a comment\n2 1\n15\n7 8\n", [[True, False]]),
+        ("deep.png", Image.fromarray(DEEP), [[True, False]]),
+        ("deep.pgm", b"P5 2 1 65535\n" + DEEP.astype(">u2").tobytes(), [[True, False]]),
+        ("first channel.png", COLORS, [[True, False, True, False]]),
+        ("palette.png", PALETTE, [[False, True]]),
+        ("bits.png", Image.fromarray(np.array([[True, False]])), [[False, True]]),
+    ],
+)
+def test_dark_pixels_are_occupied(
+    tmp_path: Path, name: str, image: Image.Image | bytes, occupied: list[list[bool]]
+) -> None:
+    """127 is, 128 and map_server's unknown 205 are not; the last row becomes row 0. A PGM has its own maximum. Of deep
+    images the upper byte counts, of colours the first channel and not alpha, of palettes the colours."""
+    if isinstance(image, bytes):
+        (tmp_path / name).write_bytes(image)
+    else:
+        image.save(tmp_path / name)
+    assert read_bitmap(tmp_path / name).tolist() == occupied
 
 
 def test_what_is_no_image_is_an_error(tmp_path: Path) -> None:
@@ -175,6 +151,11 @@ def test_a_model_may_stand_on_a_yaml(tmp_path: Path) -> None:
         ({"origin": [1, 2]}, "origin: must be"),
         ({"origin": [1, 2, float("nan")]}, "origin: nan"),
         ({"mode": "fancy"}, "mode: must be one of"),
+        ({"mode": ["a", "b"]}, "mode: must be one of"),
+        ({"resolution": 10**400}, "resolution: "),
+        ({"resolution": float("nan")}, "resolution: nan is not"),
+        ({"origin": [1e300, 0, 0]}, r"origin: 1e\+300 is not a number here"),
+        ({"negate": 2}, "negate: must be 0 or 1"),
     ],
 )
 def test_a_wrong_key_is_named(tmp_path: Path, fields: dict[str, Any], text: str) -> None:

@@ -1,19 +1,12 @@
 """What a world's robot tells of its base."""
 
 import math
-from pathlib import Path
 
 import pytest
 
-from support.world_texts import LoadText, text_loader
+from support.world_texts import LoadText
 from zteam.messages import BaseInfo
 from zteam.simulator.world.model import base_info, footprint
-
-
-@pytest.fixture
-def load(tmp_path: Path) -> LoadText:
-    """Loads the text of a world."""
-    return text_loader(tmp_path)
 
 
 def test_the_footprint_is_the_hull_of_all_that_collides(load: LoadText) -> None:

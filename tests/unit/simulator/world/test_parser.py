@@ -18,8 +18,8 @@ def values(entity: Entity) -> dict[str, tuple[object, ...]]:
 
 
 def test_properties_are_scalars_strings_or_tuples() -> None:
-    """The three kinds of values are read, and told apart."""
-    root = parse('a 1.5\nb "text"\nc [1 "x" -2]\nd []\n').root
+    """The three kinds of values are read, and told apart; of two values of one property the last counts."""
+    root = parse('a 2 a 1.5\nb "text"\nc [1 "x" -2]\nd []\n').root
     assert values(root) == {"a": (1.5,), "b": ("text",), "c": (1.0, "x", -2.0), "d": ()}
 
 
@@ -31,18 +31,14 @@ def test_entities_nest_and_a_body_may_open_on_a_later_line() -> None:
     assert values(root.children[0]) == {"name": ("x",)}
 
 
-def test_a_property_set_again_wins() -> None:
-    """Of two values of one property the last counts, as in Stage."""
-    assert values(parse("a 1 a 2").root) == {"a": (2.0,)}
-
-
 def test_a_macro_is_replayed_and_overridden() -> None:
-    """An instance has the macro's properties and children first, then its own."""
-    root = parse('define box model ( color "red" size [1 1 1] ranger() )\nbox ( color "blue" fiducial() )').root
-    box = root.children[0]
+    """An instance has the macro's properties and children first, then its own, and does not change the macro."""
+    text = 'define box model ( color "red" size [1 1 1] ranger() )\nbox ( color "blue" fiducial() )\nbox ()'
+    box, plain = parse(text).root.children
     assert (box.name, box.type) == ("box", "model")
     assert values(box) == {"color": ("blue",), "size": (1.0, 1.0, 1.0)}
     assert [child.type for child in box.children] == ["ranger", "fiducial"]
+    assert (values(plain)["color"], [child.type for child in plain.children]) == (("red",), ["ranger"])
 
 
 def test_macros_of_macros_end_at_a_type() -> None:
@@ -51,18 +47,6 @@ def test_macros_of_macros_end_at_a_type() -> None:
     entity = parse(text).root.children[0]
     assert (entity.name, entity.type) == ("c", "position")
     assert values(entity) == {"x": (1.0,), "y": (2.0,), "z": (3.0,), "w": (4.0,)}
-
-
-def test_using_a_macro_does_not_change_it() -> None:
-    """Two instances of one macro share nothing that either of them sets."""
-    root = parse("define a model ( x 1 )\na ( x 2 model() )\na ()").root
-    assert values(root.children[1]) == {"x": (1.0,)}
-    assert root.children[1].children == []
-
-
-def test_a_macro_wins_over_a_type_of_its_name() -> None:
-    """`define block model` makes `block ( )` a model, which worlds of stage_ros rely on."""
-    assert parse("define block model ( size [1 1 1] )\nblock ()").root.children[0].type == "model"
 
 
 def test_a_macro_is_bound_where_it_is_used() -> None:
@@ -98,12 +82,6 @@ def test_a_macro_of_itself_is_an_error(text: str) -> None:
         parse(text + "\na ()")
 
 
-def test_a_macro_inside_itself_is_an_error() -> None:
-    """A macro that uses itself would never end."""
-    with pytest.raises(WorldError, match="entities nest deeper than 64"):
-        parse("define a model ( a () a () )\na ()")
-
-
 def test_a_second_definition_is_remarked_and_ignored() -> None:
     """The first definition of a macro stays, and the user is told."""
     remarks = Remarks()
@@ -133,6 +111,13 @@ def test_a_second_definition_is_remarked_and_ignored() -> None:
         ("define a (", r"w\.world:1:10: expected the type or macro that 'a' is made of"),
         ("define a model\nx 1", r"w\.world:2:1: expected '\('"),
         ("include map.inc", r"w\.world:1:9: expected the name of the file to include"),
+        ('\nname "x\n"', r"w\.world:2:6: this string is not closed on its line"),
+        ("model (){", r"w\.world:1:9: unexpected character '\{'; write '\('"),
+        *((f"a {number}", r"w\.world:1:3: .* is not a number$") for number in ("5m", "1_000", "1e", "0x10", "1.2.3m")),
+        *(
+            (f"a {number}", r"w\.world:1:3: .* is not a finite number$")
+            for number in ("1e999", "-1e999", "+inf", "-nan", "1" * 400)
+        ),
     ],
 )
 def test_errors_name_file_line_and_column(text: str, error: str) -> None:
@@ -143,14 +128,11 @@ def test_errors_name_file_line_and_column(text: str, error: str) -> None:
 
 
 def test_nesting_is_bounded() -> None:
-    """64 levels of entities are read, 65 are an error and not a RecursionError."""
+    """64 levels of entities are read, 65 are an error and not a RecursionError, also by macros around macros."""
     parse("model(" * 64 + ")" * 64)
-    with pytest.raises(WorldError, match="nest deeper than 64"):
-        parse("model(" * 65 + ")" * 65)
-
-
-def test_nesting_by_macros_is_bounded() -> None:
-    """A chain of macros, each around the one before, cannot build a deeper tree than nesting can."""
+    for deep in ("model(" * 65 + ")" * 65, "define a model ( a () a () )\na ()"):
+        with pytest.raises(WorldError, match="nest deeper than 64"):
+            parse(deep)
     text = "define a0 model ()\n" + "".join(f"define a{i} model ( a{i - 1}() )\n" for i in range(1, 100))
     parse(text + "a63 ()")
     for use in ("a64 ()", "a99 ()"):
@@ -158,29 +140,31 @@ def test_nesting_by_macros_is_bounded() -> None:
             parse(text + use)
 
 
-def test_doubling_macros_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Macros that use the one before twice would double with every line: they are refused, at once."""
-    monkeypatch.setattr("zteam.simulator.world.parser.MAX_ENTITIES", 10_000)
-    text = "define a0 model ()\n" + "".join(f"define a{i} model ( a{i - 1}() a{i - 1}() )\n" for i in range(1, 60))
-    text += "a59 ()"
-    with pytest.raises(WorldError, match="more than 10000 entities once macros are expanded"):
-        parse(text)
-
-
-def test_copies_by_macros_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A long chain of macros, each of which is used, would cost a quadratic number of copies."""
-    monkeypatch.setattr("zteam.simulator.world.parser.MAX_STEPS", 20_000)
-    text = "define a0 model ( x0 1 )\n" + "".join(f"define a{i} a{i - 1} ( x{i} 1 )\n" for i in range(1, 1000))
-    parse(text + "a999 ()\n")
-    with pytest.raises(WorldError, match="macros of macros"):
-        parse(text + "".join(f"a{i} ()\n" for i in range(1000)))
-
-
-def test_the_number_of_tokens_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file with more words than the bound is refused."""
-    monkeypatch.setattr("zteam.simulator.world.text.MAX_TOKENS", 10)
-    with pytest.raises(WorldError, match=r"w\.world:4:3: more than 10 words and values"):
-        parse("a 1\n" * 10)
+@pytest.mark.parametrize(
+    ("bound", "most", "text", "use", "error"),
+    [
+        ("text.MAX_TOKENS", 10, "", "a 1\n" * 10, r"w\.world:4:3: more than 10 words and values"),
+        (
+            "parser.MAX_ENTITIES", 10_000,
+            "define a0 model ()\n" + "".join(f"define a{i} model ( a{i - 1}() a{i - 1}() )\n" for i in range(1, 60)),
+            "a59 ()", "more than 10000 entities once macros are expanded",
+        ),
+        (
+            "parser.MAX_STEPS", 20_000,
+            "define a0 model ( x0 1 )\n" + "".join(f"define a{i} a{i - 1} ( x{i} 1 )\n" for i in range(1, 1000)),
+            "".join(f"a{i} ()\n" for i in range(1000)), "macros of macros",
+        ),
+    ],
+    ids=["tokens", "doubling macros", "copies by macros"],
+)  # fmt: skip
+def test_a_small_file_does_not_make_much(
+    monkeypatch: pytest.MonkeyPatch, bound: str, most: int, text: str, use: str, error: str
+) -> None:
+    """Words, entities of macros that use the one before twice, and copies by a long chain of macros have bounds."""
+    monkeypatch.setattr(f"zteam.simulator.world.{bound}", most)
+    parse(text)
+    with pytest.raises(WorldError, match=error):
+        parse(text + use)
 
 
 def write(folder: Path, name: str, text: str) -> Path:
@@ -211,21 +195,15 @@ def test_includes_are_relative_to_the_top_file(tmp_path: Path) -> None:
     assert values(parse_world(top, Remarks()).root) == {"x": (2.0,)}
 
 
-def test_stagepath_is_searched_by_base_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that is not beside the world is looked for in the folders of $STAGEPATH."""
+def test_stagepath_is_searched_by_base_name_and_by_the_whole_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For a file that is not beside the world. An include found there may name files beside itself, as in Stage."""
     top = write(tmp_path, "w.world", 'include "../worlds/a.inc"\n')
-    write(tmp_path, "lib/a.inc", "x 3\n")
-    monkeypatch.setenv("STAGEPATH", f"/nowhere:{tmp_path / 'lib'}")
-    assert values(parse_world(top, Remarks()).root) == {"x": (3.0,)}
-
-
-def test_stagepath_is_searched_by_the_whole_name_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An include of $STAGEPATH may name files beside itself, which Stage finds there."""
-    top = write(tmp_path, "w.world", 'include "a.inc"\n')
     write(tmp_path, "lib/a.inc", 'include "parts/b.inc"\n')
     (tmp_path / "lib" / "parts").mkdir()
     write(tmp_path, "lib/parts/b.inc", "x 4\n")
-    monkeypatch.setenv("STAGEPATH", str(tmp_path / "lib"))
+    monkeypatch.setenv("STAGEPATH", f"/nowhere:{tmp_path / 'lib'}")
     assert values(parse_world(top, Remarks()).root) == {"x": (4.0,)}
 
 
@@ -240,19 +218,12 @@ def test_a_file_may_be_included_twice_but_not_by_itself(tmp_path: Path) -> None:
         parse_world(top, Remarks())
 
 
-def test_the_depth_of_includes_is_bounded(tmp_path: Path) -> None:
-    """16 levels of includes are read, 17 are an error."""
-    for i in range(18):
-        write(tmp_path, f"{i}.inc", f'include "{i + 1}.inc"\n' if i < 17 else "")
-    parse_world(write(tmp_path, "ok.world", 'include "2.inc"\n'), Remarks())
-    with pytest.raises(WorldError, match=r"15\.inc:1:9: includes nest deeper than 16"):
-        parse_world(write(tmp_path, "w.world", 'include "0.inc"\n'), Remarks())
-
-
-def test_the_number_of_files_is_bounded(tmp_path: Path) -> None:
-    """Includes that fan out by two at every level end at a bound."""
-    for i in range(12):
-        write(tmp_path, f"{i}.inc", f'include "{i + 1}.inc"\n' * 2 if i < 11 else "")
+@pytest.mark.parametrize(("fan", "depth"), [(1, 300), (2, 12)])
+def test_the_number_of_files_is_bounded(tmp_path: Path, fan: int, depth: int) -> None:
+    """Includes that nest deeply, or fan out by two at every level, end at a bound."""
+    for i in range(depth):
+        write(tmp_path, f"{i}.inc", f'include "{i + 1}.inc"\n' * fan if i < depth - 1 else "")
+    parse_world(write(tmp_path, "ok.world", f'include "{depth - 8}.inc"\n'), Remarks())
     with pytest.raises(WorldError, match="more than 256 files"):
         parse_world(write(tmp_path, "w.world", 'include "0.inc"\n'), Remarks())
 

@@ -2,20 +2,13 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-from support.world_texts import LoadText, box_of, text_loader
+from support.world_texts import LoadText, box_of
 from zteam.world import Limits, Robot
 
 ROBOT = "position ( size [0.35 0.35 0.25] origin [-0.05 0 0 0] "
-
-
-@pytest.fixture
-def load(tmp_path: Path) -> LoadText:
-    """Loads the text of a world, with a robot added at its end."""
-    return text_loader(tmp_path)
 
 
 def test_the_world_has_a_name_and_an_interval(load: LoadText) -> None:

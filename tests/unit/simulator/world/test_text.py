@@ -2,7 +2,6 @@
 
 import pytest
 
-from zteam.errors import WorldError
 from zteam.simulator.world.text import Remarks, TokenKind, read_tokens
 
 
@@ -61,28 +60,9 @@ def test_of_a_malformed_number_the_beginning_is_taken(text: str, value: float) -
     assert [str(remark) for remark in remarks.all()] == [expected]
 
 
-@pytest.mark.parametrize("text", ["5m", "1_000", "1e", "0x10", "1.2.3m"])
-def test_what_only_starts_like_a_number_is_an_error(text: str) -> None:
-    """A malformed number is refused as a whole instead of being cut where it stops making sense."""
-    with pytest.raises(WorldError, match=r"^w\.world:1:3: .* is not a number$"):
-        list(read_tokens(f"a {text}", "w.world", Remarks()))
-
-
-@pytest.mark.parametrize("text", ["1e999", "-1e999", "+inf", "-nan", "1" * 400])
-def test_a_number_must_be_finite(text: str) -> None:
-    """Infinities and NaN never leave the lexer."""
-    with pytest.raises(WorldError, match="is not a finite number"):
-        list(read_tokens(text, "w.world", Remarks()))
-
-
 def test_comments_run_to_the_end_of_the_line_but_not_in_strings() -> None:
-    """A `#` ends a line's tokens; between quotes it is a character."""
-    assert values('a # b c\n"# d" e') == ["a", "# d", "e"]
-
-
-def test_a_very_long_comment_is_no_problem() -> None:
-    """A comment of any length is skipped (Stage overruns a buffer of 256 bytes)."""
-    assert values("#" * 100_000 + "\na") == ["a"]
+    """A `#` ends a line's tokens, however long the comment; between quotes it is a character."""
+    assert values('a # b c\n"# d" e' + "#" * 100_000 + "\na") == ["a", "# d", "e", "a"]
 
 
 def test_places_count_lines_and_columns_from_one() -> None:
@@ -101,15 +81,3 @@ def test_a_carriage_return_alone_ends_a_line() -> None:
     tokens = list(read_tokens("a # b\rc\r\rd", "w.world", Remarks()))
     words = [token for token in tokens if token.written.strip()]
     assert [(token.written, token.place.line) for token in words] == [("a", 1), ("c", 2), ("d", 4)]
-
-
-def test_an_open_string_ends_with_its_line() -> None:
-    """A missing quote is reported where the string begins, not at the end of the file."""
-    with pytest.raises(WorldError, match=r"w\.world:2:6: this string is not closed on its line"):
-        list(read_tokens('\nname "x\n"', "w.world", Remarks()))
-
-
-def test_a_foreign_character_is_named() -> None:
-    """What no token begins with is an error that shows it."""
-    with pytest.raises(WorldError, match=r"w\.world:1:9: unexpected character '\{'; write '\('"):
-        list(read_tokens("model (){", "w.world", Remarks()))
