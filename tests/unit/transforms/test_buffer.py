@@ -100,7 +100,12 @@ def test_static_transforms_are_checked_as_moving_ones_are(code: str, sample: Tra
 def test_a_refusal_names_both_authorities() -> None:
     """That of the frame, and that of the sample: of a loop and of a static frame."""
     buffer = filled()
-    for sample, other in ((stamped("base", "map", 21 * S), "second"), (stamped("map", "odom", S), "first")):
+    buffer.set_transform_static(stamped("base", "tip", 0), "fourth")
+    for sample, other in (
+        (stamped("base", "map", 21 * S), "second"),
+        (stamped("tip", "base", 21 * S), "fourth"),
+        (stamped("map", "odom", S), "first"),
+    ):
         refused = buffer.set_transform(sample, "third")
         assert refused is not None
         assert "third" in refused.text
@@ -303,7 +308,11 @@ def test_a_very_deep_chain_is_not_called_a_loop() -> None:
     for time in (0, 1, 10**18):
         found = buffer.lookup_transform("f1500", "f700", time)
         assert found.transform.translation.x == -800.0
-        assert (ns_from_time(found.header.stamp), found.header.frame_id, found.child_frame_id) == (time, "f1500", "f700")
+        assert (ns_from_time(found.header.stamp), found.header.frame_id, found.child_frame_id) == (
+            time,
+            "f1500",
+            "f700",
+        )
 
 
 def test_the_latest_common_time_is_the_slowest_edges_newest() -> None:
@@ -359,6 +368,7 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
     able, why = buffer.can_transform_full("me", 9 * S, "ball", 99 * S, "map")
     assert not able
     assert "future" in why
+    assert '"nobody"' in buffer.can_transform_full("me", S, "ball", S, "nobody")[1]
 
 
 @pytest.mark.parametrize(
