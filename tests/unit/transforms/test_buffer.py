@@ -1,4 +1,4 @@
-"""What the buffer stores, refuses and answers. Golden runs compare its look-ups with tf2's, properties hold its laws."""
+"""What the buffer stores, refuses and answers; golden runs compare its look-ups with tf2's."""
 
 import itertools
 import math
@@ -383,13 +383,11 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
         ("moon", "crater", 2 * S, NoDataForExtrapolationException, "at time 2.000000000, but only time 1.000000000"),
         (
             "map", "base", 20 * S + 1, ForwardExtrapolationException,
-            "Lookup would require extrapolation 0.000000001s into the future.  Requested time 20.000000001 but the "
-            "latest data is at time 20.000000000, when looking up transform from frame [base] to frame [map]",
+            "0.000000001s into the future.  Requested time 20.000000001 but the latest data is at time 20.000000000, ",
         ),
         (
             "base", "map", 12 * S - 1, BackwardExtrapolationException,
-            "Lookup would require extrapolation 0.000000001s into the past.  Requested time 11.999999999 but the "
-            "earliest data is at time 12.000000000, when looking up transform from frame [map] to frame [base]",
+            "0.000000001s into the past.  Requested time 11.999999999 but the earliest data is at time 12.000000000, ",
         ),
     ],
 )  # fmt: skip

@@ -50,11 +50,10 @@ def test_it_travels_in_the_bundle_of_the_next_tick(first: str) -> None:
     assert all(bundle["robot_0/base_footprint"] - bundle["robot_0/carrot"] == INTERVAL for bundle in later)
 
 
-@pytest.mark.parametrize("ahead", [0, INTERVAL, 5 * INTERVAL // 2])
-def test_it_does_not_stand_in_for_a_base(ahead: int) -> None:
-    """With a stamp of the present or of the future, as localisers give, the bundles hold every base of their tick."""
+def test_it_does_not_stand_in_for_a_base() -> None:
+    """With a stamp of the future, as localisers give, the bundles hold every base of their tick."""
     team = InProcessTeam(TeamOptions(run_for=2.0))
-    Carrot(team.hub.bus(), ahead)
+    Carrot(team.hub.bus(), 5 * INTERVAL // 2)
     bundles: list[list[tuple[str, int]]] = []
     team.bus.subscribe(
         names.TF,
