@@ -83,14 +83,6 @@ def test_bad_ends_are_refused_with_a_reason(start: Pose2, goal: Pose2, why: str)
         AStarPlanner().plan(thick, start, goal)
 
 
-def test_a_robot_that_touches_a_wall_plans_away_from_it() -> None:
-    """The path begins where it stands."""
-    costmap = room(WALL)
-    plan = AStarPlanner().plan(costmap, Pose2(1.0, 2.4, 0.0), START)
-    assert plan.path[0, :2] == pytest.approx((1.0, 2.4))
-    assert plan.short_of_goal == 0.0
-
-
 def drive(costmap: Costmap, pose: Pose2, goal: Pose2, seconds: float = 60.0) -> tuple[Pose2, bool]:
     """An ideal robot that follows a plan; where it ends, and whether the goal is reached."""
     controller, checker = RegulatedPurePursuit(), GoalChecker()
