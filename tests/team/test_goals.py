@@ -203,15 +203,6 @@ def test_the_shipped_navigation_has_no_commands_from_outside(empty_folder: Path)
     assert found == [(0, found[0][1])] * 2
 
 
-def test_a_mistake_in_the_goals_starts_nothing(team: TeamFixture, empty_folder: Path) -> None:
-    """The lines are named, and the exit code is that of usage."""
-    team.start("arena", robots=1, behavior="idle")
-    path = write(empty_folder, "goals.yaml", "- {robot: 0, x: 1}\n- {robot: 0, x: 1, z: 3}\n")
-    done = team.command("goals", str(path))
-    assert done.returncode == 2
-    assert [line.rpartition("goals.yaml:")[2][:1] for line in done.stderr.splitlines()] == ["1", "2", "2"]
-
-
 def test_the_script_of_the_page_drives_a_robot(team: TeamFixture, empty_folder: Path) -> None:
     """`zteam.BasicNavigator` with Nav2's names, in a process of its own beside a team at a user's pace."""
     write(empty_folder, "team.toml", NAVIGATED.replace("arena", "office"))
@@ -242,24 +233,6 @@ def test_the_node_of_the_page_patrols_in_lock_step(team: TeamFixture, empty_fold
         team.until(lambda: distance(team, 1, 11.0, 25.0) < 0.4, within=40.0)
 
 
-def test_a_map_is_served_and_saved(team: TeamFixture, empty_folder: Path) -> None:
-    """`zteam-map` without a simulator; what `zteam map save` writes is the picture that was served."""
-    for name in ("hall.yaml", "hall.pgm"):
-        find_file(name, DOCS / "navigation.md").save(empty_folder)
-    team.spawn("zteam-map", str(empty_folder / "hall.yaml"), name="map")
-    team.wait_for_processes("map")
-    saved = empty_folder / "saved"
-    done = team.command("map", "save", str(saved), "--timeout", str(LIMIT))
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("8 x 6 cells of 0.5 m: ")
-    from zteam.navigation.planning.map_files import read_map
-
-    served, again = read_map(empty_folder / "hall.yaml"), read_map(empty_folder / "saved.yaml")
-    assert again.frame == served.frame
-    assert again.cells.tolist() == served.cells.tolist()
-    assert -1 in served.cells
-
-
 def test_the_map_of_a_team_file_takes_the_place_of_the_simulators(team: TeamFixture, empty_folder: Path) -> None:
     """One process publishes `map`, and it is the one that the file names."""
     for name in ("hall.yaml", "hall.pgm"):
@@ -270,12 +243,3 @@ def test_the_map_of_a_team_file_takes_the_place_of_the_simulators(team: TeamFixt
     assert info["publishers"] == ["map"]
     grid = json.loads(team.command("topic", "echo", "map", "--once", "--json").stdout)
     assert (grid["info"]["width"], grid["info"]["height"]) == (8, 6)
-
-
-def test_a_bad_map_ends_the_command_with_its_place(team: TeamFixture, empty_folder: Path) -> None:
-    """Before it opens anything."""
-    path = write(empty_folder, "map.yaml", "image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
-    command = zteam_command("zteam-map", str(path))
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
-    assert done.returncode == 2
-    assert done.stderr == f"map: there is no {empty_folder}/none.pgm, the map's image\n"

@@ -195,22 +195,23 @@ def test_a_jump_back_keeps_what_does_not_move() -> None:
 
 def test_fixed_sets_are_merged_by_child_frame() -> None:
     """A message with one frame more, of the same source or another one, takes no other frame away, as in tf2; one that
-    was sent before changes no parent."""
+    was sent before changes no parent. A set that is turned round is no loop with the one before."""
     merger = Merger()
     for transforms, source, sent in (
         ([stamped("map", "odom", 0), stamped("odom", "mark", 0)], "sim", 1),
         ([stamped("map", "odom", 0, 2.0)], "sim", 2),
         ([stamped("base_link", "camera", 0)], "driver", 2),
         ([stamped("base_footprint", "camera", 0)], "driver", 1),
+        ([stamped("camera", "base_link", 0)], "driver", 3),
     ):
         merger.take_static(0, TFMessage(transforms), source, clock.Sent(sent))
     assert [(t.header.frame_id, t.transform.translation.x) for t in merger.statics.message().transforms] == [
-        ("robot_0/base_link", 0.0),
+        ("robot_0/camera", 0.0),
         ("robot_0/odom", 0.0),
         ("map", 2.0),
     ]
     authorities = {child: frame.authority for child, frame in merger.buffer.frames().items()}
-    assert authorities == {"robot_0/camera": "driver", "robot_0/mark": "sim", "robot_0/odom": "sim"}
+    assert authorities == {"robot_0/base_link": "driver", "robot_0/mark": "sim", "robot_0/odom": "sim"}
 
 
 def test_a_tool_adds_frames_that_nobody_has() -> None:

@@ -114,7 +114,6 @@ class Aggregator:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
             self._take(robot_id, message, stamp)
-        self._publish_statics()
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
         """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""

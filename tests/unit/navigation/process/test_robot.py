@@ -1,5 +1,6 @@
 """One robot's navigation without a bus: what it says and does when something that it needs is missing or wrong."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from zteam.messages import (
     Transform,
     TransformStamped,
     Vector3,
+    encode,
     time_from_ns,
 )
 from zteam.messages.base import DEFAULT_BASE
@@ -260,6 +262,36 @@ def test_parameters_that_do_not_fit_the_map_are_told() -> None:
     robot.go(2.0)
     assert robot.step() == STOP
     assert robot.text == "inflation_radius 50 is 500 cells of 0.1 m: at most 180"
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ({"x": 40.0}, "outside of the map"),
+        ({"x": 1.0, "frame": "odoom"}, "'odoom', which no transform leads to"),
+        ({"x": math.nan}, "the goal is not finite, too far away, or its orientation is no rotation"),
+        ({"x": 1.0, "w": 0.0}, "the goal is not finite, too far away, or its orientation is no rotation"),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], text: str) -> None:
+    """The robot, on its way to another goal, stops, and takes the next one; what is sent of it can be read."""
+    robot = driving()
+    robot.inputs.goal = goal = make_goal(place["x"], 0.0, 0.0, place.get("frame", "map"))
+    goal.pose.orientation.w = place.get("w", 1.0)
+    assert robot.step() == STOP
+    assert robot.state is NavigationState.ABORTED
+    assert text in robot.text
+    encode(robot.robot.navigator.message)
+    robot.go(1.0)
+    assert robot.step().x > 0.0
+
+
+def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
+    """It is taken to the map where the robot is now."""
+    robot = driving()
+    robot.inputs.goal = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
+    robot.step()
+    assert robot.robot.navigator.goal == pytest.approx((1.5, 0.0, 0.5))
 
 
 @pytest.mark.parametrize(
