@@ -1,12 +1,7 @@
 """The transform buffer: it behaves like tf2's, in pure Python, without the bus.
 
-Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` takes data from
-`source` into `target`: it is the pose of `source` in `target`. The intended differences from tf2 are
-listed in docs/transforms: quaternions are normalised; inf, NaN and loops are refused when they arrive; a refused sample
-changes nothing; exact duplicates are counted silently; moving data for a static frame is refused; no error text is
-empty.
-
-One lock guards everything. Each public call takes it, also a look-up.
+Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` is the pose of
+`source` in `target`. docs/transforms lists the intended differences from tf2. Each public call takes the one lock.
 """
 
 import logging
@@ -60,7 +55,7 @@ class Buffer:
 
     @property
     def duplicates(self) -> int:
-        """How many samples came that the buffer had already."""
+        """How many samples came that their edges had already."""
         return self._tree.duplicates
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -164,14 +159,14 @@ class Buffer:
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
-        return _answers(lambda: self.lookup_transform(target_frame, source_frame, time))
+        return _answers(self.lookup_transform, target_frame, source_frame, time)
 
     def can_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> tuple[bool, str]:
         """Whether `lookup_transform_full` would answer; if not, also its error text."""
-        sides = target_frame, target_time, source_frame, source_time
-        return _answers(lambda: self.lookup_transform_full(*sides, fixed_frame))
+        look_up = self.lookup_transform_full
+        return _answers(look_up, target_frame, target_time, source_frame, source_time, fixed_frame)
 
     def transform_pose(self, pose: PoseStamped, target_frame: str) -> PoseStamped:
         """A stamped pose in another frame, at its own stamp (0 = latest). Raises tf2's exceptions."""
@@ -265,10 +260,10 @@ class Buffer:
             return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
 
 
-def _answers(look_up: Callable[[], object]) -> tuple[bool, str]:
+def _answers(look_up: Callable[..., object], *arguments: str | int) -> tuple[bool, str]:
     """Whether a look-up answers; if not, also its error text."""
     try:
-        look_up()
+        look_up(*arguments)
     except TransformException as error:
         return False, str(error)
     return True, ""
