@@ -11,25 +11,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam import messages
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import (
-    Header,
-    LaserScan,
-    Point,
-    PointStamped,
-    Pose,
-    PoseStamped,
-    Quaternion,
-    Time,
-    Transform,
-    TransformStamped,
-    Twist,
-    Vector3,
-    Vector3Stamped,
-    ns_from_time,
-    time_from_ns,
-)
+from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, Time, Transform, TransformStamped, Vector3
 from zteam.names import strip_slash
 from zteam.transforms.errors import InvalidArgumentException, TransformException
 from zteam.transforms.rigid import compose, floats_of, rotation_matrix, scan_points, stamped_transform, twist_between
@@ -155,7 +140,9 @@ class Buffer:
             self._tree.check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
             source = self._tree.solve(fixed_frame, source_frame, source_time)
             target = self._tree.solve(target_frame, fixed_frame, target_time)
-        return stamped_transform(time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:]))
+        return stamped_transform(
+            messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:])
+        )
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
@@ -173,19 +160,20 @@ class Buffer:
         found = self._found_for(pose.header, target_frame)
         p, o = pose.pose.position, pose.pose.orientation
         x, y, z, i, j, k, w = compose(floats_of(found.transform), (p.x, p.y, p.z, o.x, o.y, o.z, o.w))
-        return PoseStamped(Header(found.header.stamp, target_frame), Pose(Point(x, y, z), Quaternion(i, j, k, w)))
+        moved = messages.Pose(messages.Point(x, y, z), Quaternion(i, j, k, w))
+        return PoseStamped(Header(found.header.stamp, target_frame), moved)
 
-    def transform_point(self, point: PointStamped, target_frame: str) -> PointStamped:
+    def transform_point(self, point: messages.PointStamped, target_frame: str) -> messages.PointStamped:
         """A stamped point in another frame."""
-        moved = self.transform_pose(PoseStamped(point.header, Pose(point.point)), target_frame)
-        return PointStamped(moved.header, moved.pose.position)
+        moved = self.transform_pose(PoseStamped(point.header, messages.Pose(point.point)), target_frame)
+        return messages.PointStamped(moved.header, moved.pose.position)
 
-    def transform_vector(self, vector: Vector3Stamped, target_frame: str) -> Vector3Stamped:
+    def transform_vector(self, vector: messages.Vector3Stamped, target_frame: str) -> messages.Vector3Stamped:
         """A stamped direction in another frame: it is rotated, not translated."""
         found, v = self._found_for(vector.header, target_frame), vector.vector
         turn = (0.0, 0.0, 0.0, *floats_of(found.transform)[3:])
         x, y, z, *_ = compose(turn, (v.x, v.y, v.z, 0.0, 0.0, 0.0, 1.0))
-        return Vector3Stamped(Header(found.header.stamp, target_frame), Vector3(x, y, z))
+        return messages.Vector3Stamped(Header(found.header.stamp, target_frame), Vector3(x, y, z))
 
     def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
         """The end points of a scan's beams in another frame, (beams, 3) metres; NaN for a beam without a hit."""
@@ -205,11 +193,11 @@ class Buffer:
         return np.column_stack((given[:, :2] @ plane + floats[:2], np.arctan2(ahead[:, 1], ahead[:, 0])))
 
     def _found_for(self, header: Header, target_frame: str) -> TransformStamped:
-        return self.lookup_transform(target_frame, header.frame_id, ns_from_time(header.stamp))
+        return self.lookup_transform(target_frame, header.frame_id, messages.ns_from_time(header.stamp))
 
     def lookup_twist(
         self, tracking_frame: str, observation_frame: str, time: int, averaging_interval: float = 0.1
-    ) -> Twist:
+    ) -> messages.Twist:
         """The mean velocity of `tracking_frame` in the axes of `observation_frame`, over an interval centred on `time`.
 
         An interval (seconds) that would end after the latest common time is moved back to end there, as in tf. Raises

@@ -53,7 +53,6 @@ class NavigationNode:
         """Seconds until the next step, as far as that is known, and before the last one."""
         self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
-        _warn_of_other_decay(parameters)
         node.subscribe(names.MAP, messages.OccupancyGrid, self._on_map, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), messages.BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
@@ -170,16 +169,3 @@ class NavigationNode:
         with self._node.changed:
             for robot in self._robots.values():
                 robot.outputs.stop()
-
-
-def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:
-    for each in parameters.values():
-        given, costmap = each.pursuit.inflation_cost_scaling_factor, each.local_layers
-        if given and given != costmap.cost_scaling_factor:
-            log.warning(
-                "inflation_cost_scaling_factor is %g, but cost_scaling_factor of the local costmap is %g: "
-                "robots misjudge how near obstacles are; leave the first one out",
-                given,
-                costmap.cost_scaling_factor,
-            )
-            return
