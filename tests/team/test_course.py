@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import zteam
 from support.limits import LIMIT
 from support.paces import BOTH_PACES
 from support.pages import DOCS, Block, blocks_of, find_file
@@ -262,13 +261,6 @@ def test_the_chain_follows(team: TeamFixture, empty_folder: Path) -> None:
     assert [team.robot(i).distance_to(i - 1) for i in (1, 2, 3)] == pytest.approx([0.8] * 3, rel=0.1)
 
 
-def test_the_chain_is_the_team_of_zteam_up(empty_folder: Path) -> None:
-    """Step 17: `zteam up` alone runs this very team."""
-    block(17, "toml").save(empty_folder)
-    hashes = {zteam.run_team(source, seconds=5.0).trajectory_sha256 for source in (empty_folder / "team.toml", "line")}
-    assert len(hashes) == 1
-
-
 @BOTH_PACES
 def test_a_user_leads_a_line(team: TeamFixture, empty_folder: Path) -> None:
     """Step 18: what comes from the keyboard goes before the behaviour of robot 0, which stops before a wall; the others
@@ -306,17 +298,6 @@ def test_walkers_walk(team: TeamFixture, empty_folder: Path) -> None:
     launch(team, 22, empty_folder)
     team.run(30.0)
     assert all(team.robot(i).distance_travelled > 2.0 for i in (0, 1))
-
-
-@BOTH_PACES
-def test_a_behaviour_that_counts_time_patrols(team: TeamFixture, empty_folder: Path) -> None:
-    """The page's `Patrol` turns when its 5 s are over, and comes back."""
-    find_file("patrol.py", DOCS / "behaviors.md").save(empty_folder)
-    team.start("arena", robots=1, behavior="patrol:Patrol", in_process=True)
-    team.wait_for_go()
-    start = team.robot(0).pose
-    team.until(lambda: math.dist(start[:2], team.robot(0).pose[:2]) > 1.3, within=6.0)
-    team.until(lambda: math.dist(start[:2], team.robot(0).pose[:2]) < 0.2, within=10.0)
 
 
 @pytest.mark.real_time

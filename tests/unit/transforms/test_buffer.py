@@ -6,21 +6,11 @@ import math
 import pytest
 
 from support.transforms import S, chain, stamped
+from zteam import tf
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Quaternion, TransformStamped, ns_from_time
-from zteam.tf import (
-    BackwardExtrapolationException,
-    Buffer,
-    ConnectivityException,
-    ExtrapolationException,
-    ForwardExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-    NoDataForExtrapolationException,
-    TimeoutException,
-    TransformException,
-)
+from zteam.tf import Buffer
 
 
 def filled() -> Buffer:
@@ -82,7 +72,7 @@ def test_a_refused_sample_changes_nothing(code: str, sample: TransformStamped) -
     assert refused is not None
     assert refused.code == code
     assert buffer.frames() == before
-    with pytest.raises(LookupException):
+    with pytest.raises(tf.LookupException):
         buffer.lookup_transform("other", "base", 0)
     assert buffer.set_transform(stamped("odom", "base", 21 * S, 4.0), "robot_1") is None
     assert buffer.lookup_pose2("map", "base", 0)[0].x == 5.0
@@ -172,10 +162,10 @@ def test_the_cache_of_each_frame_ends_to_the_nanosecond(roll: float) -> None:
         if stamp != 20 * S:
             assert buffer.frames()["base"].oldest == oldest
             assert buffer.lookup_pose2("map", "base", oldest)[0].x == oldest / S
-            with pytest.raises(BackwardExtrapolationException):
+            with pytest.raises(tf.BackwardExtrapolationException):
                 buffer.lookup_transform("map", "base", oldest - 1)
     buffer.set_transform(stamped("map", "base", 31 * S), "test")
-    with pytest.raises(NoDataForExtrapolationException):
+    with pytest.raises(tf.NoDataForExtrapolationException):
         buffer.lookup_transform("map", "base", 31 * S - 1)
     assert buffer.lookup_pose2("map", "slow", S)[0].x == 7.0
 
@@ -253,9 +243,9 @@ def test_time_that_goes_back_clears_the_buffer(caplog: pytest.LogCaptureFixture)
     assert buffer.take_time(10 * S)
     assert "jump back in time of 10.000 s" in caplog.text
     assert list(buffer.frames()) == ["odom"]
-    with pytest.raises(ExtrapolationException, match="cleared"):
+    with pytest.raises(tf.ExtrapolationException, match="cleared"):
         buffer.lookup_transform("map", "base", S)
-    with pytest.raises(ConnectivityException):
+    with pytest.raises(tf.ConnectivityException):
         buffer.lookup_transform("map", "base", 0)
     assert buffer.set_transform(stamped("odom", "base", 10 * S, 5.0), "test") is None
     assert buffer.lookup_pose2("map", "base", 0)[0].x == 6.0
@@ -340,7 +330,7 @@ def test_a_moving_frame_stamped_0_does_not_hold_back_the_others() -> None:
     for stamp in (3 * S, 0):
         buffer.set_transform(stamped("odom", "base", stamp), "test")
     assert buffer.latest_common_time("map", "base") == 3 * S
-    with pytest.raises(NoDataForExtrapolationException):
+    with pytest.raises(tf.NoDataForExtrapolationException):
         buffer.lookup_transform("map", "base", 0)
 
 
@@ -350,7 +340,7 @@ def test_what_is_missing_above_the_common_ancestor_does_not_matter() -> None:
     for stamp, side in itertools.product((35 * S, 44 * S), (-1.0, 1.0)):
         buffer.set_transform(stamped("base", f"side{side:g}", stamp, 0.0, side), "test")
     assert buffer.lookup_pose2("side-1", "side1", 40 * S)[0].y == 2.0
-    with pytest.raises(ExtrapolationException):
+    with pytest.raises(tf.ExtrapolationException):
         buffer.lookup_transform("map", "side1", 40 * S)
 
 
@@ -374,19 +364,19 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
 @pytest.mark.parametrize(
     ("target", "source", "time", "kind", "text"),
     [
-        ("map", "nowhere", 0, LookupException, '"nowhere" passed to lookupTransform argument source_frame does not ex'),
-        ("nowhere", "map", S, LookupException, '"nowhere" passed to lookupTransform argument target_frame does not ex'),
-        ("", "map", 0, InvalidArgumentException, "argument target_frame in tf2 frame_ids cannot be empty"),
-        ("map", "/base", 0, InvalidArgumentException, "argument source_frame in tf2 frame_ids cannot start with a '/'"),
-        ("map", "crater", 0, ConnectivityException, "'map' and 'crater'"),
-        ("map", "crater", S, ConnectivityException, "'map' and 'crater'"),
-        ("moon", "crater", 2 * S, NoDataForExtrapolationException, "at time 2.000000000, but only time 1.000000000"),
+        ("map", "nowhere", 0, tf.LookupException, '"nowhere" passed to lookupTransform argument source_frame does n'),
+        ("nowhere", "map", S, tf.LookupException, '"nowhere" passed to lookupTransform argument target_frame does n'),
+        ("", "map", 0, tf.InvalidArgumentException, "argument target_frame in tf2 frame_ids cannot be empty"),
+        ("map", "/base", 0, tf.InvalidArgumentException, "source_frame in tf2 frame_ids cannot start with a '/'"),
+        ("map", "crater", 0, tf.ConnectivityException, "'map' and 'crater'"),
+        ("map", "crater", S, tf.ConnectivityException, "'map' and 'crater'"),
+        ("moon", "crater", 2 * S, tf.NoDataForExtrapolationException, "at time 2.000000000, but only time 1.000000000"),
         (
-            "map", "base", 20 * S + 1, ForwardExtrapolationException,
+            "map", "base", 20 * S + 1, tf.ForwardExtrapolationException,
             "0.000000001s into the future.  Requested time 20.000000001 but the latest data is at time 20.000000000, ",
         ),
         (
-            "base", "map", 12 * S - 1, BackwardExtrapolationException,
+            "base", "map", 12 * S - 1, tf.BackwardExtrapolationException,
             "0.000000001s into the past.  Requested time 11.999999999 but the earliest data is at time 12.000000000, ",
         ),
     ],
@@ -404,15 +394,15 @@ def test_why_not_is_always_said(target: str, source: str, time: int, kind: type[
 @pytest.mark.parametrize(
     ("kind", "base"),
     [
-        (TransformException, ZteamError),
-        (LookupException, TransformException),
-        (ConnectivityException, TransformException),
-        (InvalidArgumentException, TransformException),
-        (TimeoutException, TransformException),
-        (ExtrapolationException, TransformException),
-        (BackwardExtrapolationException, ExtrapolationException),
-        (ForwardExtrapolationException, ExtrapolationException),
-        (NoDataForExtrapolationException, ExtrapolationException),
+        (tf.TransformException, ZteamError),
+        (tf.LookupException, tf.TransformException),
+        (tf.ConnectivityException, tf.TransformException),
+        (tf.InvalidArgumentException, tf.TransformException),
+        (tf.TimeoutException, tf.TransformException),
+        (tf.ExtrapolationException, tf.TransformException),
+        (tf.BackwardExtrapolationException, tf.ExtrapolationException),
+        (tf.ForwardExtrapolationException, tf.ExtrapolationException),
+        (tf.NoDataForExtrapolationException, tf.ExtrapolationException),
     ],
 )
 def test_the_exceptions_form_tf2s_family(kind: type[Exception], base: type[Exception]) -> None:

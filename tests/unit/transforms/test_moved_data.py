@@ -6,28 +6,10 @@ import numpy as np
 import pytest
 
 from support.transforms import S, stamped
+from zteam import messages, tf
 from zteam.geometry import quaternion_from_rpy, quaternion_from_yaw
-from zteam.messages import (
-    Header,
-    LaserScan,
-    Point,
-    PointStamped,
-    Pose,
-    PoseStamped,
-    Quaternion,
-    Transform,
-    TransformStamped,
-    Vector3,
-    Vector3Stamped,
-    time_from_ns,
-)
-from zteam.tf import (
-    BackwardExtrapolationException,
-    Buffer,
-    ExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-)
+from zteam.messages import Header, LaserScan, Point, Pose, PoseStamped, Quaternion, Vector3, time_from_ns
+from zteam.tf import Buffer
 from zteam.transforms.rigid import Floats, compose
 
 TILTED: Floats = (1.0, 2.0, 3.0, *quaternion_from_rpy(0.3, -0.8, 2.0))
@@ -39,8 +21,8 @@ def buffer() -> Buffer:
     tree = Buffer()
     tree.set_transform(stamped("map", "robot", S, 0.0, 0.0, 0.0), "test")
     tree.set_transform(stamped("map", "robot", 3 * S, 0.0, 4.0, math.pi), "test")
-    pose = Transform(Vector3(*TILTED[:3]), Quaternion(*TILTED[3:]))
-    tree.set_transform(TransformStamped(Header(time_from_ns(S), "map"), "tool", pose), "test")
+    pose = messages.Transform(Vector3(*TILTED[:3]), Quaternion(*TILTED[3:]))
+    tree.set_transform(messages.TransformStamped(Header(time_from_ns(S), "map"), "tool", pose), "test")
     tree.set_transform_static(stamped("robot", "laser", 0, 0.5), "test")
     return tree
 
@@ -52,10 +34,10 @@ def header(frame: str, stamp: int = 0) -> Header:
 
 def test_points_are_moved_and_vectors_only_turned(buffer: Buffer) -> None:
     """At 2 s one metre ahead of the robot lies to the left of (0, 2); the result has the look-up's time."""
-    point = buffer.transform_point(PointStamped(header("robot", 2 * S), Point(1.0, 0.0, 0.0)), "map")
+    point = buffer.transform_point(messages.PointStamped(header("robot", 2 * S), Point(1.0, 0.0, 0.0)), "map")
     assert (point.point.x, point.point.y, point.point.z) == pytest.approx((0.0, 3.0, 0.0))
     assert point.header == header("map", 2 * S)
-    vector = buffer.transform_vector(Vector3Stamped(header("robot", 2 * S), Vector3(1.0, 0.0, 2.0)), "map")
+    vector = buffer.transform_vector(messages.Vector3Stamped(header("robot", 2 * S), Vector3(1.0, 0.0, 2.0)), "map")
     assert (vector.vector.x, vector.vector.y, vector.vector.z) == pytest.approx((0.0, 1.0, 2.0))
     assert vector.header == header("map", 2 * S)
 
@@ -68,9 +50,9 @@ def test_a_pose_in_another_frame(buffer: Buffer) -> None:
     p, q = moved.pose.position, moved.pose.orientation
     assert (p.x, p.y, p.z, q.x, q.y, q.z, q.w) == pytest.approx(compose(TILTED, thing))
     assert moved.header == header("map", S)
-    with pytest.raises(ExtrapolationException):
+    with pytest.raises(tf.ExtrapolationException):
         buffer.transform_pose(PoseStamped(header("robot", 4 * S)), "map")
-    with pytest.raises(LookupException):
+    with pytest.raises(tf.LookupException):
         buffer.transform_pose(PoseStamped(header("nobody")), "map")
 
 
@@ -144,9 +126,9 @@ def test_a_velocity_needs_data_and_an_interval() -> None:
     """An interval that begins before the data, one without a length, and an unknown frame raise."""
     buffer = moving(3.0, 0.0)
     for frame, time, interval, error in (
-        ("base", S, 0.5, BackwardExtrapolationException),
-        ("base", 0, 0.0, InvalidArgumentException),
-        ("nowhere", 0, 0.5, LookupException),
+        ("base", S, 0.5, tf.BackwardExtrapolationException),
+        ("base", 0, 0.0, tf.InvalidArgumentException),
+        ("nowhere", 0, 0.5, tf.LookupException),
     ):
         with pytest.raises(error):
             buffer.lookup_twist(frame, "map", time, interval)

@@ -9,23 +9,9 @@ import pytest
 
 from support.goals import make_goal
 from support.installed_packages import install
-from zteam import names
+from zteam import messages, names
 from zteam.geometry import Pose2, Velocity
-from zteam.messages import (
-    Header,
-    LaserScan,
-    NavigationState,
-    Odometry,
-    PoseWithCovarianceStamped,
-    RobotDriver,
-    RobotState,
-    RobotStatus,
-    Transform,
-    TransformStamped,
-    Vector3,
-    encode,
-    time_from_ns,
-)
+from zteam.messages import Header, LaserScan, NavigationState, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
@@ -104,7 +90,7 @@ class Robot:
     def _put(self, parent: str, child: str, *, static: bool = False) -> None:
         frame = parent if parent == "map" else f"robot_0/{parent}"
         header = Header(time_from_ns(self.now), frame)
-        transform = TransformStamped(header, f"robot_0/{child}", Transform(Vector3(0.0)))
+        transform = messages.TransformStamped(header, f"robot_0/{child}", messages.Transform(messages.Vector3(0.0)))
         put = self.transforms.buffer.set_transform_static if static else self.transforms.buffer.set_transform
         assert put(transform, "test") is None
 
@@ -212,7 +198,9 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
     robot.robot.set_map(make_map(np.zeros((60, 60), np.int8), 0.1, Pose2(-3.0, -3.0, 0.0)))
     for tick in range(1, 7):
         stamp = time_from_ns(tick * TICK)
-        placed = TransformStamped(Header(stamp, "map"), "robot_0/base_footprint", Transform(Vector3(0.1 * tick)))
+        placed = messages.TransformStamped(
+            Header(stamp, "map"), "robot_0/base_footprint", messages.Transform(messages.Vector3(0.1 * tick))
+        )
         assert robot.transforms.buffer.set_transform(placed, "test") is None
         if tick == 1:
             ranges = np.full(1, 1.4, np.float32)
@@ -234,7 +222,7 @@ def test_fake_makes_the_transform_of_the_truth() -> None:
     robot.go(1.0)
     assert robot.step() == STOP
     assert robot.text == "no ground truth: 'fake' needs a simulator; use amcl"
-    truth = Odometry()
+    truth = messages.Odometry()
     truth.pose.pose.position.x, truth.pose.pose.position.y = 1.0, -0.5
     robot.inputs.truth, robot.inputs.stamps[names.GROUND_TRUTH] = truth, 2 * TICK
     robot.step()
@@ -281,7 +269,7 @@ def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], t
     assert robot.step() == STOP
     assert robot.state is NavigationState.ABORTED
     assert text in robot.text
-    encode(robot.robot.navigator.message)
+    messages.encode(robot.robot.navigator.message)
     robot.go(1.0)
     assert robot.step().x > 0.0
 
@@ -328,13 +316,13 @@ def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: 
     """One in another frame does not count, and the log says why."""
     robot = driving("amcl")
     assert robot.outputs.frames[-1][:2] == pytest.approx((0.0, 0.0), abs=0.5)
-    message = PoseWithCovarianceStamped(Header(frame_id="map"))
+    message = messages.PoseWithCovarianceStamped(Header(frame_id="map"))
     message.pose.pose.position.x = 1.0
     message.pose.covariance = np.diag([1e-4] * 6).ravel()
     robot.inputs.initial_pose = message
     robot.step()
     assert robot.outputs.frames[-1][:2] == pytest.approx((1.0, 0.0), abs=0.2)
-    robot.inputs.initial_pose = PoseWithCovarianceStamped(Header(frame_id="odom"))
+    robot.inputs.initial_pose = messages.PoseWithCovarianceStamped(Header(frame_id="odom"))
     robot.step()
     assert "the initial pose does not count: its frame is 'odom', not 'map'" in caplog.text
 
@@ -353,17 +341,13 @@ from zteam.planning import Velocity
 
 
 class Creep:
+    set_path = remaining = lambda *_: 1.0
+
     def __init__(self, parameters):
         self.speed = parameters["speed"]
 
-    def set_path(self, path):
-        self.path = path
-
     def command(self, costmap, pose, velocity, seconds):
         return Velocity(self.speed)
-
-    def remaining(self):
-        return 1.0
 """
 
 
