@@ -64,7 +64,7 @@ def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
         entries = None if root is None else loader.construct_document(root)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split()):.200}") from None
-    if not isinstance(entries, list) or not entries:
+    if root is None or not isinstance(entries, list) or not entries:
         raise ConfigError(f"{path}: a list of goals is expected, such as - {_EXAMPLE}")
     goals, mistakes = [], []
     for node, entry in zip(root.value, entries, strict=True):

@@ -7,7 +7,6 @@ import pytest
 
 from support.transforms import S, chain, stamped
 from zteam import tf
-from zteam.errors import ZteamError
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Quaternion, TransformStamped, ns_from_time
 from zteam.tf import Buffer
@@ -334,16 +333,6 @@ def test_a_moving_frame_stamped_0_does_not_hold_back_the_others() -> None:
         buffer.lookup_transform("map", "base", 0)
 
 
-def test_what_is_missing_above_the_common_ancestor_does_not_matter() -> None:
-    """Two frames of one robot are connected also at a time without data for the robot's own pose."""
-    buffer = filled()
-    for stamp, side in itertools.product((35 * S, 44 * S), (-1.0, 1.0)):
-        buffer.set_transform(stamped("base", f"side{side:g}", stamp, 0.0, side), "test")
-    assert buffer.lookup_pose2("side-1", "side1", 40 * S)[0].y == 2.0
-    with pytest.raises(tf.ExtrapolationException):
-        buffer.lookup_transform("map", "side1", 40 * S)
-
-
 def test_where_something_was_seen_from_where_i_am_now() -> None:
     """A fixed frame connects two times, and the answer has the target's time as its stamp."""
     buffer = Buffer()
@@ -389,22 +378,3 @@ def test_why_not_is_always_said(target: str, source: str, time: int, kind: type[
         buffer.lookup_transform(target, source, time)
     assert text in str(caught.value)
     assert buffer.can_transform(target, source, time) == (False, str(caught.value))
-
-
-@pytest.mark.parametrize(
-    ("kind", "base"),
-    [
-        (tf.TransformException, ZteamError),
-        (tf.LookupException, tf.TransformException),
-        (tf.ConnectivityException, tf.TransformException),
-        (tf.InvalidArgumentException, tf.TransformException),
-        (tf.TimeoutException, tf.TransformException),
-        (tf.ExtrapolationException, tf.TransformException),
-        (tf.BackwardExtrapolationException, tf.ExtrapolationException),
-        (tf.ForwardExtrapolationException, tf.ExtrapolationException),
-        (tf.NoDataForExtrapolationException, tf.ExtrapolationException),
-    ],
-)
-def test_the_exceptions_form_tf2s_family(kind: type[Exception], base: type[Exception]) -> None:
-    """Code that catches tf2's (or ROS 2's) class catches ours."""
-    assert issubclass(kind, base)

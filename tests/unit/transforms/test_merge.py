@@ -66,19 +66,6 @@ def test_other_frames_are_left_out_and_reported(parent: str, child: str, text: s
     assert kept == ([stamped("robot_3/odom", "robot_3/base_footprint", S)], [text])
 
 
-def test_a_robot_is_seen_from_another() -> None:
-    """Start poses, odometry and static transforms of two robots form one path between them."""
-    merger = Merger()
-    for robot, y in ((0, 1.0), (3, 4.0)):
-        start = [stamped("map", "odom", 0, 0.0, y), stamped("base_footprint", "base_link", 0, 0.1)]
-        merger.take_static(robot, TFMessage(start))
-        for stamp in (S // 2, (robot + 1) * S):
-            merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, float(robot))]))
-    pose, stamp = merger.buffer.lookup_pose2("robot_0/base_link", "robot_3/base_link", 0)
-    assert pose == pytest.approx((3.0, 3.0, 0.0))
-    assert stamp == S
-
-
 def test_a_bundle_has_each_sample_once_in_the_order_of_arrival() -> None:
     """With its own stamp and numbers; a sample that is sent again is not bundled again."""
     merger = Merger()

@@ -8,7 +8,6 @@ import pytest
 from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.clock import wait_until
-from zteam.messages import ns_from_time
 from zteam.tf import Buffer, LookupException, NoDataForExtrapolationException
 
 
@@ -50,22 +49,6 @@ def test_a_wait_in_vain_ends_with_its_own_reason() -> None:
         buffer.wait_for_transform("map", "nowhere", 0, 0.01)
     with pytest.raises(NoDataForExtrapolationException):
         buffer.wait_for_transform("map", "base", 2 * S, 0.01)
-
-
-def test_threads_may_store_and_look_up_at_once() -> None:
-    """A look-up in one thread is right while another one stores samples."""
-    buffer = Buffer()
-    buffer.set_transform(stamped("map", "base", S, float(S)), "test")
-
-    def store() -> None:
-        for i in range(1, 1000):
-            buffer.set_transform(stamped("map", "base", S + i, float(S + i)), "test")
-
-    writer = threading.Thread(target=store)
-    writer.start()
-    while writer.is_alive():
-        transform = buffer.lookup_transform("map", "base", 0)
-        assert transform.transform.translation.x == float(ns_from_time(transform.header.stamp))
 
 
 class TellingLock:
