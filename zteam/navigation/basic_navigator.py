@@ -20,7 +20,7 @@ from zteam.simulator.client import team_clock
 
 log = logging.getLogger("zteam")
 
-Place = messages.PoseStamped | Pose2
+AnyPose = messages.PoseStamped | Pose2
 """A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""
 
 _LOOK = 0.1
@@ -116,7 +116,7 @@ class BasicNavigator:
                 wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
             self._complain(self._client.lack)
 
-    def setInitialPose(self, initial_pose: Place) -> None:  # noqa: N802
+    def setInitialPose(self, initial_pose: AnyPose) -> None:  # noqa: N802
         """Tell the localiser where the robot is. Navigation must be there to hear it (`waitUntilNav2Active`).
 
         In a script it waits for 5 s at most; then, and in a node at once, it raises BusError if nothing hears it.
@@ -128,14 +128,14 @@ class BasicNavigator:
         estimate = messages.PoseWithCovariance(place.pose, _COVARIANCE)
         self._initial_pose.put(messages.PoseWithCovarianceStamped(header, estimate))
 
-    def goToPose(self, pose: Place) -> bool:  # noqa: N802
+    def goToPose(self, pose: AnyPose) -> bool:  # noqa: N802
         """Send a goal. It takes the place of the task before, and waits for navigation if that is not there yet.
 
         Returns True, as Nav2's does for a goal that is accepted; one that navigation refuses ends with FAILED.
         """
         return self.followWaypoints([pose])
 
-    def followWaypoints(self, poses: Sequence[Place]) -> bool:  # noqa: N802
+    def followWaypoints(self, poses: Sequence[AnyPose]) -> bool:  # noqa: N802
         """Send goals, each when the one before is reached. The task fails with the first that is not reached."""
         goals = [_message(pose) for pose in poses]
         if not goals:
@@ -196,7 +196,7 @@ class BasicNavigator:
             self._client.cancel_later()
 
 
-def _message(place: Place) -> messages.PoseStamped:
+def _message(place: AnyPose) -> messages.PoseStamped:
     """The goal as a message. Raises UsageError for what is no pose."""
     if isinstance(place, Pose2):
         place = goal_message(place)

@@ -102,7 +102,7 @@ class GoalWatch:
     def ended(self) -> bool:
         return self.result != TaskResult.UNKNOWN
 
-    def take(self, status: NavigationStatus) -> None:
+    def receive(self, status: NavigationStatus) -> None:
         """The robot said something, about this goal or another one. After the end nothing counts."""
         if self.ended:
             return
@@ -317,16 +317,16 @@ class NavigationClient:
                 return
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
             if (own := self._sent) is not None:
-                own.take(status)
+                own.receive(status)
                 if self._further and own.result == TaskResult.SUCCEEDED:
                     self.watch, self.is_pending = GoalWatch(self._further.popleft()), True
                     self.waypoint += 1
             if self._yields:
-                self._take_other(status)
+                self._follow_other(status)
         self._flush()
         self._on_change()
 
-    def _take_other(self, status: NavigationStatus) -> None:
+    def _follow_other(self, status: NavigationStatus) -> None:
         """The robot said something, about the goal of another sender, one's own or a third one."""
         own, other, now = self._sent, self._other, self._now()
         if status.state in ON_THE_WAY and not (own is not None and is_same_goal(status.goal, own.goal)):

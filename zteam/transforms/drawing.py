@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
 from zteam.errors import UsageError, printable
-from zteam.geometry import rpy_from_quaternion
+from zteam.geometry import Point2, rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
 from zteam.transforms.tree import FrameInfo
 
@@ -29,13 +29,11 @@ _OVERSAMPLING = 2
 _MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
 """Bounds of a PNG or PDF: of formats, and of memory."""
 
-Place = tuple[float, float]
-
 
 class _Text(NamedTuple):
     """A text in a drawing; its place is the left end of its base line, or the middle of it."""
 
-    place: Place
+    place: Point2
     text: str
     size: int
     color: str
@@ -47,9 +45,9 @@ class _Drawing(NamedTuple):
 
     width: float
     height: float
-    boxes: list[Place]
+    boxes: list[Point2]
     """Their upper left corners."""
-    lines: list[tuple[list[Place], str]]
+    lines: list[tuple[list[Point2], str]]
     """From parents to children, with their colour; broken ones are dashed."""
     texts: list[_Text]
 
@@ -198,10 +196,10 @@ def _as_image(drawing: _Drawing) -> "Image":
     return image
 
 
-def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Place]:
+def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Point2]:
     """Upper left corners of the boxes: leaves side by side, parents over the middle of their children."""
     roots, children = _branches(frames)
-    places: dict[str, Place] = {}
+    places: dict[str, Point2] = {}
     next_x = float(_MARGIN)
     # Depth first without recursion: a chain of frames may be deeper than Python's stack.
     todo = [(root, 0, False) for root in reversed(roots)]

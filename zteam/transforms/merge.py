@@ -53,7 +53,7 @@ class Merger:
         for transform in configured:
             self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
-    def take(
+    def receive(
         self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0, *, trusts: bool = True
     ) -> None:
         """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known, and `wall` then the
@@ -122,7 +122,7 @@ class Merger:
         for transform in self._keep_own(robot_id, transforms):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
-    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
+    def receive_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
         """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent."""
         authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}

@@ -59,7 +59,7 @@ def test_what_becomes_of_a_goal(said: list[NavigationStatus], result: TaskResult
     """It lasts until navigation reports its end, another goal or nothing any more; after the end nothing counts."""
     watch = GoalWatch(GOAL)
     for each in said:
-        watch.take(each)
+        watch.receive(each)
     assert (watch.result, watch.ended, watch.text) == (result, result != TaskResult.UNKNOWN, text)
     watch.replace(OTHER)
     assert watch.is_replaced == (result == TaskResult.UNKNOWN or "another goal" in text)

@@ -23,8 +23,8 @@ def children(transforms: list[TransformStamped]) -> list[str]:
 def merged(*transforms: TransformStamped) -> tuple[list[TransformStamped], list[str]]:
     """What is sent on of a message of robot 3, and the conflicts; fixed transforms are judged alike."""
     merger, fixed = Merger(), Merger()
-    merger.take(3, TFMessage([*transforms]))
-    fixed.take_static(3, TFMessage([*transforms]))
+    merger.receive(3, TFMessage([*transforms]))
+    fixed.receive_static(3, TFMessage([*transforms]))
     assert fixed.conflicts() == merger.conflicts()
     return merger.take_pending(), merger.conflicts()
 
@@ -70,7 +70,7 @@ def test_a_bundle_has_each_sample_once_in_the_order_of_arrival() -> None:
     """With its own stamp and numbers; a sample that is sent again is not bundled again."""
     merger = Merger()
     for robot, stamp in ((2, 7 * S + 1), (0, 5 * S), (2, 7 * S + 2), (0, 5 * S)):
-        merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, 0.25, 0.5, 1.0)]))
+        merger.receive(robot, TFMessage([stamped("odom", "base_footprint", stamp, 0.25, 0.5, 1.0)]))
     pending = merger.take_pending()
     assert [(t.child_frame_id, ns_from_time(t.header.stamp)) for t in pending] == [
         ("robot_2/base_footprint", 7 * S + 1),
@@ -91,7 +91,7 @@ def test_a_ticks_bundle_ends_with_its_bases() -> None:
         ("flag", 9, 2),
         ("cap", 1, 2),
     ):
-        merger.take(0, TFMessage([stamped("odom", frame, stamp * S)]), tick=tick * S)
+        merger.receive(0, TFMessage([stamped("odom", frame, stamp * S)]), tick=tick * S)
     assert children(merger.take_pending(2 * S)) == ["carrot", "base_footprint"]
     assert children(merger.take_pending(3 * S)) == ["cap", "flag", "hat"]
 
@@ -102,18 +102,18 @@ FRAMES = (("map", "odom"), ("odom", "carrot"), ("base_footprint", "carrot"), ("o
 def merge(events: list[Event]) -> list[Any]:
     """The bundles and the fixed transforms of each tick, and the conflicts."""
     merger, found = Merger(), list[Any]()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
+    merger.receive_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
     opened = 0
     for event in events:
         if isinstance(event, Data):
             # As the aggregator: all that the bundle waits for has come.
             opened = event.tick * TICK
-            merger.take(0, TFMessage([stamped("odom", "base_footprint", opened)]), opened, opened)
+            merger.receive(0, TFMessage([stamped("odom", "base_footprint", opened)]), opened, opened)
             found += [merger.take_pending(opened), merger.statics.message().transforms]
         elif isinstance(event, Sent):
             parent, child = FRAMES[event.topic]
             frame = stamped(parent, child, event.stamp_ns, float(event.value))
-            merger.take(0, TFMessage([frame]), opened, opened)
+            merger.receive(0, TFMessage([frame]), opened, opened)
     return [*found, sorted(merger.conflicts())]
 
 
@@ -129,10 +129,10 @@ def test_the_order_of_arrival_changes_no_bundle(sent: list[Sent], ways: list[Ran
 def test_a_localiser_of_lock_step_takes_over_with_its_bundle() -> None:
     """Until the bundle that has its first pose, the static start pose holds: then it ends, and not before."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
+    merger.receive_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
     merger.statics.message()
-    merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]))
-    merger.take(0, TFMessage([stamped("map", "odom", S, 2.0)]), tick=S)
+    merger.receive(0, TFMessage([stamped("odom", "base_footprint", S)]))
+    merger.receive(0, TFMessage([stamped("map", "odom", S, 2.0)]), tick=S)
     assert children(merger.take_pending(S)) == ["base_footprint"]
     assert not merger.statics.changed
     assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 1.0
@@ -149,7 +149,7 @@ def test_only_the_team_file_fixes_a_start_pose(rank: Rank) -> None:
         merger = Merger()
         steps = [
             lambda merger: merger.statics.put(Static(rank, stamped("map", "robot_0/odom", 0, 1.0), "source")),
-            lambda merger: merger.take(0, TFMessage([stamped("map", "odom", S, 2.0)])),
+            lambda merger: merger.receive(0, TFMessage([stamped("map", "odom", S, 2.0)])),
         ]
         for step in reversed(steps) if localiser_first and rank != Rank.TEAM_FILE else steps:
             step(merger)
@@ -162,20 +162,20 @@ def test_only_the_team_file_fixes_a_start_pose(rank: Rank) -> None:
 def test_a_jump_back_keeps_what_does_not_move() -> None:
     """It forgets moving data and what waits for a bundle; a start pose holds again until its localiser publishes."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    merger.receive_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
     for tick in (0, S):
         frames = [
             stamped("map", "odom", 100 * S, 3.0),
             stamped("odom", "base_footprint", 100 * S),
             stamped("odom", "hat", S),
         ]
-        merger.take(0, TFMessage(frames), tick=tick)
+        merger.receive(0, TFMessage(frames), tick=tick)
     merger.jump_back()
     assert merger.take_pending() == []
     assert list(merger.buffer.frames()) == ["robot_0/odom"]
-    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 5.0)]))
+    merger.receive(0, TFMessage([stamped("odom", "base_footprint", S, 5.0)]))
     assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 7.0
-    merger.take(0, TFMessage([stamped("map", "odom", S, 4.0)]))
+    merger.receive(0, TFMessage([stamped("map", "odom", S, 4.0)]))
     assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 9.0
     assert len(merger.take_pending()) == 2
 
@@ -191,7 +191,7 @@ def test_fixed_sets_are_merged_by_child_frame() -> None:
         ([stamped("base_footprint", "camera", 0)], "driver", 1),
         ([stamped("camera", "base_link", 0)], "driver", 3),
     ):
-        merger.take_static(0, TFMessage(transforms), source, clock.Sent(sent))
+        merger.receive_static(0, TFMessage(transforms), source, clock.Sent(sent))
     assert [(t.header.frame_id, t.transform.translation.x) for t in merger.statics.message().transforms] == [
         ("robot_0/camera", 0.0),
         ("robot_0/odom", 0.0),
@@ -205,7 +205,7 @@ def test_a_tool_adds_frames_that_nobody_has() -> None:
     """It may change its own, and a start pose until the simulator gives one; the reason of a refusal is returned each
     time it asks. A frame of a tool that has ended is free."""
     merger = Merger()
-    merger.take(1, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    merger.receive(1, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
     for parent, child, tool, refused in (
         ("map", "table", "tool", ""),
         ("map", "table", "other", "said by tool already"),
@@ -219,7 +219,7 @@ def test_a_tool_adds_frames_that_nobody_has() -> None:
         why = merger.add_static(stamped(parent, child, 0, 9.0), tool)
         assert refused in why
         assert bool(why) == bool(refused)
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    merger.receive_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
     assert merger.conflicts() == []
     merger.statics.drop_authority("tool")
     assert [t.transform.translation.x for t in merger.statics.message().transforms] == [2.0]
@@ -230,7 +230,7 @@ def test_what_is_refused_is_a_conflict_and_not_passed_on() -> None:
     """Too old, contradictory, not finite, without a rotation, far away, static in the team file, a loop: each is
     recorded once, and the rest of its message is stored."""
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
-    merger.take(0, TFMessage([stamped("odom", "base", 50 * S, 1.0)]))
+    merger.receive(0, TFMessage([stamped("odom", "base", 50 * S, 1.0)]))
     merger.take_pending()
     flat = stamped("odom", "base", 51 * S)
     flat.transform.rotation.w = 0.0
@@ -246,7 +246,7 @@ def test_what_is_refused_is_a_conflict_and_not_passed_on() -> None:
         start=1,
     ):
         for stamp in (2 * number, 2 * number + 1):
-            merger.take(0, TFMessage([bad, stamped("base_link", "fine", stamp)]))
+            merger.receive(0, TFMessage([bad, stamped("base_link", "fine", stamp)]))
         assert text in merger.conflicts()[-1]
         assert len(merger.conflicts()) == number
         assert children(merger.take_pending()) == ["fine", "fine"]
@@ -266,12 +266,12 @@ def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
     """A stamp far from the team's clock is refused and reported once; the robot's right samples are stored. After a
     freeze transforms come before the clock: they are refused, and nobody is accused."""
     merger = Merger()
-    merger.take(1, TFMessage([stamped("odom", "base_footprint", 100 * S)]), now=50 * S, trusts=False)
+    merger.receive(1, TFMessage([stamped("odom", "base_footprint", 100 * S)]), now=50 * S, trusts=False)
     assert merger.conflicts() == []
     for wrong in (100 * S, 100 * S + 1, 20 * S):
-        merger.take(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)
+        merger.receive(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)
     for right in (40 * S, 60 * S):
-        merger.take(1, TFMessage([stamped("odom", f"base_{right}", right)]), now=50 * S)
+        merger.receive(1, TFMessage([stamped("odom", f"base_{right}", right)]), now=50 * S)
     ahead, behind = merger.take_conflicts()
     assert "robot_1 is 50.0 s ahead of the team's clock" in ahead
     assert "30.0 s behind" in behind
@@ -282,7 +282,7 @@ def test_a_stamp_ahead_of_all_clocks_is_refused_before_the_time_is_known() -> No
     """Else the base of a robot whose host's clock was ahead would be too old for good after that clock was set."""
     merger = Merger()
     for stamp in (5000 * S, S):
-        merger.take(0, TFMessage([stamped("odom", "base_footprint", stamp)]), wall=1000 * S)
+        merger.receive(0, TFMessage([stamped("odom", "base_footprint", stamp)]), wall=1000 * S)
     assert merger.take_pending() == [stamped("robot_0/odom", "robot_0/base_footprint", S)]
     assert "4000.0 s ahead of the team's clock" in merger.conflicts()[0]
 
@@ -290,7 +290,7 @@ def test_a_stamp_ahead_of_all_clocks_is_refused_before_the_time_is_known() -> No
 def test_each_conflict_is_taken_once_and_their_number_is_bounded() -> None:
     """Another frame, authority or code is another conflict; a robot that invents frames does not fill the memory."""
     merger = Merger()
-    merger.take(0, TFMessage([stamped("odom", "a", 50 * S)]))
+    merger.receive(0, TFMessage([stamped("odom", "a", 50 * S)]))
     for robot, child, stamp, x in (
         (0, "/robot_5/a", S, 0.0),
         (0, "/robot_5/b", S, 0.0),
@@ -300,12 +300,12 @@ def test_each_conflict_is_taken_once_and_their_number_is_bounded() -> None:
         (0, "a", 2 * S, 0.0),
         (0, "a", 50 * S, 1.0),
     ):
-        merger.take(robot, TFMessage([stamped("odom", child, stamp, x)]))
+        merger.receive(robot, TFMessage([stamped("odom", child, stamp, x)]))
     first = merger.take_conflicts()
     assert len(first) == 5
     assert merger.take_conflicts() == []
     for number in range(MAX_CONFLICTS):
-        merger.take(0, TFMessage([stamped("odom", f"/frame_{number}", S)]))
+        merger.receive(0, TFMessage([stamped("odom", f"/frame_{number}", S)]))
     assert merger.conflicts() == first + merger.take_conflicts()
     assert len(merger.conflicts()) == MAX_CONFLICTS
 
@@ -315,7 +315,7 @@ def test_frames_that_wait_for_a_tick_are_bounded() -> None:
     of another robot are taken."""
     merger = Merger()
     for number in range(2 * MAX_HELD):
-        merger.take(0, TFMessage([stamped("base_link", f"tag_{number % 7}", number + 1)]), tick=S)
-    merger.take(1, TFMessage([stamped("base_link", "tag", 1)]), tick=S)
+        merger.receive(0, TFMessage([stamped("base_link", f"tag_{number % 7}", number + 1)]), tick=S)
+    merger.receive(1, TFMessage([stamped("base_link", "tag", 1)]), tick=S)
     assert merger.conflicts() == ["robot_0 sends more than 1000 frames within a tick: the others do not count"]
     assert len(merger.take_pending(2 * S)) == MAX_HELD + 1

@@ -116,7 +116,7 @@ def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
         merger = Merger()
         for base in (base_first, not base_first):
             if base:
-                merger.take_static(3, TFMessage([mine]))
+                merger.receive_static(3, TFMessage([mine]))
             else:
                 merger.describe(3, described)
         (said,) = merger.statics.message().transforms

@@ -14,7 +14,7 @@ import numpy as np
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import MAX_CELLS, Window, inflate, trace_beams
-from zteam.navigation.planning.grid import Frame, GridMap, cells_of_disc, cells_of_polygon
+from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc, cells_of_polygon
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Costs = Bytes
@@ -114,7 +114,7 @@ def inflated_cost(distance: float, inscribed_radius: float, cost_scaling_factor:
 class Costmap:
     """The cost of each cell for one robot. Change layers, then `update`."""
 
-    def __init__(self, frame: Frame, footprint: Footprint, options: CostmapOptions | None = None) -> None:
+    def __init__(self, frame: GridGeometry, footprint: Footprint, options: CostmapOptions | None = None) -> None:
         """Raises ValueError for an inflation radius of more than MAX_CELLS cells."""
         self.frame = frame
         self.footprint = footprint
@@ -151,7 +151,7 @@ class Costmap:
             self._static[grid.cells < 0] = NO_INFORMATION
         self._whole()
 
-    def move(self, frame: Frame, rows: int, columns: int) -> None:
+    def move(self, frame: GridGeometry, rows: int, columns: int) -> None:
         """Lie elsewhere, with as many cells: what was cell (`rows`, `columns`) is (0, 0) now.
 
         What lasers have seen keeps its place. There must be no static layer.

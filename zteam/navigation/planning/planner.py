@@ -19,7 +19,7 @@ from zteam.kernels import navigation as kernels
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
-from zteam.navigation.planning.grid import Frame
+from zteam.navigation.planning.grid import GridGeometry
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
@@ -214,7 +214,7 @@ class AStarPlanner:
         self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
         return self._field
 
-    def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
+    def _leave(self, field: Field, frame: GridGeometry, start: Pose2) -> tuple[int, int]:
         """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""
         found = field.nearest_free(frame.cell_at(start.x, start.y), self.options.escape / frame.resolution)
         if found is None:

@@ -102,7 +102,7 @@ class Aggregator:
         clock = self._node.clock
         # After a cut link or a freeze, transforms may come before the clock that belongs to them.
         now, trusts = clock.now(), not (clock.simulated and clock.sim.stands) and not FREEZES.has_just_woken()
-        self._merger.take(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
+        self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
@@ -153,7 +153,7 @@ class Aggregator:
     def _on_statics(self, sample: RawSample) -> None:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
         if target is not None and message is not None:
-            self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
+            self._merger.receive_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
             self._publish_statics()
             self._bundle.placed.add(target[0])
 
