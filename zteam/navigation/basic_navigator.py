@@ -68,11 +68,9 @@ class BasicNavigator:
         self._node = link if isinstance(link, Node) else None
         self._clock = link.clock if isinstance(link, Node) else team_clock(link)
         self._changed = threading.Condition(threading.RLock())
-        """Notified when there is news."""
-        """Goals of the task."""
         self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._notify)
+        # In host seconds.
         self._nag, self._waits_since = Every(10.0), math.inf
-        """When it began to wait for what takes goals, in host seconds."""
         key = names.robot_key(robot_id, names.INITIAL_POSE)
         self._initial_pose = link.publisher(key, messages.PoseWithCovarianceStamped)
 
@@ -169,14 +167,9 @@ class BasicNavigator:
             return None
         status, sent = watch.status, messages.ns_from_time(watch.goal.header.stamp)
         since = messages.time_from_ns(max(0, self._clock.now() - sent))
-        return NavigationFeedback(
-            status.distance_remaining,
-            status.estimated_time_remaining,
-            messages.Duration(since.sec, since.nanosec),
-            status.recoveries,
-            self._client.waypoint,
-            status.text,
-        )
+        left, eta = status.distance_remaining, status.estimated_time_remaining
+        taken = messages.Duration(since.sec, since.nanosec)
+        return NavigationFeedback(left, eta, taken, status.recoveries, self._client.waypoint, status.text)
 
     def getResult(self) -> TaskResult:  # noqa: N802
         """How the task ended; UNKNOWN while it lasts, and without one."""
@@ -188,12 +181,8 @@ class BasicNavigator:
 
         In a node the question is asked on a thread of its own, because an answer comes only after the step.
         """
-        if self._client.withdraw() or self._client.is_over:
-            return
-        if self._node is None:
-            self._client.cancel()
-        else:
-            self._client.cancel_later()
+        if not (self._client.withdraw() or self._client.is_over):
+            self._client.cancel() if self._node is None else self._client.cancel_later()
 
 
 def _message(place: AnyPose) -> messages.PoseStamped:

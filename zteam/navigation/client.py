@@ -20,17 +20,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.messages.planar import pose2_of, pose_message
 from zteam.node.node import Node
-from zteam.robot.client import (
-    CANCEL,
-    CANCEL_LIMIT,
-    GONE,
-    ON_THE_WAY,
-    SETTLED,
-    CancelReply,
-    CancelRequest,
-    is_same_goal,
-    navigation_query,
-)
+from zteam.robot import client as robot_client
+from zteam.robot.client import CANCEL, GONE, ON_THE_WAY, SETTLED, CancelReply, CancelRequest, is_same_goal
 
 log = logging.getLogger("zteam")
 
@@ -44,10 +35,9 @@ class GlobalLocalizationRequest(Change):
 
 
 class GlobalLocalizationReply(msgspec.Struct):
-    """What became of the request."""
+    """`refused` says why nothing was done, such as for a localiser without particles; empty if it was."""
 
     refused: str = ""
-    """Why nothing was done, such as for a localiser without particles; empty if it was."""
 
 
 class TaskResult(IntEnum):
@@ -94,7 +84,7 @@ class GoalWatch:
     """The newest that is about this goal."""
     result: TaskResult = TaskResult.UNKNOWN
     text: str = ""
-    """Why it ended as it did, or why the robot makes no progress; empty where there is no reason."""
+    """Why it ended as it did, or why the robot makes no progress."""
     is_replaced: bool = False
     """Whether it ended because another goal took its place."""
 
@@ -170,11 +160,9 @@ class NavigationClient:
         """When the process that takes the goals went away, in host seconds."""
         self._lock = threading.RLock()
         self._stamp = 0  # of the newest goal: no two have the same
-        self._yields = yields
+        self._yields, self._other_came = yields, 0
         self._other: PoseStamped | None = None
-        """The goal of another sender while it lasts, with `yields`."""
-        self._other_came = 0
-        """When it was heard, in ns of the team's time."""
+        """The goal of another sender while it lasts, with `yields`; and when it came, in ns of the team's time."""
         key = names.robot_key(robot_id, names.GOAL_POSE)
         self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
         if yields:
@@ -280,8 +268,8 @@ class NavigationClient:
         """Give the goal up; whether there was one. It waits, so no handler or `step` may call it. Raises BusError."""
         if self.withdraw():
             return True
-        key = navigation_query(self.robot_id, CANCEL)
-        answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
+        key = robot_client.navigation_query(self.robot_id, CANCEL)
+        answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=robot_client.CANCEL_LIMIT)
         if not answers:
             raise BusError(f"{self.name} has no navigation: zteam-nav --id {self.robot_id}")
         return any(answer.canceled for _, answer in answers)

@@ -128,7 +128,7 @@ class Ended(NamedTuple):
     goal: FileGoal
     watch: GoalWatch
     seconds: float
-    """From its sending to its end, in the team's time."""
+    """In the team's time."""
 
 
 @dataclass
@@ -245,12 +245,10 @@ class Dispatcher:
 
     def _send_next(self, errand: Errand, now: int) -> None:
         robot_id = errand.client.robot_id
-        if errand.failures >= self._rounds.counts[robot_id] > 0:
-            if errand.goal is not None:
-                log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
-            errand.goal, errand.is_over = None, True
-            return
-        errand.goal = self._rounds.take(robot_id)
+        gives_up = errand.failures >= self._rounds.counts[robot_id] > 0
+        if gives_up and errand.goal is not None:
+            log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
+        errand.goal = None if gives_up else self._rounds.take(robot_id)
         errand.is_over = errand.goal is None
         if errand.goal is not None:
             errand.sent = now

@@ -172,9 +172,9 @@ def test_a_loop_ends_for_a_robot_that_reaches_nothing(hub: MemoryHub) -> None:
     desk = Desk(Rounds([goal(1, 1.0), goal(1, 2.0), goal(2, 3.0)], rounds=None), hub)
     with desk.running:
         desk.greet()
-        for count in (1, 2):
+        for count, end in enumerate((State.ABORTED, State.CANCELED), start=1):
             desk.tick_until(lambda count=count: len(desk.places(1)) == count)  # type: ignore[misc]
-            desk.reach(1, State.ABORTED)
+            desk.reach(1, end)
         desk.tick_until(lambda: desk.dispatcher.errands[1].watch is None)
         for count in (1, 2, 3):
             desk.tick_until(lambda count=count: len(desk.places(2)) == count)  # type: ignore[misc]

@@ -66,14 +66,12 @@ class FakeOptions(msgspec.Struct, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
     delta_x: float = 0.0
-    """Metres that are added to each pose; so is the next."""
     delta_y: float = 0.0
     delta_yaw: float = 0.0
-    """Radians."""
+    """Metres and radians that are added to each pose."""
     noise_xy: float = 0.0
-    """Standard deviation of each pose's error in x and in y, metres."""
     noise_yaw: float = 0.0
-    """Radians."""
+    """Standard deviations of each pose's errors in x and in y (m), and in yaw (rad)."""
 
 
 class ControllerOptions(msgspec.Struct, frozen=True):
@@ -98,9 +96,9 @@ class WindowOptions(msgspec.Struct, frozen=True):
     publish_frequency: Positive = 1.0
     """At most 2 Hz."""
     width: Annotated[int, msgspec.Meta(gt=0)] = 3
-    """Metres; so is the next. The local costmap's alone."""
     height: Annotated[int, msgspec.Meta(gt=0)] = 3
     resolution: Positive = 0.05
+    """Metres, of the local costmap alone."""
     robot_radius: float | None = None
     """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
@@ -117,11 +115,10 @@ class WindowOptions(msgspec.Struct, frozen=True):
         if not self.footprint:
             return None if self.robot_radius is None else make_circle(self.robot_radius)
         try:
-            corners = json.loads(self.footprint)
+            return make_footprint(json.loads(self.footprint), self.footprint_padding)
         except ValueError:
             example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
             raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
-        return make_footprint(corners, self.footprint_padding)
 
 
 class Parameters(NamedTuple):
