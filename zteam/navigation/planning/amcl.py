@@ -81,19 +81,15 @@ class AmclOptions(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         if not 1 <= self.min_particles <= self.max_particles:
-            raise ValueError(
-                f"min_particles {self.min_particles} and max_particles {self.max_particles}: "
-                "give two numbers from 1 on, the first one not above the second"
-            )
+            given = f"min_particles {self.min_particles} and max_particles {self.max_particles}"
+            raise ValueError(f"{given}: give two numbers from 1 on, the first one not above the second")
         if self.max_beams < 1 or self.resample_interval < 1:
             raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
         if not (self.sigma_hit > 0.0 and self.laser_likelihood_max_dist > 0.0 and self.pf_err > 0.0):
             raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
         if self.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
-            raise ValueError(
-                f"robot_model_type {self.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
-                "nav2_amcl::OmniMotionModel"
-            )
+            models = "nav2_amcl::DifferentialMotionModel or nav2_amcl::OmniMotionModel"
+            raise ValueError(f"robot_model_type {self.robot_model_type!r}: give {models}")
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:

@@ -322,10 +322,8 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
         return own
     there = offered(group)
     if name not in there:
-        known = ", ".join(sorted({own, *there}))
-        raise UsageError(
-            f"{where}there is no {kind} {name!r}: there are {known}, and packages may offer more ({group})"
-        )
+        known = f"there are {', '.join(sorted({own, *there}))}, and packages may offer more ({group})"
+        raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
     return name
 
 

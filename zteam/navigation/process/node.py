@@ -41,13 +41,11 @@ class NavigationNode:
         self, node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
     ) -> None:
         """By robot: its parameters, and what holds instead of its `base_info`."""
-        self._node = node
+        self._node, self._overrides = node, overrides
         self._bases: dict[int, Base] = {}
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
-        self._stepped = 0
-        self._pauses = Pauses()
-        self._overrides = overrides
+        self._stepped, self._pauses = 0, Pauses()
         self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
         self._tick_length, self._waited = self._period, math.inf
         """Seconds until the next step, as far as that is known, and before the last one."""
