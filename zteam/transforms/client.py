@@ -121,9 +121,9 @@ class BundleReply(msgspec.Struct):
 
 
 class TransformClient:
-    """tf2's look-ups, answered by the aggregator's own buffer. Names may have a leading slash.
+    """tf2's look-ups, answered by the aggregator's own buffer, for processes that need few transforms.
 
-    For processes that need few transforms and do not subscribe to all of them.
+    Names may have a leading slash.
     """
 
     def __init__(self, bus: Bus) -> None:

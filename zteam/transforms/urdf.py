@@ -18,6 +18,7 @@ from zteam.messages import JointState, Time, TransformStamped
 from zteam.transforms.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
+_KINDS = ("fixed", "revolute", "continuous", "prismatic")
 _SKIPPED = ("floating", "planar")
 """Joints with more than one coordinate: another node has to publish the transforms of their children, as in ROS."""
 
@@ -27,7 +28,6 @@ class Joint(NamedTuple):
 
     name: str
     kind: str
-    """fixed, revolute, continuous or prismatic."""
     parent: str
     child: str
     parent_from_joint: Floats
@@ -96,10 +96,8 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     kind = element.get("type", "")
     if kind in _SKIPPED:
         return None
-    if not name or kind not in ("fixed", "revolute", "continuous", "prismatic"):
-        raise ConfigError(
-            f"{place}: needs a name, and a type of fixed, revolute, continuous, prismatic (not {kind!r:.40})"
-        )
+    if not name or kind not in _KINDS:
+        raise ConfigError(f"{place}: needs a name, and a type of {', '.join(_KINDS)} (not {kind!r:.40})")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if not parent or not child:
         raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")

@@ -42,20 +42,17 @@ class Aggregator:
         self, node: Node, options: AggregatorOptions, descriptions: Mapping[int, Description] | None = None
     ) -> None:
         """`descriptions` are those of `options`, read from their files."""
-        self._node = node
-        self._given_rate = options.rate
+        self._node, self._part, self._given_rate = node, node.part, options.rate
         self._pace: Rate | None = None
         self._is_due = False
         self._descriptions = descriptions or {}
-        self._tokens = TokenSet()
-        self._lost_callers = TokenLossFilter()
+        self._tokens, self._lost_callers = TokenSet(), TokenLossFilter()
         self._merger = Merger(options.static_transforms, self._name_of)
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = node.part
         self._part.repeat = self._repeat
         node.need(self._lacks)
         node.adopt(self.act, self)
@@ -242,8 +239,8 @@ class Aggregator:
             conflicts = self._merger.take_conflicts()
         for conflict in conflicts[:_MOST_CONFLICTS]:
             log.warning("%s", conflict)
-        if len(conflicts) > _MOST_CONFLICTS:
-            log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
+        if more := len(conflicts[_MOST_CONFLICTS:]):
+            log.warning("and %d more conflicts: 'zteam tf monitor' lists them", more)
 
 
 def _caller(caller: str) -> str:
