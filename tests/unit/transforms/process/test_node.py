@@ -28,6 +28,17 @@ def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
 
 
 @pytest.mark.usefixtures("desk")
+def test_a_localiser_takes_over_with_its_bundle(hub: MemoryHub) -> None:
+    """The start pose has left the fixed set when the bundle with the localiser's pose comes."""
+    listener, base, seen = Listener(hub), Base(hub, 0), list[dict[str, float]]()
+    hub.bus().subscribe(names.TF, TFMessage, lambda *_: seen.append(listener.statics[-1]))
+    base.stand(1.0)
+    assert listener.statics == [{"robot_0/odom": 1.0}]
+    base.tf.put(TFMessage([stamped("map", "odom", S, 2.0)]))
+    assert seen == [{}]
+
+
+@pytest.mark.usefixtures("desk")
 def test_look_ups_are_answered(hub: MemoryHub) -> None:
     """The pose and its stamp; the name of tf2's exception and a text where there is none; and the tree's frames."""
     base = Base(hub, 0)
