@@ -12,15 +12,8 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import inflate, trace_beams
-from zteam.navigation.planning.costmap import (
-    LETHAL_OBSTACLE,
-    NO_INFORMATION,
-    CostmapOptions,
-    inflated_cost,
-    make_circle,
-    make_costmap,
-)
-from zteam.navigation.planning.grid import GridGeometry, make_map
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
+from zteam.planning import CostmapOptions, GridGeometry, make_circle, make_costmap, make_map
 
 
 @examples(30)

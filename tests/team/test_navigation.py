@@ -7,17 +7,8 @@ from typing import Any
 import pytest
 
 from support.navigated_team import DONE, FAKE, NavigatedTeam
-from zteam import names
-from zteam.messages import (
-    Message,
-    NavigationState,
-    OccupancyGrid,
-    PolygonStamped,
-    PoseArray,
-    PoseWithCovarianceStamped,
-    ns_from_time,
-)
-from zteam.messages import Path as PathMessage
+from zteam import messages, names
+from zteam.messages import Message, NavigationState, OccupancyGrid, PolygonStamped, PoseArray, ns_from_time
 from zteam.messages.topics import is_latched
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.robot.client import navigation_query
@@ -147,11 +138,11 @@ def test_what_is_for_looking_at_is_published_while_there_is_a_subscriber(
     same_team.run(2.0)
     heard: dict[str, list[Any]] = {}
     kinds = {
-        names.PLAN: PathMessage,
-        names.LOCAL_PLAN: PathMessage,
+        names.PLAN: messages.Path,
+        names.LOCAL_PLAN: messages.Path,
         names.GLOBAL_COSTMAP: OccupancyGrid,
         names.LOCAL_COSTMAP: OccupancyGrid,
-        names.AMCL_POSE: PoseWithCovarianceStamped,
+        names.AMCL_POSE: messages.PoseWithCovarianceStamped,
         names.PARTICLE_CLOUD: PoseArray,
         names.PUBLISHED_FOOTPRINT: PolygonStamped,
     }
@@ -164,8 +155,8 @@ def test_what_is_for_looking_at_is_published_while_there_is_a_subscriber(
 
         same_team.bus.subscribe(names.robot_key(0, topic), kind, take, latched=is_latched(f"robot_0/{topic}"))
     same_team.run(3.0)
-    assert {topic for topic, messages in heard.items() if not messages} == set()
-    first = {topic: ns_from_time(messages[0].header.stamp) / 1e9 for topic, messages in heard.items()}
+    assert {topic for topic, received in heard.items() if not received} == set()
+    first = {topic: ns_from_time(received[0].header.stamp) / 1e9 for topic, received in heard.items()}
     assert first[names.AMCL_POSE] <= subscribed
     assert first[names.PLAN] <= subscribed < first[names.GLOBAL_COSTMAP]
     assert all(len(heard[topic]) <= 6 for topic in (names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP))

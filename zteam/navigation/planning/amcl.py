@@ -15,15 +15,9 @@ from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
+from zteam.navigation.planning import likelihood
 from zteam.navigation.planning.grid import FREE, GridMap
-from zteam.navigation.planning.likelihood import (
-    GlobalSearch,
-    LikelihoodField,
-    beams_of,
-    make_likelihood_field,
-    match,
-    weigh_poses,
-)
+from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 INITIAL_DEVIATIONS = 0.5, 0.5, math.pi / 12.0
@@ -196,12 +190,12 @@ class Amcl:
             return True
         self._move(before, odom)
         field = self._likelihoods(scan.range_max)
-        beams = beams_of(field, ends)
+        beams = likelihood.beams_of(field, ends)
         self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting, share = match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
+            fitting, share = likelihood.match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
@@ -230,7 +224,7 @@ class Amcl:
         move(self._poses, before, after, alphas, draws)
 
     def _weigh(self, field: LikelihoodField, beams: BeamEnds) -> None:
-        weigh_poses(field, self._poses, beams, self._weights)
+        likelihood.weigh_poses(field, self._poses, beams, self._weights)
         total = float(self._weights.sum())
         self._weights /= total
         options = self.options
@@ -240,7 +234,7 @@ class Amcl:
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:
             options = self.options
-            field = make_likelihood_field(
+            field = likelihood.make_likelihood_field(
                 self._grid,
                 z_hit=options.z_hit,
                 z_rand=options.z_rand,

@@ -8,20 +8,13 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import find_hit
-from zteam.navigation.planning.controller import (
-    BlockedError,
-    GoalChecker,
-    ProgressChecker,
-    PursuitOptions,
-    RegulatedPurePursuit,
-    Velocity,
-)
 from zteam.navigation.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, place
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import make_controller, make_planner
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError
 from zteam.navigation.planning.recovery import Recovery, RecoveryOptions
 from zteam.navigation.planning.scans import Scan, Teammate
+from zteam.planning import BlockedError, GoalChecker, ProgressChecker, PursuitOptions, RegulatedPurePursuit, Velocity
 
 RESOLUTION = 0.05
 
