@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from threading import RLock
 
 import pytest
 
@@ -55,7 +56,7 @@ class TellingLock:
     """A re-entrant lock that sets `waits` before a thread has to wait for it."""
 
     def __init__(self) -> None:
-        self._lock = threading._RLock()  # type: ignore[attr-defined]
+        self._lock = RLock()
         self.waits = threading.Event()
 
     def __enter__(self) -> None:
