@@ -114,10 +114,9 @@ class HistoryReply(msgspec.Struct):
 
 
 class BundleReply(msgspec.Struct):
-    """Answer to `tf/newest`: the bundle that was sent last."""
+    """Answer to `tf/newest`: the bundle that was sent last, an encoded TFMessage."""
 
     content: bytes
-    """The encoded TFMessage."""
 
 
 class TransformClient:

@@ -1,7 +1,7 @@
 """Robot descriptions: transforms from URDF files, as robot_state_publisher makes them.
 
-Fixed joints become static transforms. Revolute, continuous and prismatic joints, also mimics, follow
-`robot_N/joint_states`. Frames have the file's own names; the merger puts a robot's prefix before them.
+Fixed joints become static transforms; the others, also mimics, follow `robot_N/joint_states`. Frames have the file's
+own names; the merger puts a robot's prefix before them.
 """
 
 import math

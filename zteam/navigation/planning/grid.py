@@ -14,8 +14,6 @@ Cells = NDArray[np.int64]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a map's cells (nav_msgs/OccupancyGrid)."""
-
-
 NOWHERE = Pose2(0.0, 0.0, 0.0)
 """An origin that turns and moves nothing."""
 
