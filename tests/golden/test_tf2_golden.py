@@ -5,8 +5,30 @@ from typing import Any
 import pytest
 
 from support.recordings import SETS, tf2
-from support.tf2_records import agrees, stamped
+from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, ns_from_time, time_from_ns
 from zteam.tf import Buffer, TransformException
+
+TOLERANCE = 1e-9
+
+
+def stamped(parent: str, child: str, stamp: int, xf: list[float]) -> TransformStamped:
+    """`xf` is x, y, z, qx, qy, qz, qw."""
+    transform = Transform(Vector3(*xf[:3]), Quaternion(*xf[3:]))
+    return TransformStamped(Header(time_from_ns(stamp), parent), child, transform)
+
+
+def agrees(recorded: list[Any], answer: TransformStamped | TransformException) -> bool:
+    """Whether an answer is the recorded one: stamp, seven numbers to TOLERANCE, or the class of the exception."""
+    if isinstance(answer, TransformException):
+        return any(kind.__name__ == recorded[0] for kind in type(answer).__mro__)
+    if isinstance(recorded[0], str):
+        return False
+    t, r = answer.transform.translation, answer.transform.rotation
+    turn = r.x, r.y, r.z, r.w
+    sign = 1.0 if sum(a * b for a, b in zip(turn, recorded[4:], strict=True)) > 0 else -1.0
+    ours = t.x, t.y, t.z, *(sign * q for q in turn)
+    close = all(abs(a - b) <= TOLERANCE for a, b in zip(ours, recorded[1:], strict=True))
+    return close and ns_from_time(answer.header.stamp) == recorded[0]
 
 
 def _run(buffer: Buffer, operation: list[Any]) -> bool:

@@ -12,16 +12,8 @@ from support.planning_cases import seeds
 from zteam.geometry import Pose2, Velocity
 from zteam.kernels.navigation import find_hit
 from zteam.navigation.planning.controller import BlockedError, RegulatedPurePursuit, time_to_collision
-from zteam.navigation.planning.costmap import (
-    LETHAL_OBSTACLE,
-    Costmap,
-    CostmapOptions,
-    make_circle,
-    make_costmap,
-    make_footprint,
-    place,
-)
-from zteam.navigation.planning.grid import make_map
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, place
+from zteam.planning import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, make_map
 
 
 def touched(costmap: Costmap, pose: Pose2) -> set[tuple[int, int]]:

@@ -12,15 +12,8 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import inflate, trace_beams
-from zteam.navigation.planning.costmap import (
-    LETHAL_OBSTACLE,
-    NO_INFORMATION,
-    CostmapOptions,
-    inflated_cost,
-    make_circle,
-    make_costmap,
-)
-from zteam.navigation.planning.grid import Frame, make_map
+from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
+from zteam.planning import CostmapOptions, GridGeometry, make_circle, make_costmap, make_map
 
 
 @examples(30)
@@ -82,7 +75,7 @@ def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), st.floats(-50, 50), st.floats(-50, 50))
 def test_cells_and_places_are_inverse(x: float, y: float, yaw: float, u: float, v: float) -> None:
     """For any origin and turn of a grid, for one point and for many."""
-    frame = Frame(3, 4, 0.05, Pose2(x, y, yaw))
+    frame = GridGeometry(3, 4, 0.05, Pose2(x, y, yaw))
     assert frame.to_cells(*frame.from_cells(u, v)) == pytest.approx((u, v), abs=1e-9)
     points = frame.points_from_cells(np.array([[u, v]]))
     assert points[0] == pytest.approx(frame.from_cells(u, v), abs=1e-12)

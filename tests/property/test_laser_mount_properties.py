@@ -30,7 +30,7 @@ from zteam.messages import (
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.amcl import AmclOptions, choose_beams
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, Costmap, make_circle
-from zteam.navigation.planning.grid import Frame
+from zteam.navigation.planning.grid import GridGeometry
 from zteam.navigation.process.inputs import Inputs
 from zteam.robot.process.inputs import RobotInputs
 from zteam.robot.safety.surroundings import Surroundings
@@ -119,7 +119,7 @@ def seen_by_navigation(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats
     inputs.scan = scan
     planned = inputs.planning_scan()
     assert planned is not None
-    costmap = Costmap(Frame(120, 120, 0.05, Pose2(-3.0, -3.0, 0.0)), make_circle(0.2))
+    costmap = Costmap(GridGeometry(120, 120, 0.05, Pose2(-3.0, -3.0, 0.0)), make_circle(0.2))
     costmap.observe(planned, Pose2(0.0, 0.0, 0.0))
     costmap.update()
     return choose_beams(planned, (), AmclOptions(max_beams=len(scan.ranges), laser_max_range=FAR), None), costmap

@@ -97,22 +97,3 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
     team.until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
     after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation
     assert abs(before.y * after.y + before.w * after.w) < 0.99
-
-
-def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> None:
-    """The tree has its static and moving frames again, and a follower that stood still goes on."""
-    team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
-    team.wait_for_go()
-    team.until(lambda: team.robot(1).speed > 0.01, within=20)
-    team.kill(names.AGGREGATOR)
-    team.until(lambda: team.robot(1).speed == 0.0, within=5)
-    team.restart(names.AGGREGATOR)
-    team.run(0.1)
-    client = TransformClient(team.bus)
-    found = client.lookup_many(
-        [Lookup("map", f"robot_{i}/base_laser_link") for i in (0, 1)]
-        + [Lookup("robot_1/base_link", "robot_0/base_link")],
-        timeout=ASKED,
-    )
-    assert [reply for reply in found if isinstance(reply, Exception)] == []
-    team.until(lambda: team.robot(1).speed > 0.01, within=10)

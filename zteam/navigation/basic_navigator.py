@@ -20,7 +20,7 @@ from zteam.simulator.client import team_clock
 
 log = logging.getLogger("zteam")
 
-Place = messages.PoseStamped | Pose2
+AnyPose = messages.PoseStamped | Pose2
 """A pose: a message in any frame, or x, y (m), yaw (rad) in `map`."""
 
 _LOOK = 0.1
@@ -68,11 +68,9 @@ class BasicNavigator:
         self._node = link if isinstance(link, Node) else None
         self._clock = link.clock if isinstance(link, Node) else team_clock(link)
         self._changed = threading.Condition(threading.RLock())
-        """Notified when there is news."""
-        """Goals of the task."""
         self._client = NavigationClient(link, robot_id, self._clock.now, on_change=self._notify)
+        # In host seconds.
         self._nag, self._waits_since = Every(10.0), math.inf
-        """When it began to wait for what takes goals, in host seconds."""
         key = names.robot_key(robot_id, names.INITIAL_POSE)
         self._initial_pose = link.publisher(key, messages.PoseWithCovarianceStamped)
 
@@ -116,7 +114,7 @@ class BasicNavigator:
                 wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
             self._complain(self._client.lack)
 
-    def setInitialPose(self, initial_pose: Place) -> None:  # noqa: N802
+    def setInitialPose(self, initial_pose: AnyPose) -> None:  # noqa: N802
         """Tell the localiser where the robot is. Navigation must be there to hear it (`waitUntilNav2Active`).
 
         In a script it waits for 5 s at most; then, and in a node at once, it raises BusError if nothing hears it.
@@ -128,14 +126,14 @@ class BasicNavigator:
         estimate = messages.PoseWithCovariance(place.pose, _COVARIANCE)
         self._initial_pose.put(messages.PoseWithCovarianceStamped(header, estimate))
 
-    def goToPose(self, pose: Place) -> bool:  # noqa: N802
+    def goToPose(self, pose: AnyPose) -> bool:  # noqa: N802
         """Send a goal. It takes the place of the task before, and waits for navigation if that is not there yet.
 
         Returns True, as Nav2's does for a goal that is accepted; one that navigation refuses ends with FAILED.
         """
         return self.followWaypoints([pose])
 
-    def followWaypoints(self, poses: Sequence[Place]) -> bool:  # noqa: N802
+    def followWaypoints(self, poses: Sequence[AnyPose]) -> bool:  # noqa: N802
         """Send goals, each when the one before is reached. The task fails with the first that is not reached."""
         goals = [_message(pose) for pose in poses]
         if not goals:
@@ -169,14 +167,9 @@ class BasicNavigator:
             return None
         status, sent = watch.status, messages.ns_from_time(watch.goal.header.stamp)
         since = messages.time_from_ns(max(0, self._clock.now() - sent))
-        return NavigationFeedback(
-            status.distance_remaining,
-            status.estimated_time_remaining,
-            messages.Duration(since.sec, since.nanosec),
-            status.recoveries,
-            self._client.waypoint,
-            status.text,
-        )
+        left, eta = status.distance_remaining, status.estimated_time_remaining
+        taken = messages.Duration(since.sec, since.nanosec)
+        return NavigationFeedback(left, eta, taken, status.recoveries, self._client.waypoint, status.text)
 
     def getResult(self) -> TaskResult:  # noqa: N802
         """How the task ended; UNKNOWN while it lasts, and without one."""
@@ -188,15 +181,11 @@ class BasicNavigator:
 
         In a node the question is asked on a thread of its own, because an answer comes only after the step.
         """
-        if self._client.withdraw() or self._client.is_over:
-            return
-        if self._node is None:
-            self._client.cancel()
-        else:
-            self._client.cancel_later()
+        if not (self._client.withdraw() or self._client.is_over):
+            self._client.cancel() if self._node is None else self._client.cancel_later()
 
 
-def _message(place: Place) -> messages.PoseStamped:
+def _message(place: AnyPose) -> messages.PoseStamped:
     """The goal as a message. Raises UsageError for what is no pose."""
     if isinstance(place, Pose2):
         place = goal_message(place)

@@ -20,17 +20,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.messages.planar import pose2_of, pose_message
 from zteam.node.node import Node
-from zteam.robot.client import (
-    CANCEL,
-    CANCEL_LIMIT,
-    GONE,
-    ON_THE_WAY,
-    SETTLED,
-    CancelReply,
-    CancelRequest,
-    is_same_goal,
-    navigation_query,
-)
+from zteam.robot import client as robot_client
+from zteam.robot.client import CANCEL, GONE, ON_THE_WAY, SETTLED, CancelReply, CancelRequest, is_same_goal
 
 log = logging.getLogger("zteam")
 
@@ -44,10 +35,9 @@ class GlobalLocalizationRequest(Change):
 
 
 class GlobalLocalizationReply(msgspec.Struct):
-    """What became of the request."""
+    """`refused` says why nothing was done, such as for a localiser without particles; empty if it was."""
 
     refused: str = ""
-    """Why nothing was done, such as for a localiser without particles; empty if it was."""
 
 
 class TaskResult(IntEnum):
@@ -94,7 +84,7 @@ class GoalWatch:
     """The newest that is about this goal."""
     result: TaskResult = TaskResult.UNKNOWN
     text: str = ""
-    """Why it ended as it did, or why the robot makes no progress; empty where there is no reason."""
+    """Why it ended as it did, or why the robot makes no progress."""
     is_replaced: bool = False
     """Whether it ended because another goal took its place."""
 
@@ -102,7 +92,7 @@ class GoalWatch:
     def ended(self) -> bool:
         return self.result != TaskResult.UNKNOWN
 
-    def take(self, status: NavigationStatus) -> None:
+    def receive(self, status: NavigationStatus) -> None:
         """The robot said something, about this goal or another one. After the end nothing counts."""
         if self.ended:
             return
@@ -170,11 +160,9 @@ class NavigationClient:
         """When the process that takes the goals went away, in host seconds."""
         self._lock = threading.RLock()
         self._stamp = 0  # of the newest goal: no two have the same
-        self._yields = yields
+        self._yields, self._other_came = yields, 0
         self._other: PoseStamped | None = None
-        """The goal of another sender while it lasts, with `yields`."""
-        self._other_came = 0
-        """When it was heard, in ns of the team's time."""
+        """The goal of another sender while it lasts, with `yields`; and when it came, in ns of the team's time."""
         key = names.robot_key(robot_id, names.GOAL_POSE)
         self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
         if yields:
@@ -280,8 +268,8 @@ class NavigationClient:
         """Give the goal up; whether there was one. It waits, so no handler or `step` may call it. Raises BusError."""
         if self.withdraw():
             return True
-        key = navigation_query(self.robot_id, CANCEL)
-        answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=CANCEL_LIMIT)
+        key = robot_client.navigation_query(self.robot_id, CANCEL)
+        answers = self._bus.query(key, CancelReply, CancelRequest(), timeout=robot_client.CANCEL_LIMIT)
         if not answers:
             raise BusError(f"{self.name} has no navigation: zteam-nav --id {self.robot_id}")
         return any(answer.canceled for _, answer in answers)
@@ -317,16 +305,16 @@ class NavigationClient:
                 return
             self.taker, self._gone_since = GO_TO if is_behavior else NAVIGATION, None
             if (own := self._sent) is not None:
-                own.take(status)
+                own.receive(status)
                 if self._further and own.result == TaskResult.SUCCEEDED:
                     self.watch, self.is_pending = GoalWatch(self._further.popleft()), True
                     self.waypoint += 1
             if self._yields:
-                self._take_other(status)
+                self._follow_other(status)
         self._flush()
         self._on_change()
 
-    def _take_other(self, status: NavigationStatus) -> None:
+    def _follow_other(self, status: NavigationStatus) -> None:
         """The robot said something, about the goal of another sender, one's own or a third one."""
         own, other, now = self._sent, self._other, self._now()
         if status.state in ON_THE_WAY and not (own is not None and is_same_goal(status.goal, own.goal)):

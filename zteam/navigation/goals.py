@@ -6,21 +6,20 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain, repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
-from zteam.config.numbers import is_number
+from zteam.config.problems import KeyValueError, problems_of
 from zteam.config.resources import read_file
-from zteam.errors import ConfigError, UsageError, did_you_mean
+from zteam.errors import ConfigError, UsageError
 from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
 from zteam.node.node import Node
 from zteam.robot.client import serve_list
-
-if TYPE_CHECKING:
-    import yaml
 
 log = logging.getLogger("zteam")
 
@@ -28,7 +27,7 @@ _CANCEL_LIMIT = 1.0
 """Host seconds for all robots to give up their goals when the process ends."""
 _MAX_BYTES = 2 * 2**20
 _EXAMPLE = "{robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"
-_KEYS = ("robot", "x", "y", "yaw")
+Metres = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
 
 
 class FileGoal(NamedTuple):
@@ -41,74 +40,57 @@ class FileGoal(NamedTuple):
     line: int
 
 
+class _Entry(msgspec.Struct, forbid_unknown_fields=True):
+    """A goal as it is written."""
+
+    x: Metres
+    y: Metres
+    robot: int | str | None = None
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if problem := turn_problem(self.yaw):
+            raise KeyValueError("yaw", problem)
+
+
 def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
     import yaml
 
     data = read_file(path, "file of goals", _MAX_BYTES, ConfigError)
     try:
-        # The pure loader: that of C counts no lines where it meets a mistake of its own.
-        root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
-    except yaml.MarkedYAMLError as error:
-        place = f"{path}:{error.problem_mark.line + 1}" if error.problem_mark else f"{path}"
-        raise ConfigError(f"{place}: not YAML: {error.problem or error.context}") from None
+        loader = yaml.SafeLoader(data.decode("utf-8-sig"))
+        root = loader.get_single_node()
+        entries = None if root is None else loader.construct_document(root)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split()):.200}") from None
-    if not isinstance(root, yaml.SequenceNode) or not root.value:
-        line = 1 if root is None else _line(root)
-        raise ConfigError(f"{path}:{line}: a list of goals is expected, such as - {_EXAMPLE}")
-    mistakes: list[tuple[int, str]] = []
-    goals = [_read_goal(node, spread, mistakes) for node in root.value]
+    if root is None or not isinstance(entries, list) or not entries:
+        raise ConfigError(f"{path}: a list of goals is expected, such as - {_EXAMPLE}")
+    goals, mistakes = [], []
+    for node, entry in zip(root.value, entries, strict=True):
+        line = node.start_mark.line + 1
+        try:
+            goals.append(_read_goal(entry, line, spread=spread))
+        except UsageError as error:
+            mistakes += [f"{path}:{line}: {text}" for text in str(error).splitlines()]
     if mistakes:
-        raise ConfigError("\n".join(f"{path}:{line}: {text}" for line, text in sorted(mistakes)))
-    return [goal for goal in goals if goal is not None]
+        raise ConfigError("\n".join(mistakes))
+    return goals
 
 
-def _line(node: "yaml.Node") -> int:
-    return int(node.start_mark.line) + 1
-
-
-def _read_goal(node: "yaml.Node", spread: bool, mistakes: list[tuple[int, str]]) -> FileGoal | None:
-    """One goal, and what is wrong with it by line; None if it is unusable."""
-    import yaml
-
-    if not isinstance(node, yaml.MappingNode):
-        mistakes.append((_line(node), f"a goal is expected, such as {_EXAMPLE}"))
-        return None
-    found: dict[str, Any] = {}
-    for key, value in node.value:
-        name = str(key.value)
-        if name not in _KEYS:
-            known = ", ".join(_KEYS)
-            mistakes.append((_line(key), f"unknown key {name!r}{did_you_mean(name, _KEYS)}; known: {known}"))
-        elif name in found:
-            mistakes.append((_line(key), f"{name} is given twice"))
-        else:
-            found[name] = None
-            try:
-                found[name] = _value(name, value)
-            except UsageError as error:
-                mistakes.append((_line(value), f"{name}: {error}"))
-    for name in _KEYS[1:3] if spread else _KEYS[:3]:
-        if name not in found:
-            hint = ", or name the robots that share the goals: --spread 0-3" if name == "robot" else ""
-            mistakes.append((_line(node), f"the key {name} is missing{hint}"))
-    if mistakes:
-        return None
-    return FileGoal(found.get("robot"), Pose2(found["x"], found["y"], found.get("yaw", 0.0)), _line(node))
-
-
-def _value(name: str, node: "yaml.Node") -> Any:
-    """A key's value. Raises UsageError."""
-    text = node.value if isinstance(node.value, str) else ""
-    if name == "robot":
-        return find_robot_id(text)
-    if not is_number(text, FAR):
-        unit = "radians" if name == "yaw" else "metres in the map"
-        raise UsageError(f"{text or 'this'!s:.40} is no number of {unit}")
-    if name == "yaw" and (problem := turn_problem(float(text))):
-        raise UsageError(problem)
-    return float(text)
+def _read_goal(entry: Any, line: int, *, spread: bool) -> FileGoal:
+    """One goal. Raises UsageError with a line for each mistake."""
+    if not isinstance(entry, dict):
+        raise UsageError(f"a goal is expected, such as {_EXAMPLE}")
+    table = {str(key): value for key, value in entry.items()}
+    problems = [str(problem) for problem in problems_of(table, _Entry)]
+    if not spread and table.get("robot") is None:
+        problems.append("the key robot is missing, or name the robots that share the goals: --spread 0-3")
+    if problems:
+        raise UsageError("\n".join(problems))
+    goal = msgspec.convert(table, _Entry)
+    robot = None if goal.robot is None else find_robot_id(str(goal.robot))
+    return FileGoal(robot, Pose2(goal.x, goal.y, goal.yaw), line)
 
 
 class Rounds:
@@ -146,7 +128,7 @@ class Ended(NamedTuple):
     goal: FileGoal
     watch: GoalWatch
     seconds: float
-    """From its sending to its end, in the team's time."""
+    """In the team's time."""
 
 
 @dataclass
@@ -263,12 +245,10 @@ class Dispatcher:
 
     def _send_next(self, errand: Errand, now: int) -> None:
         robot_id = errand.client.robot_id
-        if errand.failures >= self._rounds.counts[robot_id] > 0:
-            if errand.goal is not None:
-                log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
-            errand.goal, errand.is_over = None, True
-            return
-        errand.goal = self._rounds.take(robot_id)
+        gives_up = errand.failures >= self._rounds.counts[robot_id] > 0
+        if gives_up and errand.goal is not None:
+            log.warning("%s: no more goals: it reached none of the last %d", errand.client.name, errand.failures)
+        errand.goal = None if gives_up else self._rounds.take(robot_id)
         errand.is_over = errand.goal is None
         if errand.goal is not None:
             errand.sent = now

@@ -1,12 +1,7 @@
 """The transform buffer: it behaves like tf2's, in pure Python, without the bus.
 
-Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` takes data from
-`source` into `target`: it is the pose of `source` in `target`. The intended differences from tf2 are
-listed in docs/transforms: quaternions are normalised; inf, NaN and loops are refused when they arrive; a refused sample
-changes nothing; exact duplicates are counted silently; moving data for a static frame is refused; no error text is
-empty.
-
-One lock guards everything. Each public call takes it, also a look-up.
+Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` is the pose of
+`source` in `target`. docs/transforms lists the intended differences from tf2. Each public call takes the one lock.
 """
 
 import logging
@@ -16,25 +11,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam import messages
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import (
-    Header,
-    LaserScan,
-    Point,
-    PointStamped,
-    Pose,
-    PoseStamped,
-    Quaternion,
-    Time,
-    Transform,
-    TransformStamped,
-    Twist,
-    Vector3,
-    Vector3Stamped,
-    ns_from_time,
-    time_from_ns,
-)
+from zteam.messages import Header, LaserScan, PoseStamped, Quaternion, Time, Transform, TransformStamped, Vector3
 from zteam.names import strip_slash
 from zteam.transforms.errors import InvalidArgumentException, TransformException
 from zteam.transforms.rigid import compose, floats_of, rotation_matrix, scan_points, stamped_transform, twist_between
@@ -60,7 +40,7 @@ class Buffer:
 
     @property
     def duplicates(self) -> int:
-        """How many samples came that the buffer had already."""
+        """How many samples came that their edges had already."""
         return self._tree.duplicates
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -160,37 +140,40 @@ class Buffer:
             self._tree.check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
             source = self._tree.solve(fixed_frame, source_frame, source_time)
             target = self._tree.solve(target_frame, fixed_frame, target_time)
-        return stamped_transform(time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:]))
+        return stamped_transform(
+            messages.time_from_ns(target[0]), target_frame, source_frame, compose(target[1:], source[1:])
+        )
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
         """Whether `lookup_transform` would answer; if not, also its error text."""
-        return _answers(lambda: self.lookup_transform(target_frame, source_frame, time))
+        return _answers(self.lookup_transform, target_frame, source_frame, time)
 
     def can_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> tuple[bool, str]:
         """Whether `lookup_transform_full` would answer; if not, also its error text."""
-        sides = target_frame, target_time, source_frame, source_time
-        return _answers(lambda: self.lookup_transform_full(*sides, fixed_frame))
+        look_up = self.lookup_transform_full
+        return _answers(look_up, target_frame, target_time, source_frame, source_time, fixed_frame)
 
     def transform_pose(self, pose: PoseStamped, target_frame: str) -> PoseStamped:
         """A stamped pose in another frame, at its own stamp (0 = latest). Raises tf2's exceptions."""
         found = self._found_for(pose.header, target_frame)
         p, o = pose.pose.position, pose.pose.orientation
         x, y, z, i, j, k, w = compose(floats_of(found.transform), (p.x, p.y, p.z, o.x, o.y, o.z, o.w))
-        return PoseStamped(Header(found.header.stamp, target_frame), Pose(Point(x, y, z), Quaternion(i, j, k, w)))
+        moved = messages.Pose(messages.Point(x, y, z), Quaternion(i, j, k, w))
+        return PoseStamped(Header(found.header.stamp, target_frame), moved)
 
-    def transform_point(self, point: PointStamped, target_frame: str) -> PointStamped:
+    def transform_point(self, point: messages.PointStamped, target_frame: str) -> messages.PointStamped:
         """A stamped point in another frame."""
-        moved = self.transform_pose(PoseStamped(point.header, Pose(point.point)), target_frame)
-        return PointStamped(moved.header, moved.pose.position)
+        moved = self.transform_pose(PoseStamped(point.header, messages.Pose(point.point)), target_frame)
+        return messages.PointStamped(moved.header, moved.pose.position)
 
-    def transform_vector(self, vector: Vector3Stamped, target_frame: str) -> Vector3Stamped:
+    def transform_vector(self, vector: messages.Vector3Stamped, target_frame: str) -> messages.Vector3Stamped:
         """A stamped direction in another frame: it is rotated, not translated."""
         found, v = self._found_for(vector.header, target_frame), vector.vector
         turn = (0.0, 0.0, 0.0, *floats_of(found.transform)[3:])
         x, y, z, *_ = compose(turn, (v.x, v.y, v.z, 0.0, 0.0, 0.0, 1.0))
-        return Vector3Stamped(Header(found.header.stamp, target_frame), Vector3(x, y, z))
+        return messages.Vector3Stamped(Header(found.header.stamp, target_frame), Vector3(x, y, z))
 
     def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
         """The end points of a scan's beams in another frame, (beams, 3) metres; NaN for a beam without a hit."""
@@ -210,11 +193,11 @@ class Buffer:
         return np.column_stack((given[:, :2] @ plane + floats[:2], np.arctan2(ahead[:, 1], ahead[:, 0])))
 
     def _found_for(self, header: Header, target_frame: str) -> TransformStamped:
-        return self.lookup_transform(target_frame, header.frame_id, ns_from_time(header.stamp))
+        return self.lookup_transform(target_frame, header.frame_id, messages.ns_from_time(header.stamp))
 
     def lookup_twist(
         self, tracking_frame: str, observation_frame: str, time: int, averaging_interval: float = 0.1
-    ) -> Twist:
+    ) -> messages.Twist:
         """The mean velocity of `tracking_frame` in the axes of `observation_frame`, over an interval centred on `time`.
 
         An interval (seconds) that would end after the latest common time is moved back to end there, as in tf. Raises
@@ -265,10 +248,10 @@ class Buffer:
             return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
 
 
-def _answers(look_up: Callable[[], object]) -> tuple[bool, str]:
+def _answers(look_up: Callable[..., object], *arguments: str | int) -> tuple[bool, str]:
     """Whether a look-up answers; if not, also its error text."""
     try:
-        look_up()
+        look_up(*arguments)
     except TransformException as error:
         return False, str(error)
     return True, ""

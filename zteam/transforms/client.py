@@ -114,16 +114,15 @@ class HistoryReply(msgspec.Struct):
 
 
 class BundleReply(msgspec.Struct):
-    """Answer to `tf/newest`: the bundle that was sent last."""
+    """Answer to `tf/newest`: the bundle that was sent last, an encoded TFMessage."""
 
     content: bytes
-    """The encoded TFMessage."""
 
 
 class TransformClient:
-    """tf2's look-ups, answered by the aggregator's own buffer. Names may have a leading slash.
+    """tf2's look-ups, answered by the aggregator's own buffer, for processes that need few transforms.
 
-    For processes that need few transforms and do not subscribe to all of them.
+    Names may have a leading slash.
     """
 
     def __init__(self, bus: Bus) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
 from zteam.errors import UsageError, printable
-from zteam.geometry import rpy_from_quaternion
+from zteam.geometry import Point2, rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
 from zteam.transforms.tree import FrameInfo
 
@@ -29,13 +29,11 @@ _OVERSAMPLING = 2
 _MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
 """Bounds of a PNG or PDF: of formats, and of memory."""
 
-Place = tuple[float, float]
-
 
 class _Text(NamedTuple):
     """A text in a drawing; its place is the left end of its base line, or the middle of it."""
 
-    place: Place
+    place: Point2
     text: str
     size: int
     color: str
@@ -43,12 +41,13 @@ class _Text(NamedTuple):
 
 
 class _Drawing(NamedTuple):
-    """The tree in pixels; the place of a box is its upper left corner."""
+    """The tree in pixels."""
 
     width: float
     height: float
-    boxes: list[Place]
-    lines: list[tuple[list[Place], str]]
+    boxes: list[Point2]
+    """Their upper left corners."""
+    lines: list[tuple[list[Point2], str]]
     """From parents to children, with their colour; broken ones are dashed."""
     texts: list[_Text]
 
@@ -57,15 +56,12 @@ def format_transform(transform: TransformStamped) -> str:
     """tf_echo's block: time, translation, quaternion, roll, pitch and yaw in radians and degrees."""
     t, r = transform.transform.translation, transform.transform.rotation
     rpy = rpy_from_quaternion(r.x, r.y, r.z, r.w)
-    indent = " " * 12
-    return "\n".join(
-        [
-            f"At time {ns_from_time(transform.header.stamp) / 1e9:.3f}",
-            f"- Translation: {_row(t.x, t.y, t.z)}",
-            f"- Rotation: in Quaternion {_row(r.x, r.y, r.z, r.w)}",
-            f"{indent}in RPY (radian) {_row(*rpy)}",
-            f"{indent}in RPY (degree) {_row(*map(math.degrees, rpy))}",
-        ]
+    return (
+        f"At time {ns_from_time(transform.header.stamp) / 1e9:.3f}\n"
+        f"- Translation: {_row(t.x, t.y, t.z)}\n"
+        f"- Rotation: in Quaternion {_row(r.x, r.y, r.z, r.w)}\n"
+        f"            in RPY (radian) {_row(*rpy)}\n"
+        f"            in RPY (degree) {_row(*map(math.degrees, rpy))}"
     )
 
 
@@ -115,12 +111,10 @@ def _is_broken(info: FrameInfo, now: int) -> bool:
 
 def draw_tree(frames: Mapping[str, FrameInfo], now: int, path: Path) -> None:
     """Draw the tree into a file of one of PICTURES. Raises UsageError."""
-    kind = path.suffix.lower()
+    texts = {".dot": tree_as_dot, ".svg": tree_as_svg}
     try:
-        if kind == ".dot":
-            path.write_text(tree_as_dot(frames, now), encoding="utf-8")
-        elif kind == ".svg":
-            path.write_text(tree_as_svg(frames, now), encoding="utf-8")
+        if write := texts.get(path.suffix.lower()):
+            path.write_text(write(frames, now), encoding="utf-8")
         else:
             _as_image(_compose(frames, now)).save(path, resolution=72.0 * _OVERSAMPLING)
     except OSError as error:
@@ -202,10 +196,10 @@ def _as_image(drawing: _Drawing) -> "Image":
     return image
 
 
-def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Place]:
+def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Point2]:
     """Upper left corners of the boxes: leaves side by side, parents over the middle of their children."""
     roots, children = _branches(frames)
-    places: dict[str, Place] = {}
+    places: dict[str, Point2] = {}
     next_x = float(_MARGIN)
     # Depth first without recursion: a chain of frames may be deeper than Python's stack.
     todo = [(root, 0, False) for root in reversed(roots)]

@@ -1,10 +1,10 @@
-"""Scans as the base of their robot sees them. Every reader of scans begins here, and no other place turns beams.
+"""Scans as the base of their robot sees them: a laser may be mounted turned, upside down or a little tilted.
 
-A laser may be mounted turned, upside down or a little tilted. `turn_scan` applies the whole rotation once. What is left
-for a reader is the laser's place on the base.
+Every reader of scans begins here, and no other place turns beams.
 """
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import msgspec
@@ -21,8 +21,7 @@ from zteam.transforms.errors import TransformException
 from zteam.transforms.rigid import Floats, floats_of
 
 MAX_TILT = math.radians(10.0)
-"""Radians between the plane of a laser's beams and the base's, at most. At this angle a beam rises or falls by 17 cm in
-each metre: soon it sees the floor, or over what stands in the way."""
+"""Radians between the plane of a laser's beams and the base's, at most: a beam then rises or falls by 17 cm a metre."""
 MAX_OFFSET = 5.0
 """Metres between a laser and the origin of its base, at most. More is a mistake, such as millimetres."""
 _LEVEL = 1e-4
@@ -43,8 +42,7 @@ class LevelScan(NamedTuple):
     """A scan in the axes of its robot's base."""
 
     scan: LaserScan | None
-    """Its beams run from right to left, its angles are bearings from the base's x axis; None if it cannot be used. A
-    level laser's scan that is so already is the message itself."""
+    """Its beams run from right to left, its angles are bearings from the base's x axis; None if it cannot be used."""
     laser: Point2
     """Where the beams begin, in the base (m)."""
     problem: LaserProblem | None = None
@@ -135,10 +133,10 @@ class LaserMounts:
         """base_from_laser; or why it is not known, or of no use."""
         given, stamp = names.strip_slash(header.frame_id), ns_from_time(header.stamp)
         if not given:
-            return LaserProblem(
-                "a frame_id in the header of its scans",
-                f"set header.frame_id of its scans to its laser's frame, and publish where that is on {self._statics}",
+            way_out = (
+                f"set header.frame_id of its scans to its laser's frame, and publish where that is on {self._statics}"
             )
+            return LaserProblem("a frame_id in the header of its scans", way_out)
         is_full = names.robot_id_of(given.partition("/")[0]) is not None
         frame = given if is_full else names.resolve_frame(self._robot, header.frame_id)
         for buffer in self._buffers:
@@ -189,10 +187,8 @@ class LaserMounts:
     def _newest_in(self, buffer: Buffer, frame: str, stamp: int) -> Floats | None:
         """base_from_laser at a scan's stamp, or the newest one if that is not older than MAX_AGE."""
         for time in (stamp, 0):
-            try:
+            with suppress(TransformException):
                 found = buffer.lookup_transform(self._base, frame, time)
-            except TransformException:
-                continue
-            newest = ns_from_time(found.header.stamp)
-            return floats_of(found.transform) if not newest or abs(stamp - newest) <= MAX_AGE else None
+                newest = ns_from_time(found.header.stamp)
+                return floats_of(found.transform) if not newest or abs(stamp - newest) <= MAX_AGE else None
         return None

@@ -20,14 +20,14 @@ class TransformListener:
         self._connected: set[int] = set()
         """Robots that have been seen in `map`."""
         node.on_time_reset(self.buffer.clear)
-        node.subscribe(names.TF, TFMessage, self._take, every_tick=True)
-        node.subscribe(names.TF_STATIC, TFMessage, self._take_static, latched=True)
+        node.subscribe(names.TF, TFMessage, self._on_tf, every_tick=True)
+        node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         node.need(self._lacks)
 
-    def _take(self, _key: str, message: TFMessage) -> None:
+    def _on_tf(self, _key: str, message: TFMessage) -> None:
         self.buffer.set_transforms(message.transforms, names.TF, self._clock.now())
 
-    def _take_static(self, _key: str, message: TFMessage) -> None:
+    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
         self.buffer.set_all_static(message.transforms, names.TF)
 
     def _lacks(self, tick: Tick) -> list[str]:

@@ -26,6 +26,8 @@ MAX_HELD = 1000
 """Frames of a robot that wait for the bundle of their tick; the world may stand still while others send."""
 MAX_CONFLICTS = 1000
 """Conflicts that are recorded; later ones are dropped, so that a faulty robot cannot fill the memory."""
+_Held = tuple[int, TransformStamped, str]
+"""The stamp (ns) of the tick in which it was sent, the transform and its authority."""
 
 
 class Merger:
@@ -46,13 +48,12 @@ class Merger:
         self._bases: list[TransformStamped] = []
         self._others: list[TransformStamped] = []
         """For the next bundle: the robots' bases, and frames of the user's processes."""
-        self._held: dict[str, list[tuple[int, TransformStamped, str]]] = {}
-        """Frames of the user's processes in lock-step, by authority, which are not stored before their bundle: the
-        stamp (ns) of the tick in which each was sent, the transform and its authority."""
+        self._held: dict[str, list[_Held]] = {}
+        """Frames of the user's processes in lock-step, by authority, which are not stored before their bundle."""
         for transform in configured:
             self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
-    def take(
+    def receive(
         self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0, wall: int = 0, *, trusts: bool = True
     ) -> None:
         """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known, and `wall` then the
@@ -121,7 +122,7 @@ class Merger:
         for transform in self._keep_own(robot_id, transforms):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
-    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
+    def receive_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: Sent = NOT_KNOWN) -> None:
         """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent."""
         authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}
@@ -149,7 +150,7 @@ class Merger:
         With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
         comes at any moment of the tick, so it is taken with the next one, in an order that does not depend on when.
         """
-        due: list[tuple[int, TransformStamped, str]] = []
+        due: list[_Held] = []
         for authority, frames in [*self._held.items()]:
             due += [held for held in frames if held[0] < tick or not tick]
             if later := [held for held in frames if held[0] >= tick > 0]:
@@ -195,12 +196,11 @@ def _own(robot_id: int, parent: str, child: str) -> tuple[str, str, str]:
     """
     prefix = names.robot_name(robot_id)
     parent, child = names.resolve_frame(prefix, parent), names.resolve_frame(prefix, child)
+    problem = ""
     if not _is_below(prefix, child):
         problem = f"{prefix} may not say where {child or 'nothing'} is"
     elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
         problem = f"{prefix} may not hang {child} under {parent or 'nothing'}"
-    else:
-        problem = ""
     return parent, child, problem
 
 
@@ -209,7 +209,7 @@ def _is_below(prefix: str, frame: str) -> bool:
     return frame.startswith(prefix + "/") and len(frame) > len(prefix) + 1
 
 
-def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, bytes]:
+def _order(held: _Held) -> tuple[int, str, int, bytes]:
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
     tick, transform, _ = held
     return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
@@ -219,6 +219,5 @@ def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Reje
     """A stamp is too far from the clock `now` (ns): with one far ahead, all later samples would be too old."""
     apart = ns_from_time(transform.header.stamp) - now
     side = "ahead of" if apart > 0 else "behind"
-    child = transform.child_frame_id
-    text = f"{child} from {authority} is {abs(apart) / 1e9:.1f} s {side} the team's clock: set its clock"
-    return Rejection(f"clock {side}", text)
+    far = f"{abs(apart) / 1e9:.1f} s {side}"
+    return Rejection(side, f"{transform.child_frame_id} from {authority} is {far} the team's clock: set its clock")

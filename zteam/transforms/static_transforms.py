@@ -1,12 +1,9 @@
 """The static transforms of a whole team: each child frame has one authority at a time.
 
-All that several sources say of a frame is kept, and one of them counts: of those that live the first that said it,
-before those that may have ended, of which the last one counts. A frame outlives its source, as in tf2: a driver that
-starts anew, or a link that is lost for a moment, must not break a tree.
-
-The start pose `map -> robot_N/odom` has several sources by design. A source of a higher rank replaces the other one
-without a conflict. A localiser publishes this edge as moving data: it shadows a start pose of a lower rank, which comes
-back when the localiser's data is forgotten.
+What all sources say of a frame is kept. Of those that live the first one counts; without one, the last of those that
+may have ended: a frame outlives its source, as in tf2. The start pose `map -> robot_N/odom` has several sources by
+design, and a higher rank replaces a lower one without a conflict. A localiser publishes this edge as moving data: it
+shadows a start pose of a lower rank until the localiser's data is forgotten.
 """
 
 from collections.abc import Callable, Mapping
@@ -80,8 +77,7 @@ class StaticTransforms:
                 said[authority] = before._replace(sent=sent)
             return None
         said[authority] = static
-        refused = self._choose(child)
-        if refused is not None:
+        if (refused := self._choose(child)) is not None:
             if before is None:
                 self._take_back(child, authority)
             else:
@@ -93,8 +89,9 @@ class StaticTransforms:
         gives_way = Rank.DESCRIPTION in (holder.rank, rank) or (is_start_pose(transform) and holder.rank < rank)
         if holder.authority == authority or gives_way:
             return None
-        first, second = map(self.shown, (holder.authority, authority))
-        return Rejection("second authority", f"{child} is said by {first} and by {second}: {first} stays")
+        first = self.shown(holder.authority)
+        text = f"{child} is said by {first} and by {self.shown(authority)}: {first} stays"
+        return Rejection("second authority", text)
 
     def _choose(self, child: str) -> Rejection | None:
         """Let the best source count; None, or why the buffer refused it and the one of before still counts."""

@@ -64,7 +64,7 @@ class _Stream:
 
 
 class TransformWatch:
-    """Computes figures of the transforms that `take` gets. Its memory does not grow with their number."""
+    """Computes figures of a stream of transforms. Its memory does not grow with their number."""
 
     def __init__(self) -> None:
         self._streams = defaultdict[str, _Stream](_Stream)

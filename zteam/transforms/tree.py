@@ -53,10 +53,8 @@ class TimeCache:
         self.static = static
         self.samples: list[Sample] = []
         """By ascending stamps; of a static edge one."""
-        self.authority = self.parent = ""
-        """Of the newest sample; empty without a sample."""
-        self.newest = 0
-        """Its stamp in ns."""
+        # Of the newest sample.
+        self.authority, self.parent, self.newest = "", "", 0
 
     def insert(self, stamp: int, parent: str, floats: Floats, cache: int) -> None:
         """Insert a sample whose stamp is new, and forget those that are `cache` ns older than the newest one."""
@@ -181,11 +179,9 @@ class Tree:
 
     def __init__(self, cache: int) -> None:
         """`cache` is how long moving frames are remembered, in ns."""
-        self.cache = cache
+        self.cache, self.duplicates = cache, 0
         self.edges: dict[str, TimeCache] = {}
         """By child frame."""
-        self.duplicates = 0
-        """Samples that their edges had already."""
         self._paths: dict[tuple[str, str], FramePath] = {}
         """By target and source; cleared if a frame, a parent or a static transform changes."""
         self._frames: set[str] = set()
@@ -220,13 +216,11 @@ class Tree:
         edge = self.edges.get(child)
         if edge is not None and edge.parent and not static:
             if edge.static:
-                return Rejection(
-                    "TF_STATIC_FRAME", f"{child} is static by {edge.authority}: {authority}'s sample is refused"
-                )
+                text = f"{child} is static by {edge.authority}: {authority}'s sample is refused"
+                return Rejection("TF_STATIC_FRAME", text)
             if edge.newest > stamp + self.cache:
-                return Rejection(
-                    "TF_OLD_DATA", f"{child} from {authority} is older than the cache of {self.cache / 1e9} s"
-                )
+                text = f"{child} from {authority} is older than the cache of {self.cache / 1e9} s"
+                return Rejection("TF_OLD_DATA", text)
             known = edge.find(stamp)
             if known == (stamp, parent, floats):
                 self.duplicates += 1
@@ -354,26 +348,23 @@ class Tree:
 
 def _extrapolation(samples: Sequence[Sample], time: int, leg: str) -> errors.ExtrapolationException | None:
     """tf2's exception for a time for which a moving edge has no data."""
-    looking = f", when looking up transform {leg}"
+    end = f", when looking up transform {leg}"
     if not samples:
-        return errors.NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{looking}")
+        return errors.NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{end}")
     first, last = samples[0][0], samples[-1][0]
     if first <= time <= last:
         return None
+    begin = "Lookup would require extrapolation"
     if first == last:
-        return errors.NoDataForExtrapolationException(
-            f"Lookup would require extrapolation at time {_seconds(time)}, but only time {_seconds(first)} "
-            f"is in the buffer{looking}"
-        )
-    if time > last:
-        return errors.ForwardExtrapolationException(
-            f"Lookup would require extrapolation {_seconds(time - last)}s into the future.  "
-            f"Requested time {_seconds(time)} but the latest data is at time {_seconds(last)}{looking}"
-        )
-    return errors.BackwardExtrapolationException(
-        f"Lookup would require extrapolation {_seconds(first - time)}s into the past.  "
-        f"Requested time {_seconds(time)} but the earliest data is at time {_seconds(first)}{looking}"
+        text = f"{begin} at time {_seconds(time)}, but only time {_seconds(first)} is in the buffer{end}"
+        return errors.NoDataForExtrapolationException(text)
+    is_late = time > last
+    which, known, to = ("latest", last, "into the future") if is_late else ("earliest", first, "into the past")
+    text = (
+        f"{begin} {_seconds(abs(time - known))}s {to}.  Requested time {_seconds(time)} but the {which} data is at time"
     )
+    kind = errors.ForwardExtrapolationException if is_late else errors.BackwardExtrapolationException
+    return kind(f"{text} {_seconds(known)}{end}")
 
 
 def _seconds(nanoseconds: int) -> str:
@@ -387,16 +378,16 @@ def _check(parent: str, child: str, floats: Floats, authority: str) -> Rejection
     if not child:
         return Rejection("TF_NO_CHILD_FRAME_ID", f"a transform from {authority} has no child_frame_id")
     if not parent:
-        return Rejection("TF_NO_FRAME_ID", f"{child} from {authority} has no frame_id")
-    if parent == child:
-        return Rejection("TF_SELF_TRANSFORM", f"{child} from {authority} is its own parent")
-    if not all(map(math.isfinite, floats)):
-        return Rejection("TF_NAN_INPUT", f"{child} from {authority} holds a number that is not finite")
-    if abs(sum(q * q for q in floats[3:]) - 1.0) >= UNIT_TOLERANCE:
-        return Rejection(
-            "TF_DENORMALIZED_QUATERNION", f"{child} from {authority} has a rotation that is no unit quaternion"
-        )
-    return None
+        code, problem = "TF_NO_FRAME_ID", "has no frame_id"
+    elif parent == child:
+        code, problem = "TF_SELF_TRANSFORM", "is its own parent"
+    elif not all(map(math.isfinite, floats)):
+        code, problem = "TF_NAN_INPUT", "holds a number that is not finite"
+    elif abs(sum(q * q for q in floats[3:]) - 1.0) >= UNIT_TOLERANCE:
+        code, problem = "TF_DENORMALIZED_QUATERNION", "has a rotation that is no unit quaternion"
+    else:
+        return None
+    return Rejection(code, f"{child} from {authority} {problem}")
 
 
 def _normalise(floats: Floats) -> Floats:

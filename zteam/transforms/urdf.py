@@ -1,7 +1,7 @@
 """Robot descriptions: transforms from URDF files, as robot_state_publisher makes them.
 
-Fixed joints become static transforms. Revolute, continuous and prismatic joints, also mimics, follow
-`robot_N/joint_states`. Frames have the file's own names; the merger puts a robot's prefix before them.
+Fixed joints become static transforms; the others, also mimics, follow `robot_N/joint_states`. Frames have the file's
+own names; the merger puts a robot's prefix before them.
 """
 
 import math
@@ -18,8 +18,7 @@ from zteam.messages import JointState, Time, TransformStamped
 from zteam.transforms.rigid import Floats, compose, stamped_transform
 
 MAX_BYTES = 8 * 2**20
-MAX_NAME = 255
-"""Characters of the name of a joint or a link."""
+_KINDS = ("fixed", "revolute", "continuous", "prismatic")
 _SKIPPED = ("floating", "planar")
 """Joints with more than one coordinate: another node has to publish the transforms of their children, as in ROS."""
 
@@ -29,7 +28,6 @@ class Joint(NamedTuple):
 
     name: str
     kind: str
-    """fixed, revolute, continuous or prismatic."""
     parent: str
     child: str
     parent_from_joint: Floats
@@ -75,23 +73,11 @@ def _moved(joint: Joint, position: float) -> Floats:
     return (0.0, 0.0, 0.0, x * sine, y * sine, z * sine, math.cos(0.5 * position))
 
 
-class _Builder(ElementTree.TreeBuilder):
-    """Builds the elements of a file without a document type: entities are declared only within one."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self._path = path
-
-    def doctype(self, _name: str, _public_id: str | None, _system: str | None) -> None:
-        """The parser calls this where a document type begins, before it reads what is declared in it."""
-        raise ConfigError(f"{self._path}: a robot description defines no document type and no entities")
-
-
 def read_description(path: Path) -> Description:
     """The joints of a URDF file. Raises ConfigError that names the file and the joint."""
     data = read_file(path, "robot description", MAX_BYTES, ConfigError)
     try:
-        root = ElementTree.fromstring(data, ElementTree.XMLParser(target=_Builder(path)))
+        root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         # LookupError: an encoding that Python does not have.
         raise ConfigError(f"{path}: not XML: {error}") from None
@@ -110,16 +96,11 @@ def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
     kind = element.get("type", "")
     if kind in _SKIPPED:
         return None
-    if not name or kind not in ("fixed", "revolute", "continuous", "prismatic"):
-        raise ConfigError(
-            f"{place}: needs a name, and a type of fixed, revolute, continuous, prismatic (not {kind!r:.40})"
-        )
+    if not name or kind not in _KINDS:
+        raise ConfigError(f"{place}: needs a name, and a type of {', '.join(_KINDS)} (not {kind!r:.40})")
     parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
     if not parent or not child:
         raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
-    longest = max((name, parent, child), key=len)
-    if len(longest) > MAX_NAME:
-        raise ConfigError(f"{place}: a name of more than {MAX_NAME} characters, {longest:.40}…")
     x, y, z = _numbers(place, element, "origin", "xyz", "0 0 0")
     roll, pitch, yaw = _numbers(place, element, "origin", "rpy", "0 0 0")
     ahead, left, up = axis = _numbers(place, element, "axis", "xyz", "1 0 0")

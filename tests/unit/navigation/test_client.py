@@ -26,84 +26,50 @@ def status(state: int, goal: PoseStamped = GOAL, text: str = "") -> NavigationSt
     return NavigationStatus(state=state, goal=goal, text=text)
 
 
+STATE = NavigationState
+OTHER = at(make_goal(1.0, -2.0), 8)
+
+
 @pytest.mark.parametrize(
-    ("state", "result"),
+    ("said", "result", "text"),
     [
-        (NavigationState.IDLE, TaskResult.UNKNOWN),
-        (NavigationState.PLANNING, TaskResult.UNKNOWN),
-        (NavigationState.DRIVING, TaskResult.UNKNOWN),
-        (NavigationState.RECOVERING, TaskResult.UNKNOWN),
-        (NavigationState.SUCCEEDED, TaskResult.SUCCEEDED),
-        (NavigationState.ABORTED, TaskResult.FAILED),
-        (NavigationState.CANCELED, TaskResult.CANCELED),
-        (99, TaskResult.UNKNOWN),
+        ([status(STATE.IDLE, text="why")], TaskResult.UNKNOWN, "why"),
+        ([status(STATE.RECOVERING, text="why")], TaskResult.UNKNOWN, "why"),
+        ([status(99, text="of a newer version")], TaskResult.UNKNOWN, "of a newer version"),
+        ([status(STATE.SUCCEEDED)], TaskResult.SUCCEEDED, ""),
+        ([status(STATE.ABORTED, text="why")], TaskResult.FAILED, "why"),
+        ([status(STATE.CANCELED, text="why"), status(STATE.SUCCEEDED)], TaskResult.CANCELED, "why"),
+        # Navigation still speaks of the goal before, which may be at the same place.
+        ([status(STATE.SUCCEEDED, at(GOAL, 6)), status(STATE.ABORTED, OTHER)], TaskResult.UNKNOWN, ""),
+        # A leading slash is stripped on the way.
+        ([status(STATE.SUCCEEDED, at(GOAL, 7, "/map"))], TaskResult.SUCCEEDED, ""),
+        (
+            [status(STATE.DRIVING), status(STATE.DRIVING, OTHER), status(STATE.SUCCEEDED)],
+            TaskResult.FAILED,
+            "another goal took its place: x 1, y -2, yaw 0",
+        ),
+        (
+            [status(STATE.DRIVING), status(STATE.IDLE, PoseStamped())],
+            TaskResult.FAILED,
+            "navigation began anew and has forgotten the goal",
+        ),
     ],
 )
-def test_states_and_results(state: int, result: TaskResult) -> None:
-    """Only an end ends a goal; a state of a newer version does not."""
+def test_what_becomes_of_a_goal(said: list[NavigationStatus], result: TaskResult, text: str) -> None:
+    """It lasts until navigation reports its end, another goal or nothing any more; after the end nothing counts."""
     watch = GoalWatch(GOAL)
-    watch.take(status(state, text="why"))
-    assert (watch.result, watch.ended, watch.text) == (result, result != TaskResult.UNKNOWN, "why")
-
-
-def test_what_is_said_of_an_older_goal_does_not_count() -> None:
-    """Before navigation has taken the goal it still speaks of the one before, which may be at the same place."""
-    watch = GoalWatch(GOAL)
-    watch.take(status(NavigationState.SUCCEEDED, at(GOAL, 6)))
-    watch.take(status(NavigationState.ABORTED, at(make_goal(1.0, 1.0), 7)))
-    assert watch.status is None
-    assert not watch.ended
-
-
-def test_two_other_goals_replace_it_as_one_does() -> None:
-    """Between two looks another sender may have sent two."""
-    watch = GoalWatch(GOAL)
-    for x in (1.0, 2.0):
-        watch.replace(make_goal(x, 1.0))
-    assert watch.is_replaced
-    assert watch.result == TaskResult.FAILED
-    ended = GoalWatch(GOAL)
-    ended.end(TaskResult.SUCCEEDED, "")
-    ended.replace(make_goal(1.0, 1.0))
-    assert not ended.is_replaced
-
-
-def test_a_frame_that_navigation_has_resolved_is_the_same_goal() -> None:
-    """A leading slash is stripped on the way."""
-    watch = GoalWatch(at(GOAL, 7, "/map"))
-    watch.take(status(NavigationState.SUCCEEDED))
-    assert watch.result == TaskResult.SUCCEEDED
-
-
-def test_another_goal_after_this_one_is_its_end() -> None:
-    """The reason has the other goal; after an end nothing counts."""
-    watch = GoalWatch(GOAL)
-    watch.take(status(NavigationState.DRIVING))
-    watch.take(status(NavigationState.DRIVING, at(make_goal(1.0, -2.0), 8)))
-    assert (watch.result, watch.text) == (TaskResult.FAILED, "another goal took its place: x 1, y -2, yaw 0")
-    watch.take(status(NavigationState.SUCCEEDED))
-    watch.end(TaskResult.CANCELED, "later")
-    assert watch.result == TaskResult.FAILED
-
-
-def test_a_navigation_that_begins_anew_has_forgotten_the_goal() -> None:
-    """It was started again, or the world was reset."""
-    watch = GoalWatch(GOAL)
-    watch.take(status(NavigationState.DRIVING))
-    watch.take(status(NavigationState.IDLE, PoseStamped()))
-    assert (watch.result, watch.text) == (TaskResult.FAILED, "navigation began anew and has forgotten the goal")
+    for each in said:
+        watch.receive(each)
+    assert (watch.result, watch.ended, watch.text) == (result, result != TaskResult.UNKNOWN, text)
+    watch.replace(OTHER)
+    assert watch.is_replaced == (result == TaskResult.UNKNOWN or "another goal" in text)
+    assert watch.ended
 
 
 def test_goals_as_text() -> None:
     """Without noise digits and without a negative zero; another frame than the map's is named."""
     assert goal_text(make_goal(0.1 + 0.2, -1e-9, 1.5708)) == "x 0.3, y 0, yaw 1.571"
     assert goal_text(make_goal(1.0, 2.0, 0.0, "odom")) == "x 1, y 2, yaw 0 in odom"
-
-
-@pytest.fixture
-def hub() -> MemoryHub:
-    """A bus in memory."""
-    return MemoryHub()
 
 
 @pytest.fixture

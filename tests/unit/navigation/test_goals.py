@@ -34,37 +34,32 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_goals_keep_their_order_and_lines(tmp_path: Path) -> None:
-    """A robot is named by its id or its name; yaw may be left out; numbers come in any notation."""
-    text = "# a tour\n- {robot: 1, x: 22.0, y: -17, yaw: 1.57}\n- robot: robot_2\n  x: 4.5e0\n  y: 1e-1\n"
+    """A robot is named by its id or its name; yaw may be left out.
+    With robots that share goals, these may leave the robot out."""
+    text = "# a tour\n- {robot: 1, x: 22.0, y: -17, yaw: 1.57}\n- robot: robot_2\n  x: 4.5\n  y: 0.1\n"
     goals = read_goals(write(tmp_path, text))
     assert goals == [FileGoal(1, Pose2(22.0, -17.0, 1.57), 2), FileGoal(2, Pose2(4.5, 0.1, 0.0), 3)]
-    assert Rounds(goals).robots == [1, 2]
-
-
-def test_shared_goals_need_no_robot(tmp_path: Path) -> None:
-    """With robots that share them, goals may leave the robot out."""
-    goals = read_goals(write(tmp_path, "- {x: 1, y: 2}\n- {robot: 3, x: 1, y: 2}\n"), spread=True)
-    assert [goal.robot for goal in goals] == [None, 3]
+    assert [goal.robot for goal in read_goals(write(tmp_path, "- {x: 1, y: 2}\n"), spread=True)] == [None]
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("- {robot: 1, x: 1}\n", ["1: the key y is missing"]),
-        ("- {x: 1, y: 2}\n", ["1: the key robot is missing, or name the robots that share the goals: --spread 0-3"]),
-        ("- {robot: 1, x: 1, y: 2, yaww: 3}\n", ["1: unknown key 'yaww' (did you mean yaw?); known: robot, x, y, yaw"]),
-        ("- {robot: 1, x: 1, x: 2, y: 2}\n", ["1: x is given twice"]),
-        ("- {robot: -1, x: 1, y: 2}\n", ["1: robot: robot id '-1' is not a whole number from 0 to 9999"]),
-        ("- {robot: 1, x: a, y: 2}\n", ["1: x: a is no number of metres in the map"]),
-        ("- {robot: 1, x: .nan, y: 2}\n", ["1: x: .nan is no number of metres in the map"]),
-        ("- {robot: 1, x: 1e9, y: [2]}\n", ["1: x: 1e9 is no number of metres in the map", "1: y: this is no number"]),
-        ("- {robot: 1, x: 1, y: 2, yaw: 90}\n", ["1: yaw: 90 is more than a full turn; angles are radians"]),
-        ("- 3\n", ["1: a goal is expected, such as {robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"]),
-        ("goals: []\n", ["1: a list of goals is expected"]),
-        ("[]\n", ["1: a list of goals is expected"]),
-        ("", ["1: a list of goals is expected"]),
-        ("- {robot: 1}: 3: 4\n", ["1: not YAML: "]),
-        ("- {robot: 1, x: 1, y: 2}\n- {robot: 1, x: 3}\n\n- {robot: q, x: 1, y: 2}\n", ["2: the key y", "4: robot: "]),
+        ("- {robot: 1, x: 1}\n", [":1: the key y is missing"]),
+        ("- {x: 1, y: 2}\n", [":1: the key robot is missing, or name the robots that share the goals: --spread 0-3"]),
+        ("- {robot: 1, x: 1, y: 2, yaww: 3}\n", [":1: yaww: unknown key (did you mean yaw?); known: x, y, robot, yaw"]),
+        ("- {robot: -1, x: 1, y: 2}\n", [":1: robot id '-1' is not a whole number from 0 to 9999"]),
+        ("- {robot: 1, x: .nan, y: 2}\n", [":1: x: a number of at least -1e+06 is expected"]),
+        ("- {robot: 1, x: a, y: [2]}\n", [":1: x: a number is expected, not ", ":1: y: a number is expected, not "]),
+        ("- {robot: 1, x: 1, y: 2, yaw: 90}\n", [":1: yaw: 90 is more than a full turn; angles are radians"]),
+        ("- 3\n", [":1: a goal is expected, such as {robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"]),
+        ("goals: []\n", [": a list of goals is expected"]),
+        ("[]\n", [": a list of goals is expected"]),
+        ("", [": a list of goals is expected"]),
+        ("- {robot: 1}: 3: 4\n", [": not YAML: "]),
+        ("\0", [": not YAML: "]),
+        ("[" * 1_000, [": not YAML: "]),
+        ("- {robot: 1, x: 1, y: 2}\n- {robot: 1, x: 3}\n\n- {robot: q, x: 1, y: 2}\n", [":2: the key y", ":4: robot "]),
     ],
 )  # fmt: skip
 def test_every_mistake_has_its_line(tmp_path: Path, text: str, told: list[str]) -> None:
@@ -75,19 +70,7 @@ def test_every_mistake_has_its_line(tmp_path: Path, text: str, told: list[str]) 
     lines = str(raised.value).splitlines()
     assert len(lines) == len(told)
     for line, expected in zip(lines, told, strict=True):
-        assert line.startswith(f"{path}:{expected}")
-
-
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    """A file that is missing, is no text, or nests without end is refused with its name."""
-    with pytest.raises(ConfigError, match=r"none\.yaml: cannot read this file of goals: No such file"):
-        read_goals(tmp_path / "none.yaml")
-    path = tmp_path / "goals.yaml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ConfigError, match=r"goals\.yaml: not YAML: "):
-        read_goals(path)
-    with pytest.raises(ConfigError, match=r"goals\.yaml: not YAML: "):
-        read_goals(write(tmp_path, "[" * 1_000))
+        assert line.startswith(f"{path}{expected}")
 
 
 def goals(*robots: int | None) -> list[FileGoal]:
@@ -103,23 +86,10 @@ def taken(rounds: Rounds, robot_id: int, most: int = 10) -> list[int]:
     return found
 
 
-def test_a_robot_gets_its_own_goals_in_their_order() -> None:
-    """Goals of other robots are left to them."""
-    rounds = Rounds(goals(1, 2, 1, 1))
-    assert rounds.robots == [1, 2]
-    assert taken(rounds, 1) == [0, 2, 3]
-    assert taken(rounds, 2) == [1]
-    assert (rounds.counts[1], rounds.counts[2]) == (3, 1)
-
-
-def test_rounds_begin_again() -> None:
-    """So many rounds, or without end."""
-    assert taken(Rounds(goals(1, 1), rounds=2), 1) == [0, 1, 0, 1]
-    assert taken(Rounds(goals(1, 1), rounds=None), 1) == [0, 1] * 5
-
-
 def test_shared_goals_go_to_each_robot_that_is_free() -> None:
-    """Each shared goal is given once a round, after a robot's own; robots that do not share get none."""
+    """Each shared goal is given once a round, after a robot's own in their order; robots that do not share get none.
+    Rounds may be without end."""
+    assert taken(Rounds(goals(1, 2, 1), rounds=None), 1) == [0, 2] * 5
     rounds = Rounds(goals(None, 1, None, 5, None), spread=[0, 1], rounds=2)
     assert rounds.robots == [0, 1, 5]
     assert [rounds.take(0).line, rounds.take(1).line, rounds.take(0).line] == [0, 1, 2]  # type: ignore[union-attr]
@@ -197,27 +167,14 @@ def test_a_robot_gets_a_goal_when_the_last_has_ended(hub: MemoryHub) -> None:
     assert [navigation.cancels for navigation in desk.navigations.values()] == [0, 0]
 
 
-def test_the_robot_that_is_free_takes_the_next_shared_goal(hub: MemoryHub) -> None:
-    """A robot that arrives early drives on to the goal that another one would have got."""
-    desk = Desk(Rounds([goal(None, float(x)) for x in range(4)], spread=[1, 2]), hub)
-    with desk.running:
-        desk.greet()
-        desk.tick_until(lambda: desk.places(1) == [0.0] and desk.places(2) == [1.0])
-        desk.reach(2)
-        desk.tick_until(lambda: desk.places(2) == [1.0, 2.0])
-        desk.reach(2)
-        desk.tick_until(lambda: desk.places(2) == [1.0, 2.0, 3.0])
-        assert desk.places(1) == [0.0]
-
-
 def test_a_loop_ends_for_a_robot_that_reaches_nothing(hub: MemoryHub) -> None:
     """After a round without a single goal a robot gets no more; the others go on."""
     desk = Desk(Rounds([goal(1, 1.0), goal(1, 2.0), goal(2, 3.0)], rounds=None), hub)
     with desk.running:
         desk.greet()
-        for count in (1, 2):
+        for count, end in enumerate((State.ABORTED, State.CANCELED), start=1):
             desk.tick_until(lambda count=count: len(desk.places(1)) == count)  # type: ignore[misc]
-            desk.reach(1, State.ABORTED)
+            desk.reach(1, end)
         desk.tick_until(lambda: desk.dispatcher.errands[1].watch is None)
         for count in (1, 2, 3):
             desk.tick_until(lambda count=count: len(desk.places(2)) == count)  # type: ignore[misc]
@@ -267,6 +224,7 @@ def test_a_paused_list_loses_no_goal(hub: MemoryHub) -> None:
     with desk.running:
         for paused in (True, False):
             desk.running.tick()
+            assert desk.dispatcher.errands[1].client.lack.startswith("the navigation of robot_1: start 'zteam-nav")
             pause_lists(hub.bus(), paused=paused)
         desk.navigations[1] = FakeNavigation(hub, 1)
         desk.tick_until(lambda: desk.places(1) == [1.0])
@@ -275,18 +233,6 @@ def test_a_paused_list_loses_no_goal(hub: MemoryHub) -> None:
         desk.tick_until(lambda: desk.dispatcher.errands[1].watch is None)
         pause_lists(hub.bus(), paused=False)
         desk.tick_until(lambda: desk.places(1) == [1.0, 1.0])
-
-
-def test_goals_wait_for_navigation(hub: MemoryHub) -> None:
-    """Nothing is sent before a robot's navigation is there; the same goal goes out when it has come."""
-    desk = Desk(Rounds([goal(1, 1.0)]), hub)
-    desk.navigations[1].end()
-    with desk.running:
-        for _ in range(3):
-            desk.running.tick()
-        assert desk.dispatcher.errands[1].client.waits_for.startswith("the navigation of robot_1: start 'zteam-nav")
-        desk.navigations[1] = FakeNavigation(hub, 1)
-        desk.tick_until(lambda: desk.places(1) == [1.0])
 
 
 @pytest.mark.parametrize("loses_status", [True, False])
@@ -371,22 +317,6 @@ def test_of_two_goals_of_one_tick_the_other_senders_counts(hub: MemoryHub) -> No
             desk.running.tick()
         assert desk.places(1) == [1.0, 9.0]
         assert desk.dispatcher.errands[1].client.waits_for == "the end of another goal: x 9, y 0, yaw 0"
-
-
-def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:
-    """In lock-step a goal has the stamp of its tick, so that two runs are the same."""
-    stamps: list[list[PoseStamped]] = []
-    for _ in range(2):
-        again = MemoryHub()
-        desk = Desk(Rounds([goal(1, 1.0), goal(1, 2.0)]), again)
-        with desk.running:
-            desk.greet()
-            desk.tick_until(lambda desk=desk: len(desk.places(1)) == 1)  # type: ignore[misc]
-            desk.reach(1)
-            desk.tick_until(lambda desk=desk: len(desk.places(1)) == 2)  # type: ignore[misc]
-        stamps.append(desk.navigations[1].goals)
-    assert stamps[0] == stamps[1]
-    assert stamps[0][0].header.stamp != stamps[0][1].header.stamp
 
 
 def test_real_robots_have_the_hosts_time(hub: MemoryHub) -> None:

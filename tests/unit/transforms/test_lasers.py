@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from support.transforms import S, stamped
-from zteam.behaviors import look_ahead
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import Header, LaserScan, Quaternion, Transform, TransformStamped, Vector3, time_from_ns
 from zteam.tf import Buffer
@@ -42,7 +41,7 @@ def buffer() -> Buffer:
 
 @pytest.mark.parametrize(
     ("frame", "x"),
-    [("robot_0/laser", 0.1), ("laser", 0.1), ("/robot_0/laser", 0.1), ("base_footprint", 0.0), ("front_laser", 0.2)],
+    [("robot_0/laser", 0.1), ("/robot_0/laser", 0.1), ("base_footprint", 0.0), ("front_laser", 0.2)],
 )
 def test_a_level_laser_needs_no_turn(buffer: Buffer, frame: str, x: float) -> None:
     """The scan itself is passed on, by whichever name its frame is known; a scan may be in the base's own frame."""
@@ -141,15 +140,3 @@ def test_a_tilt_keeps_what_a_range_means() -> None:
     assert turned.ranges.tolist()[:4] == pytest.approx([math.inf, math.inf, math.nan, -math.inf], nan_ok=True)
     assert turned.range_min <= turned.ranges[4] < 0.1
     assert turned.ranges[5] < turned.range_max
-
-
-@pytest.mark.parametrize(
-    ("over", "yaw", "beam"), [(0.0, -0.3, 5), (0.0, 0.2, 0), (math.pi, -0.2, 0), (math.pi, 0.3, 5)]
-)
-def test_ahead_is_ahead_of_the_base(over: float, yaw: float, beam: int) -> None:
-    """Helpers of behaviours count from the base's x axis, whichever beam looks there."""
-    scan = scan_in("laser")
-    scan.ranges = np.where(np.arange(6) == beam, 1.0, 5.0).astype(np.float32)
-    cone = look_ahead(turn_scan(scan, quaternion_from_rpy(over, 0.0, yaw)), 0.01)
-    assert cone is not None
-    assert cone.nearest == 1.0

@@ -9,120 +9,124 @@ from support.transforms import S, stamped
 from zteam.clock import Sent
 from zteam.messages import TransformStamped
 from zteam.transforms.buffer import Buffer
-from zteam.transforms.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms
+from zteam.transforms.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms, is_start_pose
 
-ODOM = "robot_0/odom"
+ODOM, CAMERA = "robot_0/odom", "robot_0/camera"
 SOURCES = (Rank.TEAM_FILE, Rank.SIMULATOR, Rank.CALLER, Rank.DESCRIPTION)
 
 
-def _start_pose(x: float, stamp: int = 0) -> TransformStamped:
+def start_pose(x: float, stamp: int = 0) -> TransformStamped:
+    """Where robot 0 starts, or where a localiser has it."""
     return stamped("map", ODOM, stamp, x)
 
 
-def _camera(x: float, parent: str = "base_link") -> TransformStamped:
-    return stamped(f"robot_0/{parent}", "robot_0/camera", 0, x)
+def camera(x: float, parent: str = "base_link") -> TransformStamped:
+    """A frame of which nobody has the only say."""
+    return stamped(f"robot_0/{parent}", CAMERA, 0, x)
 
 
-def _shown(statics: StaticTransforms) -> list[tuple[str, float]]:
-    return [(t.child_frame_id, t.transform.translation.x) for t in statics.message().transforms]
+class Statics(StaticTransforms):
+    """Static transforms and their buffer, of sources of which some live."""
+
+    def __init__(self, *living: str) -> None:
+        self.tree, self.living = Buffer(), {*living}
+        super().__init__(self.tree, lambda source: source if not living or source in self.living else None)
+
+    def say(self, x: float, source: str, rank: Rank = Rank.SIMULATOR) -> str:
+        """A source says where the camera is; the code of a refusal."""
+        refused = self.put(Static(rank, camera(x), source))
+        return refused.code if refused else ""
+
+    def xs(self) -> dict[str, float]:
+        """x by child of the full set."""
+        return {t.child_frame_id: t.transform.translation.x for t in self.message().transforms}
 
 
-def _x(buffer: Buffer, child: str = ODOM, parent: str = "map") -> float:
-    return buffer.lookup_pose2(parent, child, 0)[0].x
+@pytest.mark.parametrize(
+    ("parent", "child", "expected"),
+    [
+        ("map", "robot_3/odom", True),
+        ("map", "robot_3/base_link", False),
+        ("robot_3/base_link", "robot_3/odom", False),
+        ("map", "odom", False),
+    ],
+)
+def test_a_start_pose_leads_from_the_map_to_a_robots_odom(parent: str, child: str, expected: bool) -> None:
+    """Both frames must match."""
+    assert is_start_pose(stamped(parent, child, S)) is expected
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations(SOURCES, 2)))
 def test_the_source_of_the_highest_rank_gives_the_start_pose(first: Rank, second: Rank) -> None:
     """Whichever comes first, the higher rank holds, without a conflict between two different ranks."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
+    statics = Statics()
     for rank in (first, second):
-        assert statics.put(Static(rank, _start_pose(float(rank)), rank.name)) is None
-    assert _shown(statics) == [(ODOM, float(min(first, second)))]
-    assert _x(buffer) == float(min(first, second))
+        assert statics.put(Static(rank, start_pose(float(rank)), rank.name)) is None
+    assert statics.xs() == {ODOM: float(min(first, second))}
+    assert statics.tree.lookup_pose2("map", ODOM, 0)[0].x == float(min(first, second))
     assert statics.holders[ODOM].authority == min(first, second).name
 
 
-@pytest.mark.parametrize(("first", "second"), [(Rank.TEAM_FILE, Rank.SIMULATOR), (Rank.CALLER, Rank.SIMULATOR)])
-def test_any_other_frame_stays_with_its_first_authority(first: Rank, second: Rank) -> None:
-    """A second authority is refused whatever its rank, and the text names both."""
-    statics = StaticTransforms(Buffer())
-    assert statics.put(Static(first, _camera(0.1), "one")) is None
-    refused = statics.put(Static(second, _camera(0.2), "two"))
-    assert refused == ("second authority", "robot_0/camera is said by one and by two: one stays")
-    assert _shown(statics) == [("robot_0/camera", 0.1)]
-
-
-def test_two_callers_cannot_both_give_a_start_pose() -> None:
-    """Two authorities of one rank are a conflict for a start pose too."""
-    statics = StaticTransforms(Buffer())
-    assert statics.put(Static(Rank.CALLER, _start_pose(1.0), "one")) is None
-    refused = statics.put(Static(Rank.CALLER, _start_pose(2.0), "two"))
-    assert refused is not None
-    assert refused.code == "second authority"
-    assert _shown(statics) == [(ODOM, 1.0)]
+def test_a_second_authority_is_refused_and_named() -> None:
+    """Of any other frame whatever its rank, of a start pose within one rank: the first one stays."""
+    for first, second in ((Rank.TEAM_FILE, Rank.SIMULATOR), (Rank.CALLER, Rank.SIMULATOR)):
+        statics = Statics()
+        assert statics.put(Static(first, camera(0.1), "one")) is None
+        refused = statics.put(Static(second, camera(0.2), "two"))
+        assert refused == ("second authority", "robot_0/camera is said by one and by two: one stays")
+        assert statics.xs() == {CAMERA: 0.1}
+    statics = Statics()
+    assert statics.put(Static(Rank.CALLER, start_pose(1.0), "one")) is None
+    assert statics.put(Static(Rank.CALLER, start_pose(2.0), "two")) is not None
+    assert statics.xs() == {ODOM: 1.0}
 
 
 def test_a_description_gives_way_for_every_frame() -> None:
     """A robot's own static transform replaces the description's, also under another parent, and not the reverse."""
-    statics = StaticTransforms(Buffer())
-    assert statics.put(Static(Rank.DESCRIPTION, _camera(0.1), "description")) is None
-    assert statics.put(Static(Rank.SIMULATOR, _camera(0.2, "mast"), "robot_0")) is None
-    assert statics.put(Static(Rank.DESCRIPTION, _camera(0.1), "description")) is None
-    (shown,) = statics.message().transforms
-    assert shown == _camera(0.2, "mast")
+    statics = Statics()
+    assert statics.put(Static(Rank.DESCRIPTION, camera(0.1), "description")) is None
+    assert statics.put(Static(Rank.SIMULATOR, camera(0.2, "mast"), "robot_0")) is None
+    assert statics.put(Static(Rank.DESCRIPTION, camera(0.1), "description")) is None
+    assert statics.message().transforms == [camera(0.2, "mast")]
 
 
 def test_only_a_new_value_counts_as_a_change() -> None:
     """`changed` is set by a new value and cleared by `message`; the same value again or a refusal does not set it."""
-    statics = StaticTransforms(Buffer())
-    statics.put(Static(Rank.SIMULATOR, _camera(0.1), "robot_0"))
+    statics = Statics()
+    statics.say(0.1, "robot_0")
     assert statics.changed
     statics.message()
-    statics.put(Static(Rank.SIMULATOR, _camera(0.1), "robot_0"))
-    assert statics.put(Static(Rank.SIMULATOR, _camera(math.nan), "robot_0")) is not None
+    assert [statics.say(x, "robot_0") for x in (0.1, math.nan)] == ["", "TF_NAN_INPUT"]
     assert not statics.changed
-    statics.put(Static(Rank.SIMULATOR, _camera(0.3), "robot_0"))
+    statics.say(0.3, "robot_0")
     assert statics.changed
-    assert _shown(statics) == [("robot_0/camera", 0.3)]
+    assert statics.xs() == {CAMERA: 0.3}
 
 
 def test_a_localiser_shadows_the_start_pose_until_it_is_forgotten() -> None:
     """The shadowed pose is in neither the message nor the buffer, follows its source, and comes back."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
-    statics.put(Static(Rank.SIMULATOR, _start_pose(1.0), "robot_0"))
+    statics = Statics()
+    statics.put(Static(Rank.SIMULATOR, start_pose(1.0), "robot_0"))
     statics.message()
-    assert statics.localise(_start_pose(5.0, S), "robot_0") is None
+    refused = statics.localise(start_pose(math.nan, S), "robot_0")
+    assert refused is not None
+    assert not statics.changed
+    assert statics.tree.lookup_pose2("map", ODOM, 0)[0].x == 1.0
+    assert statics.localise(start_pose(5.0, S), "robot_0") is None
     assert statics.changed
-    assert _shown(statics) == []
-    assert statics.put(Static(Rank.SIMULATOR, _start_pose(2.0), "robot_0")) is None
-    assert _x(buffer) == 5.0
+    assert statics.xs() == {}
+    assert statics.put(Static(Rank.SIMULATOR, start_pose(2.0), "robot_0")) is None
+    assert statics.tree.lookup_pose2("map", ODOM, 0)[0].x == 5.0
     assert not statics.changed
     statics.restore_start_poses()
     assert statics.changed
-    assert _shown(statics) == [(ODOM, 2.0)]
-    assert _x(buffer) == 2.0
-
-
-def test_a_refused_localiser_shadows_nothing() -> None:
-    """After a sample that is not a number, the start pose is in the buffer and in the message as before."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
-    statics.put(Static(Rank.SIMULATOR, _start_pose(1.0), "robot_0"))
-    statics.message()
-    refused = statics.localise(_start_pose(math.nan, S), "robot_0")
-    assert refused is not None
-    assert refused.code == "TF_NAN_INPUT"
-    assert _x(buffer) == 1.0
-    assert not statics.changed
-    assert _shown(statics) == [(ODOM, 1.0)]
+    assert statics.xs() == {ODOM: 2.0}
+    assert statics.tree.lookup_pose2("map", ODOM, 0)[0].x == 2.0
 
 
 def test_an_edge_that_is_said_anew_under_another_parent_goes_first() -> None:
     """Only edges of that source go: those with another parent, or turned round. Edges that it does not repeat stay."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
+    statics = Statics()
     for child in ("kept", "silent", "moved", "turned"):
         statics.put(Static(Rank.SIMULATOR, stamped("base", child, 0), "robot_0"))
     statics.put(Static(Rank.SIMULATOR, stamped("other", "moved_too", 0), "robot_1"))
@@ -133,100 +137,89 @@ def test_an_edge_that_is_said_anew_under_another_parent_goes_first() -> None:
         "base": stamped("turned", "base", 0),
     }
     statics.drop_reparented("robot_0", new)
-    assert [child for child, _ in _shown(statics)] == ["kept", "moved_too", "silent"]
-    assert sorted(buffer.frames()) == ["kept", "moved_too", "silent"]
+    assert [*statics.xs()] == sorted(statics.tree.frames()) == ["kept", "moved_too", "silent"]
 
 
 def test_a_source_that_lives_counts_before_one_that_may_have_ended() -> None:
     """The first one that lives holds a frame; when it ends the next one has it, and the first one's return brings it
-    back.
+    back. Of those that do not live, the one that came last counts.
     """
-    living = {"sim", "driver"}
-    statics = StaticTransforms(Buffer(), lambda authority: authority if authority in living else None)
-    for x, source in enumerate(("script", "sim", "driver", "other")):
-        statics.put(Static(Rank.SIMULATOR, _camera(float(x)), source))
-    assert _shown(statics) == [("robot_0/camera", 1.0)]
-    for gone, x in (("sim", 2.0), ("driver", 3.0)):
-        living.discard(gone)
+    statics = Statics("sim", "driver")
+    for x, source in enumerate(("script", "second", "script", "sim", "driver", "other")):
+        statics.say(float(x), source)
+        if x == 2:
+            assert statics.xs() == {CAMERA: 1.0}
+    assert statics.xs() == {CAMERA: 3.0}
+    for gone, x in (("sim", 4.0), ("driver", 5.0)):
+        statics.living.discard(gone)
         statics.look_again(gone)
-        assert _shown(statics) == [("robot_0/camera", x)]
-    living.add("driver")
+        assert statics.xs() == {CAMERA: x}
+    statics.living.add("driver")
     statics.look_again("driver")
-    assert _shown(statics) == [("robot_0/camera", 2.0)]
+    assert statics.xs() == {CAMERA: 4.0}
 
 
-def test_a_source_that_cannot_be_asked_gives_way_to_the_next_one() -> None:
-    """A script that is started again may say the frame anew; what the first run repeats does not bring it back."""
-    statics = StaticTransforms(Buffer(), lambda authority: None)
-    for source, x in (("first", 0.1), ("second", 0.2), ("first", 0.3)):
-        statics.put(Static(Rank.SIMULATOR, _camera(x), source))
-    assert _shown(statics) == [("robot_0/camera", 0.2)]
-
-
-def test_what_a_source_said_last_counts() -> None:
-    """A message that was sent earlier and comes later changes nothing: a session may have two publishers."""
-    statics = StaticTransforms(Buffer())
-    for x, sent in ((0.2, 20), (0.1, 10)):
-        statics.put(Static(Rank.SIMULATOR, _camera(x), "sim", Sent(sent)))
-    assert _shown(statics) == [("robot_0/camera", 0.2)]
-
-
-@pytest.mark.parametrize("first", [Sent(10**6, 0.0), Sent(10**9, -3600.0, 1.9)], ids=["set back", "ahead"])
-def test_what_a_source_says_later_counts_whatever_its_stamp(first: Sent) -> None:
-    """The clock of its host was ahead, or it was set back since; an edge with another parent counts as well."""
-    statics = StaticTransforms(Buffer())
-    statics.put(Static(Rank.SIMULATOR, _camera(0.2), "sim", first))
-    later = Static(Rank.SIMULATOR, _camera(0.1, "mast"), "sim", Sent(10, 0.0, 2.0))
-    statics.drop_reparented("sim", {"robot_0/camera": later.transform}, later.sent)
+@pytest.mark.parametrize(
+    ("first", "second", "x"),
+    [
+        (Sent(20), Sent(10), 0.2),
+        (Sent(10**6, 0.0), Sent(10, 0.0, 2.0), 0.1),
+        (Sent(10**9, -3600.0, 1.9), Sent(10, 0.0, 2.0), 0.1),
+    ],
+    ids=["of before", "set back", "ahead"],
+)
+def test_what_a_source_said_last_counts(first: Sent, second: Sent, x: float) -> None:
+    """A message that was sent earlier and comes later changes nothing, unless the clock of its host was set back since
+    or had been ahead; an edge with another parent counts as well."""
+    statics = Statics()
+    statics.put(Static(Rank.SIMULATOR, camera(0.2), "sim", first))
+    later = Static(Rank.SIMULATOR, camera(0.1, "mast"), "sim", second)
+    statics.drop_reparented("sim", {CAMERA: later.transform}, later.sent)
     statics.put(later)
-    assert statics.message().transforms == [later.transform]
+    assert statics.xs() == {CAMERA: x}
 
 
-def test_invented_sources_do_not_fill_the_memory() -> None:
-    """A thousand sources of a frame are forgotten again; the one that lives stays."""
-    statics = StaticTransforms(Buffer(), lambda authority: authority if authority == "sim" else None)
-    statics.put(Static(Rank.SIMULATOR, _camera(1.0), "sim"))
-    for number in range(1000):
-        statics.put(Static(Rank.SIMULATOR, _camera(2.0), str(number)))
-    assert len(statics._said["robot_0/camera"]) == MOST_SOURCES
-    assert _shown(statics) == [("robot_0/camera", 1.0)]
-
-
-def test_a_source_that_lives_is_not_forgotten_for_those_that_ended() -> None:
-    """It does not hold the frame, and says it again when the holder has ended, however often others came and went."""
-    alive = {"sim", "driver"}
-    statics = StaticTransforms(Buffer(), lambda authority: authority if authority in alive else None)
-    statics.put(Static(Rank.SIMULATOR, _camera(1.0), "sim"))
-    statics.put(Static(Rank.SIMULATOR, _camera(2.0), "driver"))
+def test_invented_sources_push_out_none_that_lives() -> None:
+    """However many sources come and go, the holder stays, and the next one that lives has the frame after it."""
+    statics = Statics("sim", "driver")
+    statics.say(1.0, "sim")
+    statics.say(2.0, "driver")
     for number in range(3 * MOST_SOURCES):
-        statics.put(Static(Rank.SIMULATOR, _camera(3.0), str(number)))
-    alive.discard("sim")
+        statics.say(3.0, str(number))
+    assert statics.xs() == {CAMERA: 1.0}
+    statics.living.discard("sim")
     statics.look_again("sim")
-    assert _shown(statics) == [("robot_0/camera", 2.0)]
+    assert statics.xs() == {CAMERA: 2.0}
+    statics.drop_authority("driver")
+    held = 0
+    while statics.xs():
+        statics.drop_authority(statics.holders[CAMERA].authority)
+        held += 1
+    assert held < MOST_SOURCES
 
 
 def test_a_frame_that_moves_is_not_made_fixed() -> None:
     """A static transform for a moving frame is refused, and both sources are named: else its samples would be."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
-    buffer.set_transform(stamped(ODOM, "robot_0/base", S, 1.0), "robot_0")
+    statics = Statics()
+    statics.tree.set_transform(stamped(ODOM, "robot_0/base", S, 1.0), "robot_0")
     refused = statics.put(Static(Rank.SIMULATOR, stamped(ODOM, "robot_0/base", 0), "script"))
     assert refused is not None
     assert refused.text == "robot_0/base moves, by robot_0: the static transform of script is refused"
-    assert buffer.set_transform(stamped(ODOM, "robot_0/base", 2 * S, 2.0), "robot_0") is None
+    assert statics.tree.set_transform(stamped(ODOM, "robot_0/base", 2 * S, 2.0), "robot_0") is None
 
 
 def test_an_authority_leaves_with_all_its_frames() -> None:
     """Its static transforms leave the message and the buffer; a localiser's data stays."""
-    buffer = Buffer()
-    statics = StaticTransforms(buffer)
-    statics.put(Static(Rank.CALLER, stamped("map", "table", 0), "tool"))
-    statics.put(Static(Rank.CALLER, _start_pose(1.0), "tool"))
-    statics.put(Static(Rank.CALLER, stamped("map", "door", 0), "other"))
-    statics.localise(_start_pose(5.0, S), "robot_0")
+    statics = Statics()
+    for transform, source in (
+        (stamped("map", "table", 0), "tool"),
+        (start_pose(1.0), "tool"),
+        (stamped("map", "door", 0), "other"),
+    ):
+        statics.put(Static(Rank.CALLER, transform, source))
+    statics.localise(start_pose(5.0, S), "robot_0")
     statics.message()
     statics.drop_authority("tool")
     assert statics.changed
-    assert [child for child, _ in _shown(statics)] == ["door"]
-    assert _x(buffer) == 5.0
-    assert sorted(buffer.frames()) == ["door", ODOM]
+    assert [*statics.xs()] == ["door"]
+    assert sorted(statics.tree.frames()) == ["door", ODOM]

@@ -1,35 +1,15 @@
 """Waiting look-ups, and several threads on one buffer."""
 
-import random
 import threading
 from collections.abc import Callable
+from threading import RLock
 
 import pytest
 
 from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.clock import wait_until
-from zteam.messages import ns_from_time
-from zteam.tf import (
-    Buffer,
-    ExtrapolationException,
-    LookupException,
-    NoDataForExtrapolationException,
-)
-
-
-def test_a_look_up_can_wait() -> None:
-    """A waiting look-up answers as soon as the sample is stored, and raises its own exception on time-out."""
-    buffer = Buffer()
-    buffer.set_transform(stamped("map", "base", S), "test")
-    answers = []
-    waiting = threading.Thread(target=lambda: answers.append(buffer.wait_for_transform("map", "base", 2 * S, LIMIT)))
-    waiting.start()
-    buffer.set_transform(stamped("map", "base", 2 * S, 7.0), "test")
-    waiting.join(LIMIT)
-    assert answers[0].transform.translation.x == 7.0
-    with pytest.raises(ExtrapolationException):
-        buffer.wait_for_transform("map", "base", 9 * S, 0.01)
+from zteam.tf import Buffer, LookupException, NoDataForExtrapolationException
 
 
 def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,82 +52,55 @@ def test_a_wait_in_vain_ends_with_its_own_reason() -> None:
         buffer.wait_for_transform("map", "base", 2 * S, 0.01)
 
 
-def test_threads_may_store_and_look_up_at_once() -> None:
-    """A look-up in one thread is right while other threads store samples."""
+class TellingLock:
+    """A re-entrant lock that sets `waits` before a thread has to wait for it."""
+
+    def __init__(self) -> None:
+        self._lock = RLock()
+        self.waits = threading.Event()
+
+    def __enter__(self) -> None:
+        if not self._lock.acquire(blocking=False):
+            self.waits.set()
+            self._lock.acquire()
+
+    acquire = __enter__
+
+    def release(self, *_: object) -> None:
+        self._lock.release()
+
+    __exit__ = release
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda buffer: buffer.lookup_transform("map", "base", 0),
+        lambda buffer: buffer.lookup_pose2("map", "base", 0),
+        lambda buffer: buffer.lookup_transform_full("map", S, "base", 2 * S, "map"),
+        lambda buffer: buffer.lookup_twist("base", "map", 0),
+        lambda buffer: buffer.can_transform("map", "base", 0),
+        lambda buffer: buffer.latest_common_time("map", "base"),
+        lambda buffer: buffer.frames(),
+        lambda buffer: buffer.frame("base"),
+        lambda buffer: buffer.chain("base"),
+        lambda buffer: buffer.forget("base"),
+        lambda buffer: buffer.clear(),
+        lambda buffer: buffer.set_all_static([], "test"),
+        lambda buffer: buffer.set_transform_static(stamped("map", "a", 0), "test"),
+        lambda buffer: buffer.set_transform(stamped("map", "base", 3 * S), "test"),
+    ],
+)
+def test_every_call_waits_for_the_lock(call: Callable[[Buffer], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a thread holds `lock`, the calls of others wait: a look-up sees a whole change or none."""
+    lock = TellingLock()
+    monkeypatch.setattr("zteam.transforms.buffer.threading.RLock", lambda: lock)
     buffer = Buffer()
-    buffer.set_transform(stamped("map", "base", S, float(S)), "test")
-    done = threading.Event()
-
-    def store() -> None:
-        for i in range(1, 3000):
-            buffer.set_transform(stamped("map", "base", S + i, float(S + i)), "test")
-        done.set()
-
-    writer = threading.Thread(target=store)
-    writer.start()
-    while not done.is_set():
-        transform = buffer.lookup_transform("map", "base", 0)
-        assert transform.transform.translation.x == float(ns_from_time(transform.header.stamp))
-    writer.join(LIMIT)
-
-
-@pytest.mark.ci
-def test_many_threads_see_one_tree() -> None:
-    """With writers, late samples, a changing parent and readers at once, every answer is right or a tf2 exception.
-
-    The x of every sample is its stamp, so x in a look-up's answer is its time multiplied by the number of moving edges.
-    """
-    buffer = Buffer(cache_time=1.0)
-    ms = S // 1000
-    buffer.set_transform_static(stamped("map", "room", 0), "test")
-    for name, parent in (("base", "map"), ("arm", "base")):
-        buffer.set_transform(stamped(parent, name, S, 1000.0), name)
-    failures: list[str] = []
-    answered = [0, 0]
-    done = threading.Event()
-
-    def write(name: str, parents: tuple[str, ...], seed: int) -> None:
-        stamps = list(range(1001, 3000))
-        shuffle = random.Random(seed)
-        for i in range(0, len(stamps), 4):
-            block = stamps[i : i + 4]
-            shuffle.shuffle(block)
-            for stamp in block:
-                parent = parents[(stamp // 50) % len(parents)]
-                refused = buffer.set_transform(stamped(parent, name, stamp * ms, float(stamp)), name)
-                if refused is not None:
-                    failures.append(refused.text)
-
-    def read(index: int) -> None:
-        pick = random.Random(index)
-        while not done.is_set() or answered[index] < 100:
-            newest = buffer.frames()["arm"].newest
-            time = pick.choice([0, newest - pick.randrange(200) * ms])
-            try:
-                found = buffer.lookup_transform("base", "arm", time)
-                whole = buffer.lookup_transform("room", "arm", ns_from_time(found.header.stamp))
-            except ExtrapolationException:
-                continue
-            answered[index] += 1
-            stamp = ns_from_time(found.header.stamp) / ms
-            if abs(found.transform.translation.x - stamp) > 1e-6:
-                failures.append(f"base → arm at {stamp}: {found.transform.translation.x}")
-            # Across a change of parent the older sample holds; its neighbour is at most four stamps away.
-            if not 2 * stamp - 5 <= whole.transform.translation.x <= 2 * stamp + 1e-6:
-                failures.append(f"room → arm at {stamp}: {whole.transform.translation.x}")
-
-    writers = [
-        threading.Thread(target=write, args=("base", ("map", "room"), 1)),
-        threading.Thread(target=write, args=("arm", ("base",), 2)),
-    ]
-    readers = [threading.Thread(target=read, args=(index,)) for index in (0, 1)]
-    for thread in writers + readers:
+    for stamp in (S, 2 * S):
+        buffer.set_transform(stamped("map", "base", stamp), "test")
+    thread = threading.Thread(target=call, args=(buffer,), daemon=True)
+    with buffer.lock:
         thread.start()
-    for thread in writers:
-        thread.join(LIMIT)
-    done.set()
-    for thread in readers:
-        thread.join(LIMIT)
-    assert not any(thread.is_alive() for thread in writers + readers)
-    assert failures == []
-    assert buffer.frames()["arm"].newest == 2999 * ms
+        assert lock.waits.wait(LIMIT)
+    thread.join(LIMIT)
+    assert not thread.is_alive()

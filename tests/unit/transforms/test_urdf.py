@@ -62,7 +62,7 @@ def test_fixed_joints_are_static(urdf: Path) -> None:
 
 
 def test_moving_joints_follow_their_states(urdf: Path) -> None:
-    """A wheel turns about its axis, a lift slides along it, a mimic follows; the stamp is the state's."""
+    """A wheel turns about its axis, a lift slides along it, a mimic follows; without a position nothing does."""
     state = JointState(
         Header(time_from_ns(5)), ["wheel_left_joint", "lift", "unknown"], np.array([math.pi / 2, 0.25, 1.0])
     )
@@ -76,13 +76,8 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
     assert (right.rotation.y, right.rotation.w) == pytest.approx((math.sin(angle / 2), math.cos(angle / 2)))
     assert hook.translation.z == 0.25
     assert found["hook"].header.stamp == time_from_ns(5)
-
-
-def test_a_joint_without_a_state_does_not_move(urdf: Path) -> None:
-    """A joint with a missing or infinite position, or a name without a position, gives no transform."""
-    description = read_description(urdf)
-    assert description.moving_transforms(JointState(name=["lift"], position=np.array([math.inf]))) == []
-    assert description.moving_transforms(JointState(name=["lift"])) == []
+    for still in (JointState(name=["lift"], position=np.array([math.inf])), JointState(name=["lift"])):
+        assert read_description(urdf).moving_transforms(still) == []
 
 
 @pytest.mark.parametrize(
@@ -90,7 +85,7 @@ def test_a_joint_without_a_state_does_not_move(urdf: Path) -> None:
     [
         ("<robot", "not XML"),
         ("<model/>", "begins with <model>"),
-        ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "no document type"),
+        ('<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
         ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro/></robot>', "xacro"),
         ('<robot><joint name="a" type="ball"/></robot>', "joint 'a': needs a name, and a type"),
         ('<robot><joint name="a" type="fixed"><parent link="x"/></joint></robot>', "child link"),
@@ -98,9 +93,6 @@ def test_a_joint_without_a_state_does_not_move(urdf: Path) -> None:
         (joints(joint("a", "x", "y", '<axis xyz="0 0 0"/>')), "axis has no direction"),
         (joints(joint("a", "x", "y"), joint("b", "y", "x")), "circle"),
         (joints(joint("a", "x", "y"), joint("b", "z", "y")), "'y' hangs on two joints"),
-        (joints(joint("a", "x", "y" * 256)), "joint 'a': a name of more than 255 characters, yyy"),
-        (joints(joint("a", "x" * 256, "y")), "a name of more than 255 characters, xxx"),
-        (joints(joint("a" * 256, "x", "y")), "a name of more than 255 characters, aaa"),
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> None:
@@ -114,23 +106,6 @@ def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> Non
         read_description(tmp_path / "gone.urdf")
 
 
-_BOMB = '<!DOCTYPE robot [<!ENTITY a "yyyyyyyyyy"><!ENTITY b "&a;&a;&a;&a;">]>' + joints(joint("a", "x", "&b;"))
-_CODECS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "ascii", "utf-7", "utf-32", "cp037")
-
-
-@pytest.mark.parametrize("codec", _CODECS)
-def test_no_encoding_hides_a_document_type(tmp_path: Path, codec: str) -> None:
-    """Entities are refused however the file is encoded, and whatever it says of that; a comment declares nothing."""
-    path = tmp_path / "x.urdf"
-    for told in ("", "klingon", *_CODECS):
-        begin = f'<?xml version="1.0" encoding="{told}"?>' if told else ""
-        path.write_bytes((begin + _BOMB).encode(codec))
-        with pytest.raises(ConfigError, match=r"x.urdf: (not XML|a robot description defines no document type)"):
-            read_description(path)
-    path.write_text("<!-- <!DOCTYPE robot> -->" + joints(joint("a", "x", "y")))
-    assert len(read_description(path).joints) == 1
-
-
 def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
     """Frames get the robot's prefix; the base's own transform replaces the description's, without a conflict."""
     described = read_description(urdf).static_transforms()
@@ -141,7 +116,7 @@ def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
         merger = Merger()
         for base in (base_first, not base_first):
             if base:
-                merger.take_static(3, TFMessage([mine]))
+                merger.receive_static(3, TFMessage([mine]))
             else:
                 merger.describe(3, described)
         (said,) = merger.statics.message().transforms

@@ -21,7 +21,7 @@ from zteam.navigation.planning.costmap import (
     make_costmap,
     make_footprint,
 )
-from zteam.navigation.planning.grid import Frame, GridMap, make_map
+from zteam.navigation.planning.grid import GridGeometry, GridMap, make_map
 from zteam.navigation.planning.map_files import read_map, write_map
 from zteam.navigation.planning.parameters import make_controller, make_planner, read_options
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError, Plan, Planner
@@ -31,7 +31,8 @@ from zteam.navigation.planning.scans import Scan, Teammate
 __all__ = [  # noqa: RUF022 - in the order of the imports
     "Amcl", "AmclOptions", "GoalChecker", "GoalOptions", "ProgressChecker", "ProgressOptions", "Velocity",
     "time_to_collision", "BlockedError", "Controller", "PursuitOptions", "RegulatedPurePursuit",
-    "Costmap", "CostmapOptions", "make_costmap", "Footprint", "make_circle", "make_footprint", "Frame", "GridMap",
-    "make_map", "read_map", "write_map", "read_options", "AStarOptions", "AStarPlanner", "NoPathError", "Plan",
-    "Planner", "make_controller", "make_planner", "Recovery", "RecoveryOptions", "Scan", "Teammate",
+    "Costmap", "CostmapOptions", "make_costmap", "Footprint", "make_circle", "make_footprint", "GridGeometry",
+    "GridMap", "make_map", "read_map", "write_map", "read_options", "AStarOptions", "AStarPlanner",
+    "NoPathError", "Plan", "Planner", "make_controller", "make_planner", "Recovery", "RecoveryOptions", "Scan",
+    "Teammate",
 ]  # fmt: skip

@@ -15,15 +15,9 @@ from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
 from zteam.kernels.navigation import BeamEnds, find_cluster, move_poses, resample
+from zteam.navigation.planning import likelihood
 from zteam.navigation.planning.grid import FREE, GridMap
-from zteam.navigation.planning.likelihood import (
-    GlobalSearch,
-    LikelihoodField,
-    beams_of,
-    make_likelihood_field,
-    match,
-    weigh_poses,
-)
+from zteam.navigation.planning.likelihood import GlobalSearch, LikelihoodField
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 INITIAL_DEVIATIONS = 0.5, 0.5, math.pi / 12.0
@@ -81,19 +75,15 @@ class AmclOptions(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         if not 1 <= self.min_particles <= self.max_particles:
-            raise ValueError(
-                f"min_particles {self.min_particles} and max_particles {self.max_particles}: "
-                "give two numbers from 1 on, the first one not above the second"
-            )
+            given = f"min_particles {self.min_particles} and max_particles {self.max_particles}"
+            raise ValueError(f"{given}: give two numbers from 1 on, the first one not above the second")
         if self.max_beams < 1 or self.resample_interval < 1:
             raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
         if not (self.sigma_hit > 0.0 and self.laser_likelihood_max_dist > 0.0 and self.pf_err > 0.0):
             raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
         if self.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
-            raise ValueError(
-                f"robot_model_type {self.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
-                "nav2_amcl::OmniMotionModel"
-            )
+            models = "nav2_amcl::DifferentialMotionModel or nav2_amcl::OmniMotionModel"
+            raise ValueError(f"robot_model_type {self.robot_model_type!r}: give {models}")
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:
@@ -200,12 +190,12 @@ class Amcl:
             return True
         self._move(before, odom)
         field = self._likelihoods(scan.range_max)
-        beams = beams_of(field, ends)
+        beams = likelihood.beams_of(field, ends)
         self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting, share = match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
+            fitting, share = likelihood.match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
             _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
@@ -234,7 +224,7 @@ class Amcl:
         move(self._poses, before, after, alphas, draws)
 
     def _weigh(self, field: LikelihoodField, beams: BeamEnds) -> None:
-        weigh_poses(field, self._poses, beams, self._weights)
+        likelihood.weigh_poses(field, self._poses, beams, self._weights)
         total = float(self._weights.sum())
         self._weights /= total
         options = self.options
@@ -244,7 +234,7 @@ class Amcl:
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:
             options = self.options
-            field = make_likelihood_field(
+            field = likelihood.make_likelihood_field(
                 self._grid,
                 z_hit=options.z_hit,
                 z_rand=options.z_rand,

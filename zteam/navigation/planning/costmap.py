@@ -14,7 +14,7 @@ import numpy as np
 from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import MAX_CELLS, Window, inflate, trace_beams
-from zteam.navigation.planning.grid import Frame, GridMap, cells_of_disc, cells_of_polygon
+from zteam.navigation.planning.grid import GridGeometry, GridMap, cells_of_disc, cells_of_polygon
 from zteam.navigation.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Costs = Bytes
@@ -114,11 +114,9 @@ def inflated_cost(distance: float, inscribed_radius: float, cost_scaling_factor:
 class Costmap:
     """The cost of each cell for one robot. Change layers, then `update`."""
 
-    def __init__(self, frame: Frame, footprint: Footprint, options: CostmapOptions | None = None) -> None:
+    def __init__(self, frame: GridGeometry, footprint: Footprint, options: CostmapOptions | None = None) -> None:
         """Raises ValueError for an inflation radius of more than MAX_CELLS cells."""
-        self.frame = frame
-        self.footprint = footprint
-        self.options = options or CostmapOptions()
+        self.frame, self.footprint, self.options = frame, footprint, options or CostmapOptions()
         shape = frame.rows, frame.columns
         self.costs: Costs = np.full(shape, FREE_SPACE, np.uint8)
         """The costs of all layers, inflated, (rows, columns). Read it; `update` writes it."""
@@ -132,9 +130,8 @@ class Costmap:
         # As Costmap2D::cellDistance of Nav2.
         self._reach = max(0, math.ceil(radius / frame.resolution))
         if self._reach > MAX_CELLS:
-            raise ValueError(
-                f"inflation_radius {radius:g} is {self._reach} cells of {frame.resolution:g} m: at most {MAX_CELLS}"
-            )
+            cells = f"{self._reach} cells of {frame.resolution:g} m"
+            raise ValueError(f"inflation_radius {radius:g} is {cells}: at most {MAX_CELLS}")
         # By squared distance in cells, up to that of one cell beyond the radius.
         self._table = np.full((self._reach + 1) ** 2 + 1, FREE_SPACE, np.uint8)
         for square in range(self._reach**2 + 1):
@@ -151,7 +148,7 @@ class Costmap:
             self._static[grid.cells < 0] = NO_INFORMATION
         self._whole()
 
-    def move(self, frame: Frame, rows: int, columns: int) -> None:
+    def move(self, frame: GridGeometry, rows: int, columns: int) -> None:
         """Lie elsewhere, with as many cells: what was cell (`rows`, `columns`) is (0, 0) now.
 
         What lasers have seen keeps its place. There must be no static layer.
@@ -184,8 +181,7 @@ class Costmap:
         behind = points + way * (_BEHIND * self.frame.resolution / np.maximum(length, 1e-9))[:, None]
         marks = np.floor(self.frame.points_to_cells(behind[marked])).astype(np.int64)
         trace_beams(self._seen, int(origin[0]), int(origin[1]), ends, marks)
-        corners = np.concatenate((ends, marks, origin[None]))
-        self._touch(corners)
+        self._touch(np.concatenate((ends, marks, origin[None])))
 
     def clear_footprint(self, base: Pose2) -> None:
         """Take what lasers have seen away from under a robot at `base`."""

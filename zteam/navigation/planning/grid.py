@@ -14,13 +14,11 @@ Cells = NDArray[np.int64]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a map's cells (nav_msgs/OccupancyGrid)."""
-
-
 NOWHERE = Pose2(0.0, 0.0, 0.0)
 """An origin that turns and moves nothing."""
 
 
-class Frame(NamedTuple):
+class GridGeometry(NamedTuple):
     """Where the cells of a grid lie. Row 0 and column 0 meet at the origin."""
 
     rows: int
@@ -68,7 +66,7 @@ class Frame(NamedTuple):
 class GridMap(NamedTuple):
     """A map: what is known of each cell."""
 
-    frame: Frame
+    frame: GridGeometry
     cells: NDArray[np.int8]
     """(rows, columns): 0 free to 100 occupied, -1 unknown; row 0 is the row at the origin."""
 
@@ -80,10 +78,10 @@ def make_map(cells: NDArray[np.int8], resolution: float, origin: Pose2 = NOWHERE
     if not 0.0 < resolution < math.inf or not all(map(math.isfinite, origin)):
         raise ValueError(f"a map needs a resolution above 0 and a finite origin, not {resolution} and {tuple(origin)}")
     rows, columns = cells.shape
-    return GridMap(Frame(rows, columns, resolution, origin), np.ascontiguousarray(cells, np.int8))
+    return GridMap(GridGeometry(rows, columns, resolution, origin), np.ascontiguousarray(cells, np.int8))
 
 
-def cells_of_disc(frame: Frame, x: float, y: float, radius: float) -> Cells:
+def cells_of_disc(frame: GridGeometry, x: float, y: float, radius: float) -> Cells:
     """The cells that a disc (metres, in `map`) touches, as far as the grid has them."""
     u, v = frame.to_cells(x, y)
     reach = radius / frame.resolution
@@ -94,7 +92,7 @@ def cells_of_disc(frame: Frame, x: float, y: float, radius: float) -> Cells:
     return np.argwhere(du * du + dv * dv <= reach * reach) + corner
 
 
-def cells_of_polygon(frame: Frame, corners: Floats) -> Cells:
+def cells_of_polygon(frame: GridGeometry, corners: Floats) -> Cells:
     """The cells whose middle lies in a polygon (n, 2; metres, in `map`), as far as the grid has them."""
     points = frame.points_to_cells(corners)
     columns, rows, corner = _box(frame, *points.min(axis=0), *points.max(axis=0))
@@ -102,7 +100,7 @@ def cells_of_polygon(frame: Frame, corners: Floats) -> Cells:
     return np.argwhere(in_polygon(points, u, v)) + corner
 
 
-def _box(frame: Frame, left: float, low: float, right: float, high: float) -> tuple[Cells, Cells, Cells]:
+def _box(frame: GridGeometry, left: float, low: float, right: float, high: float) -> tuple[Cells, Cells, Cells]:
     """Columns (n) and rows (m) of the grid between these places in cells; and the first row and column."""
     corner = np.array((max(0, math.floor(low)), max(0, math.floor(left))))
     columns = np.arange(corner[1], min(frame.columns, math.floor(right) + 1))

@@ -18,10 +18,8 @@ from zteam.navigation.planning.grid import OCCUPIED, GridMap
 UNITS = 65_535
 """A field's largest value. Whole numbers add to the same sum in any order."""
 _HALVINGS = 4
-"""Times that steps are halved, and ..."""
+"""Times that steps are halved."""
 _MOST_STEPS = 30
-"""... how many are made at most."""
-
 _WIDE, _NARROW = 0.4, 0.1
 """Metres: deviations of the two fields. The wide one leads to the place, the narrow one says how well it fits."""
 _STEPS = ((0.4, 0.1), (0.1, 0.05))

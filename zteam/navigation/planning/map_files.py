@@ -31,20 +31,16 @@ def check_map_file(path: Path) -> MapFile:
     if not file.image.is_file():
         raise UsageError(f"there is no {file.image}, the map's image")
     if not 0.0 <= file.free_thresh < file.occupied_thresh <= 1.0:
-        raise UsageError(
-            f"{path}: free_thresh, occupied_thresh: give two shares from 0 to 1, the first one below the other"
-        )
+        keys = f"{path}: free_thresh, occupied_thresh"
+        raise UsageError(f"{keys}: give two shares from 0 to 1, the first one below the other")
     return file
 
 
 def interpret(pixels: NDArray[Any], file: MapFile) -> NDArray[np.int8]:
     """Cells (rows, columns) of a picture (rows, columns, channels), 0 to 255, as `file` says; its last row first."""
     channels = pixels[::-1].astype(np.float64) / 255.0
-    count = channels.shape[2]
-    has_alpha = count in (2, 4)
-    alpha = channels[:, :, -1]
-    colours = channels[:, :, :-1] if has_alpha else channels
-    shade = colours.mean(axis=2)
+    has_alpha, alpha = channels.shape[2] in (2, 4), channels[:, :, -1]
+    shade = (channels[:, :, :-1] if has_alpha else channels).mean(axis=2)
     if file.mode == "trinary" and has_alpha:
         # map_server takes the mean of red, green, blue and alpha, for the sake of old maps.
         shade = (3.0 * shade + alpha) / 4.0

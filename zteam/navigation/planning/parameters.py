@@ -66,14 +66,12 @@ class FakeOptions(msgspec.Struct, frozen=True):
     """Parameters of the localiser that takes the simulator's word (fake_localization), and errors of one's choice."""
 
     delta_x: float = 0.0
-    """Metres that are added to each pose; so is the next."""
     delta_y: float = 0.0
     delta_yaw: float = 0.0
-    """Radians."""
+    """Metres and radians that are added to each pose."""
     noise_xy: float = 0.0
-    """Standard deviation of each pose's error in x and in y, metres."""
     noise_yaw: float = 0.0
-    """Radians."""
+    """Standard deviations of each pose's errors in x and in y (m), and in yaw (rad)."""
 
 
 class ControllerOptions(msgspec.Struct, frozen=True):
@@ -98,9 +96,9 @@ class WindowOptions(msgspec.Struct, frozen=True):
     publish_frequency: Positive = 1.0
     """At most 2 Hz."""
     width: Annotated[int, msgspec.Meta(gt=0)] = 3
-    """Metres; so is the next. The local costmap's alone."""
     height: Annotated[int, msgspec.Meta(gt=0)] = 3
     resolution: Positive = 0.05
+    """Metres, of the local costmap alone."""
     robot_radius: float | None = None
     """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
@@ -117,11 +115,10 @@ class WindowOptions(msgspec.Struct, frozen=True):
         if not self.footprint:
             return None if self.robot_radius is None else make_circle(self.robot_radius)
         try:
-            corners = json.loads(self.footprint)
+            return make_footprint(json.loads(self.footprint), self.footprint_padding)
         except ValueError:
             example = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"
             raise ValueError(f"footprint {self.footprint!r}: give corners in metres, such as {example}") from None
-        return make_footprint(corners, self.footprint_padding)
 
 
 class Parameters(NamedTuple):
@@ -179,6 +176,8 @@ class _Section(NamedTuple):
     """The plugin's name where none is listed."""
     anywhere: bool = False
     """Whether the layer that a name belongs to does not matter, as in `obstacle_layer.scan.obstacle_max_range`."""
+    kind: str = ""
+    """Of plug-ins that packages may offer too: planner or controller."""
 
 
 _SECTIONS = (
@@ -186,19 +185,17 @@ _SECTIONS = (
     _Section("initial_pose", "amcl"),
     _Section("fake", "fake_localization"),
     _Section("controller", "controller_server"),
-    _Section("pursuit", "controller_server", "controller_plugins", "FollowPath"),
+    _Section("pursuit", "controller_server", "controller_plugins", "FollowPath", kind="controller"),
     _Section("goal", "controller_server", "goal_checker_plugins", "general_goal_checker"),
     _Section("progress", "controller_server", "progress_checker_plugins", "progress_checker"),
     _Section("planner_server", "planner_server"),
-    _Section("planner", "planner_server", "planner_plugins", "GridBased"),
+    _Section("planner", "planner_server", "planner_plugins", "GridBased", kind="planner"),
     _Section("recovery", "behavior_server"),
     _Section("global_window", "global_costmap"),
     _Section("global_layers", "global_costmap", anywhere=True),
     _Section("local_window", "local_costmap"),
     _Section("local_layers", "local_costmap", anywhere=True),
 )
-_PLUGINS = {"pursuit": "controller", "planner": "planner"}
-"""Sections of plug-ins that packages may offer too, and their kinds."""
 NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
@@ -242,13 +239,13 @@ def _read_parameters(tables: Tables, source: str) -> ReadParameters:
     problems: list[str] = []
     for section in _SECTIONS:
         table = tables.get(section.node, {})
-        if section.field in _PLUGINS:
+        if section.kind:
             try:
                 plugin, known = _read_plugin(section, table)
             except UsageError as error:
                 problems.append(str(error))
                 continue
-            found[f"{_PLUGINS[section.field]}_plugin"] = plugin
+            found[f"{section.kind}_plugin"] = plugin
             taken |= {(section.node, name) for name in known}
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
@@ -273,7 +270,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 def set_options(options: T, values: Mapping[str, Any]) -> tuple[T, list[Problem]]:
-    """Options with other values, and what is wrong with these; with problems the options are as they were."""
+    """Options with other values; or as they were, and what is wrong with the values."""
     table, kind = {**msgspec.to_builtins(options), **values}, type(options)
     problems = problems_of(table, kind) or [
         Problem((name,), f"a finite number is expected, not {value}")
@@ -325,10 +322,8 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
         return own
     there = offered(group)
     if name not in there:
-        known = ", ".join(sorted({own, *there}))
-        raise UsageError(
-            f"{where}there is no {kind} {name!r}: there are {known}, and packages may offer more ({group})"
-        )
+        known = f"there are {', '.join(sorted({own, *there}))}, and packages may offer more ({group})"
+        raise UsageError(f"{where}there is no {kind} {name!r}: {known}")
     return name
 
 
@@ -337,18 +332,15 @@ def _own_names(section: _Section, table: Mapping[str, Any], kind: type[msgspec.S
     prefix = _prefix(section, table)
     found = {}
     for name in table:
-        if section.anywhere:
-            own = name.rpartition(".")[2]
-        else:
-            own = name.removeprefix(prefix) if name.startswith(prefix) else ""
-        if own in kind.__struct_encode_fields__:
+        own = name.rpartition(".")[2] if section.anywhere else name.removeprefix(prefix)
+        if own in kind.__struct_encode_fields__ and (section.anywhere or name.startswith(prefix)):
             found[own] = name
     return found
 
 
 def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
     """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
-    prefix, kind = _prefix(section, table), _PLUGINS[section.field]
+    prefix, kind = _prefix(section, table), section.kind
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     place = f"{prefix}plugin"
     name = plugin_name(kind, str(own.get(place, _OWN[kind])), f"{section.node}.{place}: ")

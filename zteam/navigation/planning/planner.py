@@ -1,8 +1,7 @@
 """Global planners: a costmap and two poses in, a path out. A* over weighted cells, then straight lines.
 
-A way from cell to cell becomes one of straight lines that cost no more: first the cheapest way along lines between its
-cells (dynamic programming, over lines of bounded length), then its points move to the side where that makes it cheaper
-(dynamic programming over a few places for each point).
+The lines cost no more than the way from cell to cell: first the cheapest way along lines of bounded length between its
+cells, then its points move to the side where that is cheaper, both by dynamic programming.
 """
 
 import math
@@ -19,7 +18,7 @@ from zteam.kernels import navigation as kernels
 from zteam.kernels.binding import Bytes, Cells, Floats
 from zteam.kernels.navigation import UNREACHED, Steps
 from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
-from zteam.navigation.planning.grid import Frame
+from zteam.navigation.planning.grid import GridGeometry
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
@@ -160,12 +159,10 @@ class AStarOptions(msgspec.Struct, frozen=True):
     """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
 
     def __post_init__(self) -> None:
-        heaviest = _heaviest(self.neutral_cost, self.cost_factor)
-        if not (self.neutral_cost >= 1 and self.cost_factor >= 0.0 and heaviest <= 255):
-            raise ValueError(
-                f"neutral_cost {self.neutral_cost} and cost_factor {self.cost_factor:g}: "
-                f"weights must lie from 1 to 255, not from {self.neutral_cost} to {heaviest}"
-            )
+        least, most = self.neutral_cost, _heaviest(self.neutral_cost, self.cost_factor)
+        if not (least >= 1 and self.cost_factor >= 0.0 and most <= 255):
+            given = f"neutral_cost {least} and cost_factor {self.cost_factor:g}"
+            raise ValueError(f"{given}: weights must lie from 1 to 255, not from {least} to {most}")
 
 
 class AStarPlanner:
@@ -214,20 +211,18 @@ class AStarPlanner:
         self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
         return self._field
 
-    def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
+    def _leave(self, field: Field, frame: GridGeometry, start: Pose2) -> tuple[int, int]:
         """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""
-        found = field.nearest_free(frame.cell_at(start.x, start.y), self.options.escape / frame.resolution)
+        escape = self.options.escape
+        found = field.nearest_free(frame.cell_at(start.x, start.y), escape / frame.resolution)
         if found is None:
-            raise NoPathError(
-                f"the start ({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within "
-                f"{self.options.escape:g} m is free: drive the robot away from it, or clear the costmap"
-            )
+            where = f"({start.x:.2f}, {start.y:.2f}) is in an obstacle, and nothing within {escape:g} m is free"
+            raise NoPathError(f"the start {where}: drive the robot away from it, or clear the costmap")
         return found
 
 
 def _reason(costmap: Costmap, field: Field, goal: tuple[int, int], tolerance: float) -> str:
-    x, y = costmap.frame.centre_of(*goal)
-    where = f"({x:.2f}, {y:.2f})"
+    where = "({:.2f}, {:.2f})".format(*costmap.frame.centre_of(*goal))
     if not field.is_free(*goal):
         return f"the goal {where} is in an obstacle or too close to one, and so is all within {tolerance:g} m of it"
     return f"no way leads to the goal {where}, nor to within {tolerance:g} m of it"

@@ -45,10 +45,9 @@ class RecoveryOptions(msgspec.Struct, frozen=True):
     """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
 
     def __post_init__(self) -> None:
-        for name in self.behaviors:
-            if name not in get_args(Behavior):
-                known = ", ".join(get_args(Behavior))
-                raise ValueError(f"there is no recovery behaviour {name!r}: there are {known}")
+        known = get_args(Behavior)
+        if unknown := [name for name in self.behaviors if name not in known]:
+            raise ValueError(f"there is no recovery behaviour {unknown[0]!r}: there are {', '.join(known)}")
 
 
 class Recovery:
@@ -60,13 +59,10 @@ class Recovery:
         """Behaviours begun since the goal, or since the last progress."""
         self.current: Behavior | None = None
         """The behaviour that has begun and is not over."""
-        self._began = 0.0
         self._from = Pose2(0.0, 0.0, 0.0)
-        self._turned = 0.0
-        self._last_yaw = 0.0
+        self._began = self._turned = self._last_yaw = self._free_at = 0.0
         self._way = 0
         """Which motion of a behaviour it tries."""
-        self._free_at = 0.0
 
     def reset(self) -> None:
         """A new goal, or progress: all behaviours may be tried again."""
@@ -91,7 +87,8 @@ class Recovery:
 
         It clears `costmap` itself. `is_stopped`: something else, such as its safety layer, does not let the robot move.
         """
-        self._free_at = self._free_at if is_stopped else now
+        if not is_stopped:
+            self._free_at = now
         velocity = None
         if self.current == "wait":
             velocity = Velocity() if now - self._began < self.options.wait_duration else None

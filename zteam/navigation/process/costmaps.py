@@ -7,7 +7,7 @@ from typing import NamedTuple
 from zteam.geometry import Pose2
 from zteam.messages.base import Base
 from zteam.navigation.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
-from zteam.navigation.planning.grid import Frame, GridMap
+from zteam.navigation.planning.grid import GridGeometry, GridMap
 from zteam.navigation.planning.parameters import Parameters, WindowOptions
 from zteam.navigation.planning.scans import Scan, Teammate
 
@@ -41,7 +41,7 @@ class Costmaps:
         self.whole.set_map(grid)
         window = parameters.local_window
         rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
-        frame = Frame(rows, columns, window.resolution)
+        frame = GridGeometry(rows, columns, window.resolution)
         self.local = Costmap(frame, footprint_of(window, base), parameters.local_layers)
         self._cell: tuple[int, int] | None = None
         """Row and column of the local costmap's origin in a grid of `odom`."""
@@ -62,13 +62,13 @@ class Costmaps:
     def look_far(self, now: float, placed: PlacedScan) -> None:
         """Bring the global costmap up to date."""
         self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
-        _take(self.whole, placed, _FAR)
+        _update(self.whole, placed, _FAR)
 
     def look_near(self, placed: PlacedScan) -> None:
         """Bring the local costmap up to date: it moves with the robot."""
         self._centre(placed)
         frame = self.local.frame
-        _take(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
+        _update(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
 
     def _centre(self, placed: PlacedScan) -> None:
         frame = self.local.frame
@@ -82,7 +82,7 @@ class Costmaps:
         self.local.move(frame._replace(origin=placed.map_from_odom.compose(corner)), rows, columns)
 
 
-def _take(costmap: Costmap, placed: PlacedScan, far: float) -> None:
+def _update(costmap: Costmap, placed: PlacedScan, far: float) -> None:
     """Bring a costmap up to date, with the teammates up to `far` metres away."""
     x, y, _ = placed.pose
     costmap.set_teammates(mate for mate in placed.teammates if math.hypot(mate.x - x, mate.y - y) <= far)

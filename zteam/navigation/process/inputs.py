@@ -64,9 +64,7 @@ class Inputs:
 
     def __init__(self, robot_id: int, transforms: TeamTransforms, bases: Mapping[int, Base]) -> None:
         """`bases` are those of the team's robots, as far as they have come."""
-        self.robot_id = robot_id
-        self._transforms = transforms
-        self._bases = bases
+        self.robot_id, self._transforms, self._bases = robot_id, transforms, bases
         self.every_tick = [names.BASE_SCAN, names.ODOM]
         """Topics that each tick of lock-step brings."""
         self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
@@ -86,8 +84,6 @@ class Inputs:
         """Host time at which it came; None in lock-step, where its stamp counts."""
         self.goal: messages.PoseStamped | None = None
         """A goal that has come since the last step."""
-        self.unreadable_goal = ""
-        """What is wrong with one that the bus dropped; empty without one."""
         self.initial_pose: messages.PoseWithCovarianceStamped | None = None
         """In the same way."""
         self.stamps: dict[str, int] = {}

@@ -68,8 +68,7 @@ class FakeLocaliser(Localiser):
 
     def __init__(self, options: FakeOptions, seed: int) -> None:
         super().__init__()
-        self._options = options
-        self._seed = seed
+        self._options, self._seed = options, seed
         self.covariance = np.diag(np.square([options.noise_xy, options.noise_xy, options.noise_yaw]))
 
     def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:

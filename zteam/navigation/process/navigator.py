@@ -42,9 +42,7 @@ class Navigator:
 
     def __init__(self, parameters: Parameters, planner: Planner, controller: Controller) -> None:
         """`planner` may be shared: it keeps nothing from one plan to the next."""
-        self._parameters = parameters
-        self._planner = planner
-        self._controller = controller
+        self._parameters, self._planner, self._controller = parameters, planner, controller
         self._goal_checker = GoalChecker(parameters.goal)
         self._progress = ProgressChecker(parameters.progress)
         self._recovery = Recovery(parameters.recovery)
@@ -148,7 +146,8 @@ class Navigator:
         # There, no other path is of use, and the controller goes on to turn.
         there, frequency = self._goal_checker.there, self._parameters.planner_server.expected_planner_frequency
         interval = math.inf if there else 1.0 / frequency
-        interval = interval if self._blocked_since is None else min(interval, _AGAIN)
+        if self._blocked_since is not None:
+            interval = min(interval, _AGAIN)
         if given.now - self._planned >= interval - 1e-6 and not self._plan(given, costmaps, self.goal):
             return STOP
         return self._drive(given, costmaps, self.goal)

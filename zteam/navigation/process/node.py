@@ -14,10 +14,10 @@ import numpy as np
 from zteam import messages, names
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
-from zteam.bus.transport import Handle, RawSample
+from zteam.bus.transport import Handle
 from zteam.clock import monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import DecodeError, UsageError
+from zteam.errors import UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.navigation.maps import map_grid
@@ -41,19 +41,16 @@ class NavigationNode:
         self, node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
     ) -> None:
         """By robot: its parameters, and what holds instead of its `base_info`."""
-        self._node = node
+        self._node, self._overrides = node, overrides
         self._bases: dict[int, Base] = {}
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
-        self._stepped = 0
-        self._pauses = Pauses()
-        self._overrides = overrides
+        self._stepped, self._pauses = 0, Pauses()
         self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
         self._tick_length, self._waited = self._period, math.inf
         """Seconds until the next step, as far as that is known, and before the last one."""
         self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
-        _warn_of_other_decay(parameters)
         node.subscribe(names.MAP, messages.OccupancyGrid, self._on_map, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), messages.BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
@@ -75,7 +72,6 @@ class NavigationNode:
             inputs.every_tick.append(names.GROUND_TRUTH)
             self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
-        _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
         self._serve(robot_id, "info", NoRequest, lambda: own_info(node.name, node.bus.instance, node.claim.start))
@@ -171,31 +167,3 @@ class NavigationNode:
         with self._node.changed:
             for robot in self._robots.values():
                 robot.outputs.stop()
-
-
-def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:
-    for each in parameters.values():
-        given, costmap = each.pursuit.inflation_cost_scaling_factor, each.local_layers
-        if given and given != costmap.cost_scaling_factor:
-            log.warning(
-                "inflation_cost_scaling_factor is %g, but cost_scaling_factor of the local costmap is %g: "
-                "robots misjudge how near obstacles are; leave the first one out",
-                given,
-                costmap.cost_scaling_factor,
-            )
-            return
-
-
-def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
-    """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
-
-    def check(sample: RawSample) -> None:
-        if not isinstance(sample.content, bytes):
-            return
-        try:
-            messages.decode(messages.PoseStamped, sample.content)
-        except DecodeError as error:
-            with node.changed:
-                inputs.unreadable_goal = str(error)
-
-    node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)

@@ -8,13 +8,8 @@ import numpy as np
 from zteam import messages, names
 from zteam.geometry import Pose2, Velocity, quaternion_from_yaw
 from zteam.messages.planar import pose_message
-from zteam.navigation.planning.costmap import (
-    INSCRIBED_INFLATED_OBSTACLE,
-    LETHAL_OBSTACLE,
-    NO_INFORMATION,
-    Costmap,
-    place,
-)
+from zteam.navigation.planning import costmap as costs
+from zteam.navigation.planning.costmap import Costmap, place
 from zteam.navigation.planning.grid import Floats
 from zteam.navigation.planning.parameters import Parameters
 from zteam.navigation.process.costmaps import Costmaps
@@ -26,7 +21,12 @@ log = logging.getLogger("zteam")
 
 _VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
 """Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""
-_VALUES[0], _VALUES[INSCRIBED_INFLATED_OBSTACLE], _VALUES[LETHAL_OBSTACLE], _VALUES[NO_INFORMATION] = 0, 99, 100, -1
+(
+    _VALUES[0],
+    _VALUES[costs.INSCRIBED_INFLATED_OBSTACLE],
+    _VALUES[costs.LETHAL_OBSTACLE],
+    _VALUES[costs.NO_INFORMATION],
+) = 0, 99, 100, -1
 
 _MOST_COSTMAPS = 2.0
 """Hz."""
@@ -168,17 +168,10 @@ class Outputs:
         remaining = navigator.distance_remaining
         seconds = remaining / max(self._mean_speed, _LEAST_SPEED) if remaining else 0.0
         whole = int(seconds)
-        self._status.put_owned(
-            messages.NavigationStatus(
-                _header(now),
-                int(navigator.state),
-                navigator.message,
-                remaining,
-                messages.Duration(whole, int((seconds - whole) * 1e9)),
-                navigator.recoveries,
-                navigator.text,
-            )
-        )
+        eta = messages.Duration(whole, int((seconds - whole) * 1e9))
+        state, message, text, recoveries = news
+        status = messages.NavigationStatus(_header(now), int(state), message, remaining, eta, recoveries, text)
+        self._status.put_owned(status)
 
 
 def _header(now: int) -> messages.Header:

@@ -25,10 +25,8 @@ class RobotNavigation:
     """One robot. Everything runs under the node's lock."""
 
     def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
-        self.inputs = inputs
-        self._parameters = parameters
-        self.outputs = outputs
-        self._seed = seed
+        self.inputs, self.outputs = inputs, outputs
+        self._parameters, self._seed = parameters, seed
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, parameters.make_controller(inputs.base))
         self._costmaps: Costmaps | None = None
@@ -99,9 +97,6 @@ class RobotNavigation:
 
     def _take_goal(self) -> None:
         message, self.inputs.goal = self.inputs.goal, None
-        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
-        if unreadable:
-            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
         if message is None:
             return
         goal = _read_goal(message, self.inputs)

@@ -6,11 +6,7 @@ from collections.abc import Set as AbstractSet
 _MOST_TICKS = 8
 """Of lock-step, for which one robot may have spoken: the newest one, the next one, and others."""
 PATIENCE = 0.03
-"""Host seconds that a bundle waits for the last robot of its tick; by the host's clock, because simulated time stands
-still within a tick."""
-
-
-_NOBODY: AbstractSet[int] = frozenset()
+"""Host seconds that a bundle waits for the last robot of its tick: simulated time stands still within a tick."""
 
 
 class Bundle:
@@ -30,8 +26,7 @@ class Bundle:
         self._spoken: dict[int, int] = {}
         """Real time: robots that a bundle waits for, and the stamp that each spoke for last."""
         self._fresh: dict[int, set[int]] = {}
-        """Lock-step: robots that have spoken, by stamp, from the newest tick on. Another process that may write a
-        robot's transforms may send any stamp: it delays no other one."""
+        """Lock-step: robots that have spoken, by stamp, from the newest tick on."""
         self._left: dict[int, set[int]] = {}
         """Lock-step: of these, robots whose transforms have left."""
 
@@ -76,10 +71,11 @@ class Bundle:
         own = [known for known, robots in self._fresh.items() if robot_id in robots and known != stamp]
         if len(own) >= _MOST_TICKS:
             # It makes them up, and harms itself alone.
-            self._fresh[max(own)].discard(robot_id)
-            if not self._fresh[max(own)]:
-                del self._fresh[max(own)]
-                self._left.pop(max(own), None)
+            last = max(own)
+            self._fresh[last].discard(robot_id)
+            if not self._fresh[last]:
+                del self._fresh[last]
+                self._left.pop(last, None)
 
     def begun(self, newest: int) -> int:
         """Lock-step: the stamp of the tick that has begun: a robot may have spoken for the one after the `newest`."""
@@ -87,8 +83,7 @@ class Bundle:
 
     def has_all(self, robots: AbstractSet[int], stamp: int) -> bool:
         """Lock-step: whether all these robots have spoken for `stamp`, and their fixed transforms have come."""
-        fresh = self._fresh.get(stamp, _NOBODY)
-        return len(fresh) >= len(robots) and robots <= fresh and robots <= self.placed
+        return robots <= self._fresh.get(stamp, set()) and robots <= self.placed
 
     def leaves(self, robots: AbstractSet[int]) -> int | None:
         """Lock-step: the stamp of a bundle that is complete and has not left yet; None if there is none."""

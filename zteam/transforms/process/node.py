@@ -42,20 +42,17 @@ class Aggregator:
         self, node: Node, options: AggregatorOptions, descriptions: Mapping[int, Description] | None = None
     ) -> None:
         """`descriptions` are those of `options`, read from their files."""
-        self._node = node
-        self._given_rate = options.rate
+        self._node, self._part, self._given_rate = node, node.part, options.rate
         self._pace: Rate | None = None
         self._is_due = False
         self._descriptions = descriptions or {}
-        self._tokens = TokenSet()
-        self._lost_callers = TokenLossFilter()
+        self._tokens, self._lost_callers = TokenSet(), TokenLossFilter()
         self._merger = Merger(options.static_transforms, self._name_of)
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = node.part
         self._part.repeat = self._repeat
         node.need(self._lacks)
         node.adopt(self.act, self)
@@ -102,7 +99,7 @@ class Aggregator:
         clock = self._node.clock
         # After a cut link or a freeze, transforms may come before the clock that belongs to them.
         now, trusts = clock.now(), not (clock.simulated and clock.sim.stands) and not FREEZES.has_just_woken()
-        self._merger.take(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
+        self._merger.receive(robot_id, message, now, tick, 0 if now else wall_ns(), trusts=trusts)
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
@@ -114,7 +111,6 @@ class Aggregator:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
             self._take(robot_id, message, stamp)
-        self._publish_statics()
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
         """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""
@@ -154,7 +150,7 @@ class Aggregator:
     def _on_statics(self, sample: RawSample) -> None:
         target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
         if target is not None and message is not None:
-            self._merger.take_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
+            self._merger.receive_static(target[0], message, _SESSION + sample.source, sample.sent(monotonic()))
             self._publish_statics()
             self._bundle.placed.add(target[0])
 
@@ -243,8 +239,8 @@ class Aggregator:
             conflicts = self._merger.take_conflicts()
         for conflict in conflicts[:_MOST_CONFLICTS]:
             log.warning("%s", conflict)
-        if len(conflicts) > _MOST_CONFLICTS:
-            log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
+        if more := len(conflicts[_MOST_CONFLICTS:]):
+            log.warning("and %d more conflicts: 'zteam tf monitor' lists them", more)
 
 
 def _caller(caller: str) -> str:

@@ -8,20 +8,13 @@ import pytest
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.kernels.navigation import find_hit
-from zteam.navigation.planning.controller import (
-    BlockedError,
-    GoalChecker,
-    ProgressChecker,
-    PursuitOptions,
-    RegulatedPurePursuit,
-    Velocity,
-)
 from zteam.navigation.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint, place
 from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.parameters import make_controller, make_planner
 from zteam.navigation.planning.planner import AStarOptions, AStarPlanner, NoPathError
 from zteam.navigation.planning.recovery import Recovery, RecoveryOptions
 from zteam.navigation.planning.scans import Scan, Teammate
+from zteam.planning import BlockedError, GoalChecker, ProgressChecker, PursuitOptions, RegulatedPurePursuit, Velocity
 
 RESOLUTION = 0.05
 
@@ -81,14 +74,6 @@ def test_bad_ends_are_refused_with_a_reason(start: Pose2, goal: Pose2, why: str)
     thick = room((slice(30, 73), slice(0, 80)))
     with pytest.raises(NoPathError, match=why):
         AStarPlanner().plan(thick, start, goal)
-
-
-def test_a_robot_that_touches_a_wall_plans_away_from_it() -> None:
-    """The path begins where it stands."""
-    costmap = room(WALL)
-    plan = AStarPlanner().plan(costmap, Pose2(1.0, 2.4, 0.0), START)
-    assert plan.path[0, :2] == pytest.approx((1.0, 2.4))
-    assert plan.short_of_goal == 0.0
 
 
 def drive(costmap: Costmap, pose: Pose2, goal: Pose2, seconds: float = 60.0) -> tuple[Pose2, bool]:

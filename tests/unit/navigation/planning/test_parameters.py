@@ -134,15 +134,6 @@ def test_a_wrong_value_is_refused_with_file_and_key(tmp_path: Path, text: str, t
     assert "\n" not in str(error.value)
 
 
-def test_without_parameters_the_defaults_are_those_of_nav2() -> None:
-    """Some that a user relies on."""
-    found = navigation_of_robot({}, 0, Path(), "navigation").parameters
-    assert (found.goal.xy_goal_tolerance, found.goal.yaw_goal_tolerance) == (0.25, 0.25)
-    assert (found.progress.required_movement_radius, found.progress.movement_time_allowance) == (0.5, 10.0)
-    assert (found.amcl.min_particles, found.amcl.max_particles, found.amcl.max_beams) == (500, 2000, 60)
-    assert (found.local_window.update_frequency, found.global_window.update_frequency) == (5.0, 1.0)
-
-
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     """With the reason of the system."""
     with pytest.raises(UsageError, match=r"cannot read the parameters .*none\.yaml: No such file"):

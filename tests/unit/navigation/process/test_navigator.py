@@ -196,14 +196,6 @@ def test_what_is_missing_is_waited_for_and_then_given_up() -> None:
     assert drive.navigator.state is NavigationState.PLANNING
 
 
-def test_a_goal_is_canceled_once() -> None:
-    """The second time there is none."""
-    drive = Drive()
-    assert drive.navigator.cancel()
-    assert drive.navigator.state is NavigationState.CANCELED
-    assert not drive.navigator.cancel()
-
-
 def test_a_command_is_for_the_place_where_it_begins_to_count() -> None:
     """The command before moves the robot for one more step, on an arc."""
     drive = Drive()
@@ -211,12 +203,3 @@ def test_a_command_is_for_the_place_where_it_begins_to_count() -> None:
     given = NavigatorInput(0.1, 0.1, placed, Velocity(0.5, 0.0, 1.0))
     drive.navigator.step(given, Maps())  # type: ignore[arg-type]
     assert drive.controller.pose == pytest.approx((0.05 * math.cos(0.05), 0.05 * math.sin(0.05), 0.1))
-
-
-def test_another_map_asks_for_another_plan() -> None:
-    """The goal stays."""
-    drive = Drive()
-    drive.step(count=2)
-    drive.navigator.plan_anew()
-    assert (drive.navigator.path, drive.navigator.state) == (None, NavigationState.PLANNING)
-    assert drive.step() == AHEAD

