@@ -78,7 +78,7 @@ class _Asked:
                 self._note(*decide(self._behavior, view, layer))
         for where, place in PLACES.items():
             self._begin(where)
-            drive(self.step, place, ViewMaker(self._behavior.inputs).messages())
+            drive(self.step, place, ViewMaker(self._behavior.inputs).messages(), [])
 
 
 @pytest.mark.few(1)
