@@ -52,7 +52,7 @@ class SafetyLog:
         self._free: int | None = None
         """Time since which the robot may drive again (ns)."""
 
-    def take(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
+    def note(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
         """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
             self._free = None
@@ -208,7 +208,7 @@ class Driver:
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
-            self.safety.take(driver, wanted, trouble, view)
+            self.safety.note(driver, wanted, trouble, view)
         reason = trouble or reason
         # What the safety layer stops has lines of its own.
         return self._note(due, driver, command, reason and (self.absence or reason), logged=not is_stopped)

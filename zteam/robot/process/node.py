@@ -194,15 +194,15 @@ class RobotNode:
         node.subscribe_from(key(names.BASE_SCAN), LaserScan, self._on_scan, self._lateness_of_scan)
         node.follow_go()
         node.hear(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.take_odom(odom))
+        node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.on_odom(odom))
         node.hear(names.TF, TFMessage, self._on_tf)
-        node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.take_static(message), latched=True)
+        node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.on_static(message), latched=True)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
         for driver, (topic, kind) in SOURCES.items():
-            node.receive(key(topic), kind, partial(inputs.mux.take, driver), self._lateness_of)
+            node.receive(key(topic), kind, partial(inputs.mux.receive, driver), self._lateness_of)
         for declared in inputs.declared.declared:
-            take = partial(inputs.declared.take, declared)
+            take = partial(inputs.declared.receive, declared)
             node.receive(declared.key, declared.type, take, latched=is_latched(declared.key))
 
     def _lateness_of(self, sample: RawSample) -> str:
@@ -221,23 +221,23 @@ class RobotNode:
 
     def _on_scan(self, key: str, scan: LaserScan, source: str) -> None:
         self._node.rivals.take(key, source)
-        self._inputs.take_scan(scan)
+        self._inputs.on_scan(scan)
         self._node.hear_stamp(self._inputs.scan_stamp)
         self._node.first_data = self._node.first_data or monotonic()
 
     def _on_fixed(self, sample: RawSample) -> None:
         message = self._node.bus.decode(sample, TFMessage)
         if message is not None:
-            self._inputs.take_fixed(message)
+            self._inputs.on_fixed(message)
 
     def _on_tf(self, _key: str, bundle: TFMessage) -> None:
         if not self._node.is_of_ended_time(bases_stamp(bundle)):
-            self._inputs.transforms.take_bundle(bundle, self._node.clock.now())
+            self._inputs.transforms.on_bundle(bundle, self._node.clock.now())
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])
         if robot_id is not None:
-            self._inputs.take_base(robot_id, message)
+            self._inputs.on_base_info(robot_id, message)
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""

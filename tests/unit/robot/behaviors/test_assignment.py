@@ -32,13 +32,3 @@ def test_it_looks_at_the_same_times_in_all_robots() -> None:
     assert assignment.is_due(500_000_000, members)
     assert assignment.is_due(400_000_000, {**members, 2: (1.0, 0.0)})
     assert assignment.slots.get(2) is None
-
-
-def test_a_slot_goes_with_its_robot() -> None:
-    """The robots that are left take the slots that are left."""
-    assignment = Assignment()
-    look(assignment, 0, 0.0, 1.0)
-    members = {2: (1.0, 0.0)}
-    assert assignment.is_due(0, members)
-    assignment.look(0, members, SLOTS[:1])
-    assert (assignment.slots.get(1), assignment.slots.get(2)) == (None, 0)

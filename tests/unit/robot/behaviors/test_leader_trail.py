@@ -59,34 +59,12 @@ def test_places_are_where_the_leader_was(speed: float, turn: float, yaw: float) 
     assert trail.curvature(trail.place - 4.0 * speed) == pytest.approx(turn / speed, abs=0.15)
 
 
-def test_before_its_beginning_and_ahead_it_goes_straight_on() -> None:
-    """A follower whose slot lies behind the first pose has a place, and so has one beside the leader."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 5.0)
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 10)
-    assert trail.at(trail.place - 2.0) == pytest.approx((-1.5, 0.0, 0.0))
-    assert trail.at(trail.place + 1.0) == pytest.approx((1.5, 0.0, 0.0))
-
-
 def test_it_forgets_what_lies_far_behind() -> None:
     """After 100 m with 2 m to keep, the last 2 m are exact, and what lies before is straight."""
     trail = Trail()
     poses = follow(trail, Pose2(0.0, 0.0, 0.0), Twist(Vector3(0.5), Vector3(z=0.1)), 2000, keep=2.0)
     assert math.dist(trail.at(trail.place - 2.0)[:2], poses[-41][:2]) < 0.01
     assert math.dist(trail.at(trail.place - 20.0)[:2], poses[-401][:2]) > 1.0
-
-
-def test_a_leader_that_backs_up_takes_its_trail_back() -> None:
-    """The way that it drove back is no trail any more, and its place on it is where it is."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    last = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 100)[-1]
-    end = follow(trail, last, Twist(Vector3(-0.2)), 50)[-1]
-    assert end.x == pytest.approx(4.0)
-    assert trail.at(trail.place).x == pytest.approx(4.0, abs=0.02)
-    assert trail.at(trail.place - 1.0).x == pytest.approx(3.0, abs=0.07)
-    follow(trail, end, STRAIGHT, 20)
-    assert trail.at(trail.place - 1.0).x == pytest.approx(4.0, abs=0.07)
 
 
 def test_a_leader_that_is_moved_begins_anew() -> None:
@@ -98,17 +76,6 @@ def test_a_leader_that_is_moved_begins_anew() -> None:
     trail.see(Pose2(10.0, 5.0, 0.0), 10.0)
     assert (trail.place, trail.speed) == (0.0, 0.0)
     assert trail.at(trail.place - 1.0) == pytest.approx((9.0, 5.0, 0.0))
-
-
-def test_a_turn_on_the_spot_is_no_way() -> None:
-    """The leader's place stays, and what lies behind it too."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    last = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 40)[-1]
-    place, behind = trail.place, trail.at(trail.place - 1.0)
-    follow(trail, last, Twist(angular=Vector3(z=1.0)), 60)
-    assert trail.place == pytest.approx(place, abs=0.02)
-    assert trail.at(trail.place - 1.0) == pytest.approx(behind, abs=0.02)
 
 
 def show(trail: Trail, poses: Iterable[Pose2], noise: float = 0.0) -> None:
@@ -184,15 +151,6 @@ def test_a_leader_that_backed_up_goes_on_from_there(back: float, sideways: float
     assert max(trail.path.at(0.05 * i).x for i in range(round(trail.path.end / 0.05))) <= on[-1].x + 0.01
 
 
-def test_it_begins_with_a_way_up_to_the_leader() -> None:
-    """Places count from the beginning of the way, and the leader is at its end."""
-    trail = Trail()
-    trail.begin(Pose2(2.0, 1.0, 0.0), TICK, [Pose2(0.0, 0.0, 0.0), Pose2(2.0, 0.0, 0.0)])
-    assert trail.place == pytest.approx(3.0)
-    assert trail.path.at(1.0)[:2] == pytest.approx((1.0, 0.0))
-    assert trail.path.at(2.5)[:2] == pytest.approx((2.0, 0.5))
-
-
 @given(st.tuples(*[st.floats(-2.0, 2.0)] * 6), st.floats(-0.1, 0.1))
 def test_a_parabola_is_found_exactly(terms: tuple[float, ...], place: float) -> None:
     """Samples on a parabola give its own point."""
@@ -213,20 +171,6 @@ def test_few_samples_are_joined_by_straight_lines() -> None:
     assert between(samples, 0.1).yaw == pytest.approx(math.pi)
     assert between(samples, -1.0) == samples[0].pose
     assert between(samples, 0.2) == samples[1].pose
-
-
-@pytest.mark.parametrize("before", [29, 30, 31])
-def test_a_leader_that_was_set_down_elsewhere_is_measured_from_there(before: int) -> None:
-    """Its trail begins anew there: each pose is as far along it as the leader has come from there."""
-    trail = Trail()
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, before)
-    elsewhere = Pose2(5.0, -5.0, 2.0)
-    trail.see(elsewhere)
-    pose = elsewhere
-    for ticks in range(1, 13):
-        (pose,) = follow(trail, pose, STRAIGHT, 1)
-        assert trail.place == pytest.approx(0.05 * ticks, abs=0.02)
-    assert trail.place - TAIL < trail.path.end < trail.place
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, -math.pi])
@@ -250,31 +194,6 @@ def test_the_trail_of_a_leader_that_turns_round_goes_back_along_itself(rate: flo
     assert (
         math.dist(trail.at(trail.place - 0.5)[:2], drive(pose, Twist(Vector3(0.5), Vector3(z=back)), -1.0)[:2]) < 0.05
     )
-
-
-def test_a_leader_may_turn_round_again_and_again() -> None:
-    """Each way to and fro is as long as it was driven."""
-    trail, pose, driven = Trail(), Pose2(0.0, 0.0, 0.0), 0.0
-    trail.see(pose)
-    for _ in range(5):
-        pose = follow(trail, pose, STRAIGHT, 20)[-1]
-        driven += 1.0
-        assert trail.place == pytest.approx(driven, abs=0.2)
-        pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
-
-
-def test_a_leader_that_backs_up_after_a_turn_round_has_its_trail_cut() -> None:
-    """It turned round, came back 1 m and reverses 0.5 m of that: its place goes back by as much."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0))
-    pose = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)[-1]
-    pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
-    pose = follow(trail, pose, STRAIGHT, 20)[-1]
-    end = trail.path.end
-    pose = follow(trail, pose, Twist(Vector3(-0.2)), 25)[-1]
-    assert pose.x == pytest.approx(2.5)
-    assert trail.place == pytest.approx(3.5, abs=0.12)
-    assert trail.path.end < end - 0.3
 
 
 @pytest.mark.parametrize("turn", [0.5, 1.0, 1.5, -1.0])

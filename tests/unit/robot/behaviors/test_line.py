@@ -10,22 +10,9 @@ from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist
-from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
+from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, chain_before, see_robot
 from zteam.robot.behaviors.registry import load_behavior
-from zteam.robot.view import View
 from zteam.testing import make_view
-
-
-def told(*statuses: tuple[int, str, int]) -> View:
-    """Robot 3's view after these robots have told behaviour and leader."""
-    messages = {i: RobotStatus(robot_id=i, behavior=behavior, leader=leader) for i, behavior, leader in statuses}
-    return make_view(robot_id=3, inputs={"statuses": messages})
-
-
-def test_a_behaviour_is_known_by_its_status() -> None:
-    """Of a robot that has told nothing it is empty."""
-    view = told((0, "wander", -1))
-    assert (behavior_of(view, 0), behavior_of(view, 1), behavior_of(make_view(), 0)) == ("wander", "", "")
 
 
 @pytest.mark.parametrize(
@@ -107,29 +94,6 @@ def test_what_a_robot_tells_out_of_turn_turns_nothing(robot: int, turns: int, nu
     assert line.turns == turns + (leads and 0 < number - turns < 2**30)
 
 
-def test_of_two_the_other_one_cannot_turn_the_line() -> None:
-    """Where a line has two robots, no third one can say which of them is right."""
-    line, told = Line(), {1: RobotStatus(robot_id=1, leader=0, gap=0.8, turns=0)}
-    for number, expected in ((0, 0), (1, 0), (2**31 - 1, 0)):
-        told[1] = RobotStatus(robot_id=1, leader=0, gap=0.8, turns=number)
-        line.find_place(make_view(robot_id=0, inputs={"statuses": told}), None)
-        assert line.turns == expected
-
-
-def test_a_leader_of_which_nothing_is_known_is_the_head() -> None:
-    """Before any status has come the named leader is all that there is, and the line cannot turn."""
-    place = Line().find_place(make_view(robot_id=3), 2)
-    assert (place.ahead, place.head, place.may_turn) == (2, 2, False)
-
-
-@pytest.mark.parametrize("on_lost", ["relink", "takeover"])
-@pytest.mark.parametrize("turns", [0, 1])
-def test_those_behind_a_lost_middle_robot_move_up(on_lost: OnLeaderLost, turns: int) -> None:
-    """They follow the next living robot, whichever end leads."""
-    expected = [{0: None, 1: 0, 3: 1}, {0: 1, 1: 3, 3: None}][turns]
-    assert ahead(places(LINE, frozenset({2}), on_lost, turns)) == expected
-
-
 def test_without_its_head_the_whole_line_stands() -> None:
     """With `relink` all name the lost robot at once, also where the other end leads."""
     for turns in (0, 1):
@@ -180,16 +144,6 @@ def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: i
     assert place.may_reverse == (robot == 0)
 
 
-def test_a_robot_that_cannot_follow_the_one_behind_it_keeps_the_line_as_it_is() -> None:
-    """One such robot is enough: a formation, or `hand_over = false`."""
-    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=0, gap=0.8) for robot in (0, 1, 2)}
-    told[2].turns = NO_TURNS
-    view = make_view(robot_id=0, inputs={"statuses": told})
-    assert not Line().find_place(view, None).may_turn
-    told[2].turns = 0
-    assert Line().find_place(view, None).may_turn
-
-
 def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
     """A robot in a formation keeps another place behind its leader than a line would have, and tells no gap."""
     told = {
@@ -198,12 +152,6 @@ def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
     }
     place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2)
     assert (place.before, place.head) == ((2, 1), 1)
-
-
-def test_the_own_leader_counts_as_it_is_set() -> None:
-    """And not as it was told."""
-    told = {3: RobotStatus(robot_id=3, behavior="follow", leader=1, gap=0.8)}
-    assert Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2).before == (2,)
 
 
 @pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])

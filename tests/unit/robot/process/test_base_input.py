@@ -26,7 +26,7 @@ def test_the_default_holds_until_the_base_tells() -> None:
     known = RobotInputs(3)
     assert known.base.footprint == DEFAULT_BASE.footprint
     assert known.missing() == ["its footprint (robot_3/base_info)"]
-    known.take_base(3, WIDE)
+    known.on_base_info(3, WIDE)
     assert known.missing() == []
     assert (known.base.half_width, known.base.max_vel_x) == (0.6, 0.5)
 
@@ -35,8 +35,8 @@ def test_the_newest_message_counts_below_the_override() -> None:
     """A base that changes tells so; what the team file sets holds for each of them, and before the first."""
     known = RobotInputs(0, BaseOverride(max_vel_x=0.3))
     assert known.base.max_vel_x == 0.3
-    known.take_base(0, BaseInfo(model="narrow"))
-    known.take_base(0, WIDE)
+    known.on_base_info(0, BaseInfo(model="narrow"))
+    known.on_base_info(0, WIDE)
     assert (known.base.model, known.base.half_width, known.base.max_vel_x) == ("wide", 0.6, 0.3)
 
 
@@ -57,7 +57,7 @@ def test_a_base_that_tells_nothing_is_waited_for_two_seconds(
     (record,) = caplog.records
     assert record.getMessage().startswith("no robot_0/base_info: an erratic's footprint and limits hold")
     # It may come later all the same.
-    known.take_base(0, WIDE)
+    known.on_base_info(0, WIDE)
     assert known.base.half_width == 0.6
 
 
@@ -65,7 +65,7 @@ def test_a_base_that_has_told_is_not_missed_later(seconds: list[float], caplog: 
     """No warning comes, however long the robot drives."""
     known = RobotInputs(0)
     known.wait_no_longer()
-    known.take_base(0, WIDE)
+    known.on_base_info(0, WIDE)
     seconds.append(900.0)
     known.wait_no_longer()
     assert caplog.records == []

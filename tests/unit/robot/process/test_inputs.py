@@ -18,20 +18,20 @@ from zteam.robot.process.inputs import RobotInputs, TransformInputs
 def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
     """The data of one tick."""
     if scan:
-        inputs.take_scan(LaserScan(Header(time_from_ns(stamp))))
+        inputs.on_scan(LaserScan(Header(time_from_ns(stamp))))
     if odom:
-        inputs.take_odom(Odometry(Header(time_from_ns(stamp))))
+        inputs.on_odom(Odometry(Header(time_from_ns(stamp))))
     if tf:
-        inputs.transforms.take_bundle(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)]))
+        inputs.transforms.on_bundle(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)]))
 
 
 @pytest.fixture
 def inputs() -> RobotInputs:
     """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
     made = RobotInputs(1)
-    made.take_base(1, BaseInfo())
-    made.take_fixed(laser_on(1))
-    made.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    made.on_base_info(1, BaseInfo())
+    made.on_fixed(laser_on(1))
+    made.transforms.on_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
 
@@ -59,10 +59,10 @@ def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: RobotInputs, sta
     give(inputs, S)
     give(inputs, 2 * S, tf=False)
     for _ in range(2):
-        inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
+        inputs.transforms.on_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
     assert inputs.lacking(2 * S)
     give(inputs, 2 * S)
-    inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
+    inputs.transforms.on_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
     assert not inputs.lacking(2 * S)
 
 
@@ -84,10 +84,10 @@ def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: Robot
 def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> None:
     """In lock-step a tick waits for the bases of its robots, and no other base counts, whenever it came."""
     for robot_id in (5, 2):
-        inputs.take_base(robot_id, BaseInfo(model=f"model {robot_id}"))
+        inputs.on_base_info(robot_id, BaseInfo(model=f"model {robot_id}"))
     robots = frozenset({2, 3})
     assert not inputs.has_bases(robots)
-    inputs.take_base(3, BaseInfo(model="model 3"))
+    inputs.on_base_info(3, BaseInfo(model="model 3"))
     assert inputs.has_bases(robots)
     assert {i: base.model for i, base in inputs.bases.items()} == {2: "model 2", 3: "model 3"}
     bases = inputs.bases
@@ -98,12 +98,12 @@ def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> Non
 def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
     inputs = RobotInputs(1)
-    inputs.take_base(1, BaseInfo())
-    inputs.take_fixed(laser_on(1))
+    inputs.on_base_info(1, BaseInfo())
+    inputs.on_fixed(laser_on(1))
     give(inputs, S)
     assert not inputs.lacking(S)
     assert inputs.lacking(S, connected=True)
-    inputs.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    inputs.transforms.on_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     assert not inputs.lacking(S, connected=True)
 
 
@@ -111,13 +111,13 @@ def test_no_tick_is_complete_without_the_base() -> None:
     """The first step of a run must not depend on whether `base_info`, the fixed frames or the scan are faster."""
     inputs = RobotInputs(1)
     give(inputs, S)
-    inputs.take_base(1, BaseInfo())
+    inputs.on_base_info(1, BaseInfo())
     assert inputs.lacking(S)
-    inputs.take_fixed(laser_on(1))
+    inputs.on_fixed(laser_on(1))
     assert not inputs.lacking(S)
     inputs = RobotInputs(1)
     give(inputs, S)
-    inputs.take_fixed(laser_on(1))
+    inputs.on_fixed(laser_on(1))
     assert inputs.lacking(S)
 
 
@@ -147,11 +147,11 @@ def test_robots_of_one_process_share_the_transforms() -> None:
     shared = TransformInputs()
     first, second = RobotInputs(1, transforms=shared), RobotInputs(2, transforms=shared)
     bundles = [TFMessage([stamped("map", "robot_1/base_footprint", at, float(at // S))]) for at in (9 * S, S)]
-    first.transforms.take_bundle(bundles[0])
+    first.transforms.on_bundle(bundles[0])
     assert second.transforms.find_pose("map", "robot_1/base_footprint") == (Pose2(9.0, 0.0, 0.0), 9 * S)
     first.forget()
-    first.transforms.take_bundle(bundles[1])
+    first.transforms.on_bundle(bundles[1])
     second.forget()
     assert first.transforms.find_pose("map", "robot_1/base_footprint") is None
-    second.transforms.take_bundle(bundles[1])
+    second.transforms.on_bundle(bundles[1])
     assert first.transforms.find_pose("map", "robot_1/base_footprint") == (Pose2(1.0, 0.0, 0.0), S)

@@ -28,8 +28,8 @@ def driver_at(mux: Mux, tick: int) -> str | None:
 def test_the_higher_priority_drives_until_its_time_out() -> None:
     """Teleop drives over navigation for 0.5 s after its last velocity, then navigation does, then the behaviour."""
     mux = Mux()
-    mux.take(TELEOP, "", Twist(Vector3(0.3)), TICK)
-    mux.take(NAVIGATION, "", stamped(0.2, 1), 4 * TICK)
+    mux.receive(TELEOP, "", Twist(Vector3(0.3)), TICK)
+    mux.receive(NAVIGATION, "", stamped(0.2, 1), 4 * TICK)
     drivers = [driver_at(mux, tick) for tick in range(4, 11)]
     assert drivers == [RobotDriver.TELEOP] * 3 + [RobotDriver.NAVIGATION] * 3 + [None]
 
@@ -37,7 +37,7 @@ def test_the_higher_priority_drives_until_its_time_out() -> None:
 def test_the_velocity_of_a_source_is_that_of_its_message() -> None:
     """The velocity in a stamped message drives as it is."""
     mux = Mux()
-    mux.take(NAVIGATION, "", stamped(0.2, 1), TICK)
+    mux.receive(NAVIGATION, "", stamped(0.2, 1), TICK)
     choice = mux.choose(TICK)
     assert choice == (NAVIGATION, Twist(Vector3(0.2)))
 
@@ -45,7 +45,7 @@ def test_the_velocity_of_a_source_is_that_of_its_message() -> None:
 def test_a_velocity_of_lock_step_counts_from_the_next_tick_on() -> None:
     """What is sent in tick 3 drives in the ticks 4 to 8, also if tick 3 is not answered yet when it comes."""
     mux, messages = Mux(), TickMessages()
-    take = partial(mux.take, TELEOP)
+    take = partial(mux.receive, TELEOP)
     messages.hold(
         HeldMessage(0, "robot_1/cmd_vel_teleop", Twist(Vector3(0.3)), "a", False, None, take),
         3 * TICK,
@@ -60,7 +60,7 @@ def test_a_velocity_of_lock_step_counts_from_the_next_tick_on() -> None:
 def test_a_jump_of_time_ends_all_driving() -> None:
     """After a jump back in time what drove does not drive."""
     mux = Mux()
-    mux.take(TELEOP, "", Twist(Vector3(0.3)), TICK)
+    mux.receive(TELEOP, "", Twist(Vector3(0.3)), TICK)
     mux.forget()
     assert [driver_at(mux, tick) for tick in (1, 2, 3)] == [None] * 3
 
@@ -68,7 +68,7 @@ def test_a_jump_of_time_ends_all_driving() -> None:
 def test_a_clock_that_is_set_back_ends_a_velocity() -> None:
     """A velocity from an hour ahead, as after the host's clock was set, does not drive."""
     mux = Mux()
-    mux.take(TELEOP, "", Twist(Vector3(0.3)), 36_000 * TICK)
+    mux.receive(TELEOP, "", Twist(Vector3(0.3)), 36_000 * TICK)
     assert driver_at(mux, 1) is None
 
 
