@@ -6,13 +6,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
@@ -106,12 +103,7 @@ class Driver:
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
         self._make_behavior(self._parameters)
-        behavior = self.behavior
-        self._watch = StepWatch(
-            f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
-        )
-        self._has_named_look_ups = False
-        """Whether the log has said that a step looks transforms up undeclared."""
+        self._watch = StepWatch(f"{kind.__name__}.step", "a scan comes every", f"try zteam check {status.behavior}")
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
@@ -160,20 +152,6 @@ class Driver:
         """The parameters that the behaviour has."""
         self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
-    def _ask(self, view: View) -> tuple[Twist, str]:
-        """As `ask`; logs once if a step looks transforms up undeclared, but for teammates, whose age it sees."""
-        behavior = self.behavior
-
-        def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
-            if not (behavior.uses_tf or self._has_named_look_ups):
-                self._has_named_look_ups, name = True, type(behavior).__name__
-                log.warning("%s looks transforms up without 'uses_tf = True': it would drive on by old ones", name)
-            return view.lookup(target_frame, source_frame)
-
-        if not (behavior.uses_tf or self._has_named_look_ups):
-            return ask(behavior, msgspec.structs.replace(view, lookup=lookup, _find_teammate=view.lookup))
-        return ask(behavior, view)
-
     def begin_anew(self) -> None:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
@@ -196,7 +174,7 @@ class Driver:
             self.behavior.on_release()
         self._rested = rests
         # In lock-step the next scan waits.
-        asking = partial(self._ask, view)
+        asking = partial(ask, self.behavior, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         driver = RobotDriver.BEHAVIOR
         if choice is not None:
