@@ -50,8 +50,6 @@ FAULTY = {
         "step asks for 2 m/s, -4 rad/s, this robot does 1 m/s, -3.14159 rad/s",
     ),
     "the turn in the wrong place": ("ignored", "return Twist(Vector3(0.1, 0.0, 0.5))", "step sets linear.z = 0.5, "),
-    "changes a message": ("changed", "view.odom.pose.pose.position.x += 1.0", "step changed view.odom: "),
-    "changes the scan": ("changed", "view.scan.ranges = view.scan.ranges * 0.5", "step changed view.scan: "),
     "goes by the host's clock": ("differs", "return Twist(Vector3(time.time() % 1.0))", DIFFERS),
     "numbers by chance": ("differs", "return Twist(angular=Vector3(z=random.uniform(-1.0, 1.0)))", DIFFERS),
     "keeps its state in the class": (
@@ -174,19 +172,10 @@ class Mine(Behavior):
     def step(self, view: View) -> Twist:
         return Twist(Vector3(0.1 * (view.inputs["goal"].pose.position.x > 1.0)))
 """
-CHANGES = """
-class Mine(Behavior):
-    inputs = {"statuses": ("robot_$*/status", RobotStatus)}
-
-    def step(self, view: View) -> Twist:
-        for status in view.inputs["statuses"].values():
-            status.reason = "seen"
-        return Twist()
-"""
 
 
 def test_declared_inputs_are_tried_with_and_without_messages(folder: Path) -> None:
-    """An input that has not come is None; messages of all robots come in one trial, and belong to others too."""
+    """An input that has not come is None; empty messages come in one trial."""
     mine = Candidate(folder, INPUTS)
     results = mine.try_it()
     (asked,) = [result for result in results if result.name == "empty messages on its inputs"]
@@ -194,9 +183,6 @@ def test_declared_inputs_are_tried_with_and_without_messages(folder: Path) -> No
         ("missing returned None, not a list of texts", mine.place("def missing"))
     ]
     assert results[0].faults[0].text.startswith("step raises AttributeError: 'NoneType' object has no attribute")
-    results = Candidate(folder, CHANGES).try_it()
-    assert only_fault(results, "changed").text == 'step changed view.inputs["statuses"]: copy it first'
-    assert [result.name for result in results if result.faults] == ["empty messages on its inputs"]
 
 
 def test_an_error_of_the_constructor_is_found(folder: Path) -> None:

@@ -9,14 +9,14 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Message, Twist, Vector3
-from zteam.robot.behaviors.assignment import Assignment
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STATUSES, see_robot
 from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.shapes import (
+from zteam.robot.behaviors.slots import (
+    Assignment,
     Shape,
     Slot,
     approach,

@@ -104,18 +104,18 @@ class Wander(LineMember):
         self.reason = ""
         status = (view.inputs.get("statuses") or {}).get(view.robot_id)
         is_driven = status is not None and status.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
-        place = self._find_place(view, None)
+        role = self._find_role(view, None)
         # Alone it drives by its laser, and needs no transforms.
-        self.uses_tf = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
-        self.follows = place.ahead if self.uses_tf else None
+        self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
+        self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
             return self._step_alone(view, view.scan)
-        own = self._locate(view, place)
+        own = self._locate(view, role)
         if own is None:
             return Twist()
-        if place.ahead is None:
-            return self._lead(view, own, place, self.params.speed, self.params.turn_rate)
-        command, self.reason = self._trail.step(view, own, place, place.gap, STALE_AFTER, LIMITS)
+        if role.ahead is None:
+            return self._lead(view, own, role, self.params.speed, self.params.turn_rate)
+        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
         return command
 
     def why_it_rests(self) -> str:

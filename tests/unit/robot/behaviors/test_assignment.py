@@ -1,6 +1,6 @@
 """Who keeps which slot."""
 
-from zteam.robot.behaviors.assignment import Assignment
+from zteam.robot.behaviors.slots import Assignment
 
 SLOTS = [(0.0, 0.0), (1.0, 0.0)]
 SECOND = 1_000_000_000

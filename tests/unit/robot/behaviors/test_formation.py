@@ -9,11 +9,10 @@ from support.flat_floor import make_view as view_of_scan
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.assignment import assign
 from zteam.robot.behaviors.formation import find_goal, hold, turn_to
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.shapes import SHAPES, slots_of
+from zteam.robot.behaviors.slots import SHAPES, assign, slots_of
 from zteam.testing import make_view
 
 LIMITS = SpeedLimits(1.0, 2.0)

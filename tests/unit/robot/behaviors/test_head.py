@@ -9,8 +9,8 @@ from zteam.behaviors import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.head import Head
-from zteam.robot.behaviors.line import Place
+from zteam.robot.behaviors.line import LineRole
+from zteam.robot.behaviors.line_room import Head
 
 START = Pose2(0.0, 0.0, 0.0)
 SPEED = 0.4
@@ -45,7 +45,7 @@ def look(
 
 def lead(head: Head, view: View, own: Pose2 = START, behind: int | None = None) -> tuple[Twist | None, str]:
     """One step of a head that may drive 0.4 m/s and turn 1 rad/s."""
-    return head.step(view, own, Place(behind=behind, may_turn=True), SPEED, 1.0)
+    return head.step(view, own, LineRole(behind=behind, may_turn=True), SPEED, 1.0)
 
 
 @pytest.mark.parametrize(("ahead", "straight"), [(1.15, True), (1.0, False)])

@@ -10,7 +10,7 @@ from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist
-from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, chain_before, see_robot
+from zteam.robot.behaviors.line import NO_TURNS, Line, LineRole, OnLeaderLost, chain_before, see_robot
 from zteam.robot.behaviors.registry import load_behavior
 from zteam.testing import make_view
 
@@ -40,7 +40,7 @@ LINE = {0: None, 1: 0, 2: 1, 3: 2}
 
 def places(
     leaders: dict[int, int | None], gone: frozenset[int] = frozenset(), on_lost: OnLeaderLost = "relink", turns: int = 0
-) -> dict[int, Place]:
+) -> dict[int, LineRole]:
     """The places that the living robots find, each for itself, from what all of them tell."""
     told = {
         robot: RobotStatus(robot_id=robot, leader=-1 if leader is None else leader, turns=turns, gap=0.8)
@@ -51,13 +51,13 @@ def places(
         line, view = Line(), make_view(robot_id=robot, inputs={"statuses": told})
         line.find_gone(msgspec.structs.replace(view, team=tuple(leaders)))
         living = msgspec.structs.replace(view, team=tuple(leaders.keys() - gone))
-        found[robot] = line.find_place(living, leaders[robot], on_lost)
+        found[robot] = line.find_role(living, leaders[robot], on_lost)
     return found
 
 
-def ahead(found: dict[int, Place]) -> dict[int, int | str | None]:
+def ahead(found: dict[int, LineRole]) -> dict[int, int | str | None]:
     """The robot that each follows, or why it stands."""
-    return {robot: place.reason or place.ahead for robot, place in found.items()}
+    return {robot: role.reason or role.ahead for robot, role in found.items()}
 
 
 @pytest.mark.parametrize("on_lost", ["relink", "stop", "takeover"])
@@ -66,7 +66,7 @@ def test_a_whole_line_is_as_it_was_named(on_lost: OnLeaderLost) -> None:
     found = places(LINE, on_lost=on_lost)
     assert ahead(found) == LINE
     assert [found[robot].behind for robot in LINE] == [1, 2, 3, None]
-    assert all(place.may_turn and place.head == 0 for place in found.values())
+    assert all(role.may_turn and role.head == 0 for role in found.values())
 
 
 @pytest.mark.parametrize("turns", [1, 7])
@@ -86,10 +86,10 @@ def test_what_a_robot_tells_out_of_turn_turns_nothing(robot: int, turns: int, nu
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=turns, gap=0.8) for each in LINE}
     own = {0: 1, 1: 2, 2: 1, 3: 2}[robot]
     line, view = Line(), make_view(robot_id=own, inputs={"statuses": told})
-    line.find_place(view, own - 1)
+    line.find_role(view, own - 1)
     told[robot] = RobotStatus(robot_id=robot, leader=robot - 1, turns=number, gap=0.8)
     for _ in range(3):
-        line.find_place(view, own - 1)
+        line.find_role(view, own - 1)
     leads = robot == (3 if turns else 0)
     assert line.turns == turns + (leads and 0 < number - turns < 2**30)
 
@@ -119,7 +119,7 @@ def test_a_line_with_branches_does_not_turn() -> None:
     tree = {0: None, 1: 0, 2: 1, 5: 0, 6: 5}
     found = places(tree, turns=1)
     assert ahead(found) == tree
-    assert not any(place.may_turn for place in found.values())
+    assert not any(role.may_turn for role in found.values())
 
 
 @pytest.mark.parametrize(("turns", "expected"), [(2, {1: 0, 2: 1, 3: 2}), (3, {3: 0, 2: 3, 1: 2})])
@@ -128,10 +128,10 @@ def test_a_head_that_cannot_follow_keeps_its_place(turns: int, expected: dict[in
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=turns, gap=0.8) for robot in LINE}
     told[0].turns = NO_TURNS
     found = {
-        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
+        robot: Line().find_role(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
     }
-    assert {robot: place.ahead for robot, place in found.items()} == expected
-    assert all(place.may_reverse and not place.may_turn and place.head == 0 for place in found.values())
+    assert {robot: role.ahead for robot, role in found.items()} == expected
+    assert all(role.may_reverse and not role.may_turn and role.head == 0 for role in found.values())
 
 
 @pytest.mark.parametrize("robot", [0, 2, 3])
@@ -140,8 +140,8 @@ def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: i
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=0, gap=0.8) for each in LINE}
     told[0].turns = NO_TURNS
     told[robot].turns = NO_TURNS
-    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0)
-    assert place.may_reverse == (robot == 0)
+    role = Line().find_role(make_view(robot_id=1, inputs={"statuses": told}), 0)
+    assert role.may_reverse == (robot == 0)
 
 
 def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
@@ -150,8 +150,8 @@ def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
         1: RobotStatus(robot_id=1, behavior="formation", leader=0),
         2: RobotStatus(robot_id=2, behavior="follow", leader=1, gap=0.8),
     }
-    place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2)
-    assert (place.before, place.head) == ((2, 1), 1)
+    role = Line().find_role(make_view(robot_id=3, inputs={"statuses": told}), 2)
+    assert (role.before, role.head) == ((2, 1), 1)
 
 
 @pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])
@@ -182,10 +182,10 @@ def test_a_line_waits_for_a_robot_that_was_silent_before_it_was_gone(silent: boo
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, gap=0.8) for robot in LINE}
     line, began = Line(), round(50e9)
 
-    def place(now: int, *team: int) -> Place:
+    def place(now: int, *team: int) -> LineRole:
         view = make_view(robot_id=2, inputs={"statuses": told})
         seen = msgspec.structs.replace(view, now=now, team=team, silent=frozenset({1} if silent else ()))
-        return line.find_place(seen, 1)
+        return line.find_role(seen, 1)
 
     assert place(began, 0, 1, 2, 3).ahead == 1
     place(began, 0, 2, 3)

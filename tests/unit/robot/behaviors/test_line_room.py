@@ -7,7 +7,7 @@ import pytest
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.line import Place
+from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.line_room import (
     FRUITLESS,
     BoxedIn,
@@ -59,7 +59,7 @@ def step(
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
     way = Following(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
-    own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
+    own, place = Pose2(x, 0.0, 0.0), LineRole((0,), turns=turns)
     return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
 
 

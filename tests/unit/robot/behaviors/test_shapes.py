@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from support.flat_floor import LASER, Segment, cast, make_scan
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.shapes import (
+from zteam.robot.behaviors.slots import (
     CLOSING,
     OPENING,
     SHAPES,
