@@ -4,53 +4,12 @@ import math
 
 import pytest
 
-from support.flat_floor import LASER, cast, drive, make_scan
-from support.flat_floor import make_view as view_of_scan
+from support.flat_floor import drive
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.formation import find_goal, hold, turn_to
-from zteam.robot.behaviors.leader_trail import LeaderTrail
-from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.slots import SHAPES, assign, slots_of
 from zteam.testing import make_view
-
-LIMITS = SpeedLimits(1.0, 2.0)
-HERE = Pose2(0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(("x", "speed"), [(0.1, 0.6), (-0.1, 0.2), (-0.4, 0.05), (0.4, 1.0)])
-def test_it_closes_the_distance_to_a_slot_that_moves(x: float, speed: float) -> None:
-    """Faster behind it, slower ahead of it but never back, and never above its limit."""
-    assert hold(Pose2(x, 0.0, 0.0), 0.4, 0.0, LIMITS).linear.x == pytest.approx(speed)
-
-
-def test_it_turns_to_a_slot_beside_it() -> None:
-    """On the spot to a slot that stands beside it, in a bend to one that drives a little aside; not at rest."""
-    aside = hold(Pose2(0.0, 0.3, 0.0), 0.0, 0.0, LIMITS)
-    assert (aside.linear.x, aside.angular.z) == (0.0, 2.0)
-    bend = hold(Pose2(0.0, 0.05, 0.0), 0.4, 0.0, LIMITS)
-    assert bend.linear.x == pytest.approx(0.4)
-    assert 0.0 < bend.angular.z < 1.0
-    assert hold(Pose2(0.005, 0.0, 1.0), 0.0, 0.0, LIMITS) == Twist()
-
-
-def test_it_turns_to_a_heading() -> None:
-    """At a rate by the angle, up to its limit; not for an angle that is next to nothing."""
-    assert turn_to(0.2, LIMITS).angular.z == pytest.approx(0.6)
-    assert turn_to(-3.0, LIMITS).angular.z == -2.0
-    assert turn_to(0.04, LIMITS) == Twist()
-
-
-def test_with_a_wall_between_it_goes_along_the_trail() -> None:
-    """To the foremost place of the leader's way that it sees, and not through the wall to the slot."""
-    view = view_of_scan(make_scan(cast(LASER, [(1.0, 0.5, 1.0, 4.0)])))
-    trail = LeaderTrail()
-    trail.begin(Pose2(2.0, 2.0, math.pi / 2), 1, [Pose2(0.0, -0.5, 0.0), Pose2(2.0, -0.5, 0.0)])
-    goal = find_goal(view, HERE, Pose2(2.0, 1.5, math.pi / 2), 0.0, trail, trail.path.end - 0.5)
-    assert goal.x > 1.2
-    assert goal.y < 0.5
-
 
 FREE = [30.0] * 91
 STAND, FORWARD = Twist(), Twist(Vector3(0.4))

@@ -59,14 +59,6 @@ def test_places_are_where_the_leader_was(speed: float, turn: float, yaw: float) 
     assert trail.curvature(trail.place - 4.0 * speed) == pytest.approx(turn / speed, abs=0.15)
 
 
-def test_it_forgets_what_lies_far_behind() -> None:
-    """After 100 m with 2 m to keep, the last 2 m are exact, and what lies before is straight."""
-    trail = Trail()
-    poses = follow(trail, Pose2(0.0, 0.0, 0.0), Twist(Vector3(0.5), Vector3(z=0.1)), 2000, keep=2.0)
-    assert math.dist(trail.at(trail.place - 2.0)[:2], poses[-41][:2]) < 0.01
-    assert math.dist(trail.at(trail.place - 20.0)[:2], poses[-401][:2]) > 1.0
-
-
 def test_a_leader_that_is_moved_begins_anew() -> None:
     """A jump of more than a metre is no way that it drove."""
     trail = Trail()

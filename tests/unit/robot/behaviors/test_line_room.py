@@ -4,13 +4,11 @@ import math
 
 import pytest
 
-from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.line_room import (
     FRUITLESS,
-    BoxedIn,
     Following,
     MakingRoom,
     find_stopped,
@@ -93,19 +91,3 @@ def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> Non
     assert step(room, 1.2, head=near, wants=False) == told
     assert step(room, 1.3, head=far, wants=False) is None
     assert step(room, 1.4, head=near, wants=False) is None
-
-
-def test_a_head_that_turns_on_the_spot_and_does_not_get_on_is_boxed_in() -> None:
-    """For 2.5 s it may; then it has turned for nothing, until it has moved by 0.1 m."""
-    boxed = BoxedIn()
-    found = [boxed.look(to_ns(1.0 + 0.1 * tick), Pose2(0.0, 0.0, 0.1 * tick)) for tick in range(40)]
-    assert found.index(True) == 26
-    assert not boxed.look(to_ns(5.1), Pose2(0.2, 0.0, 0.0))
-    assert not BoxedIn().look(to_ns(9.0), Pose2(0.0, 0.0, 0.0))
-
-
-def test_a_robot_ahead_whose_pose_is_late_is_not_made_room_for() -> None:
-    """Its pose is 0.55 m away, which is too near; where it has driven 0.15 m since, it is not."""
-    near = Pose2(0.55, 0.0, 0.0)
-    assert step(MakingRoom(), 1.0, head=near, wants=False) == (Twist(Vector3(-0.2)), "makes room for robot_0")
-    assert step(MakingRoom(), 1.0, head=near, wants=False, driven_on=0.15) is None

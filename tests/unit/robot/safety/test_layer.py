@@ -139,32 +139,6 @@ def test_it_drives_no_faster_than_it_could_stop_within_what_its_laser_sees() -> 
     assert 0.1 * speed + 0.5 * speed**2 == pytest.approx(0.5)
 
 
-def test_points_stay_where_they_are_until_the_robot_has_driven_three_metres() -> None:
-    """What its laser does not see any more still stands there, and is forgotten after 3 m of travel; what it sees
-    through is gone at once."""
-    post = [(0.8, 0.3, 0.8, 0.5), (0.8, 0.5, 1.0, 0.5), (0.8, 0.3, 1.0, 0.3), (1.0, 0.3, 1.0, 0.5)]
-    robot = Drive([*post])
-
-    def knows() -> bool:
-        points = robot.layer._around.points
-        x, y, _ = robot.pose.inverse().compose(Pose2(0.8, 0.3, 0.0))
-        # It has moved by 5 cm since.
-        return bool((np.hypot(points[0] - x, points[1] - y) < 0.06).any())
-
-    while robot.pose.x < 3.4:
-        robot.step(SPEED)
-        assert knows()
-    while robot.pose.x < 4.4:
-        robot.step(SPEED)
-    assert not knows()
-    robot = Drive([*post])
-    robot.step(0.1)
-    assert knows()
-    robot.walls.clear()
-    robot.step(0.1)
-    assert not knows()
-
-
 def fastest_corner(robot: Drive) -> float:
     """m/s, of what was left of the last command."""
     speed, turn = robot.command

@@ -1,4 +1,4 @@
-"""The shapes of formations, and how they are squeezed."""
+"""The slots of formations: where they lie, how they are squeezed, and who keeps which."""
 
 import math
 from itertools import combinations
@@ -13,6 +13,7 @@ from zteam.robot.behaviors.slots import (
     CLOSING,
     OPENING,
     SHAPES,
+    Assignment,
     Shape,
     Slot,
     approach,
@@ -130,3 +131,35 @@ def test_a_bend_squeezes_its_inner_side(side: float) -> None:
     tight = share_for_bend(side / 1.0, left, right)
     assert (1.0 - tight) * 1.6 == pytest.approx(0.9)
     assert share_for_bend(-side / 1.0, left, right) == 0.0
+
+
+SLOTS = [(0.0, 0.0), (1.0, 0.0)]
+SECOND = 1_000_000_000
+
+
+def look(assignment: Assignment, now: int, *xs: float) -> list[int | None]:
+    """The slots of robots 1, 2, … that stand at these places on a line."""
+    members = {robot: (x, 0.0) for robot, x in enumerate(xs, 1)}
+    if assignment.is_due(now, members):
+        assignment.look(now, members, SLOTS)
+    return [assignment.slots.get(robot) for robot in members]
+
+
+def test_slots_change_hands_only_where_that_helps_much() -> None:
+    """Two robots that stand nearly as well do not swap, and robots that have passed each other do."""
+    assignment = Assignment()
+    assert look(assignment, 0, 0.0, 1.0) == [0, 1]
+    assert look(assignment, SECOND, 0.55, 0.5) == [0, 1]
+    assert look(assignment, 2 * SECOND, 1.0, 0.0) == [1, 0]
+
+
+def test_it_looks_at_the_same_times_in_all_robots() -> None:
+    """Twice a second by the clock, whenever it has looked last, and at once when members come or go."""
+    assignment = Assignment()
+    members = {1: (0.0, 0.0)}
+    assert assignment.is_due(0, members)
+    assignment.look(400_000_000, members, SLOTS[:1])
+    assert not assignment.is_due(499_999_999, members)
+    assert assignment.is_due(500_000_000, members)
+    assert assignment.is_due(400_000_000, {**members, 2: (1.0, 0.0)})
+    assert assignment.slots.get(2) is None
