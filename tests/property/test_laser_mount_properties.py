@@ -107,7 +107,7 @@ def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Flo
     hit = distances < FAR
     ends = distances[hit] * np.stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
     around = Surroundings()
-    around.take(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
+    around.update(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
     return ends.T + view.laser, around.points.T
 
 

@@ -222,7 +222,7 @@ def test_the_leader_is_given_and_no_other_parameter(
 
 @pytest.mark.parametrize(
     ("tick", "wait", "steps", "is_slow"),
-    [(2.0, 0.02, 1, False), (2.0, 0.02, 2, True), (2.0, 1.0, 2, False), (-1.0, 1.0, 0, True)],
+    [(2.0, 0.3, 1, False), (2.0, 0.3, 2, True), (2.0, 9.0, 2, False), (-1.0, 9.0, 0, True)],
     ids=["few", "many and long", "short", "works for longer than a tick"],
 )
 def test_the_third_slow_step_ends_the_trials(
@@ -231,7 +231,7 @@ def test_the_third_slow_step_ends_the_trials(
     """Steps that wait without working are a fault only if they are many and long. Each trial runs twice."""
     monkeypatch.setattr(check, "TICK", tick)
     monkeypatch.setattr(check, "WAIT", wait)
-    body = f"self.steps = getattr(self, 'steps', 0) + 1\n        time.sleep(0.03 * (self.steps <= {steps}))\n"
+    body = f"self.steps = getattr(self, 'steps', 0) + 1\n        time.sleep(0.35 * (self.steps <= {steps}))\n"
     result = next(iter(run_trials("mine", Candidate(folder, f"{MINE}{body}        return Twist()\n").load(), {})))
     assert [fault.kind for fault in result.faults] == ["slow"] * is_slow
 

@@ -11,7 +11,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
-from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, LineRole, OnLeaderLost, behavior_of, see_robot
+from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.line_member import LineMember
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
@@ -120,7 +120,9 @@ class Follow(LineMember):
             self._is_past = True
         if role.head in role.gone:
             then: str = self.params.takeover_behavior
-            then = behavior_of(view, role.head) if then == "same" and role.head is not None else then
+            if then == "same":
+                status = (view.inputs.get("statuses") or {}).get(role.head)
+                then = status.behavior if status is not None else ""
             if then != "wander" or not role.may_turn:
                 kind = SUCCESSORS.get(then, Avoid)
                 if type(self._successor) is not kind:

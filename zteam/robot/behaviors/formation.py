@@ -197,7 +197,7 @@ class Formation(Behavior):
             self._making_way.forget()
             return Twist()
         members = self._members(view)
-        self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
+        self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         command = self._drive(view, here, slot, target, limits)

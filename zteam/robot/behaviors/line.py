@@ -47,12 +47,6 @@ def see_robot(view: View, robot_id: int, frame: str, stale_after: float) -> tupl
     return Seen(pose, stamp), ""
 
 
-def behavior_of(view: View, robot: int) -> str:
-    """The behaviour that a robot tells in its status; empty if it has told none."""
-    status = (view.inputs.get("statuses") or {}).get(robot)
-    return status.behavior if status is not None else ""
-
-
 OnLeaderLost = Literal["relink", "stop", "takeover"]
 GAP, MOST_GAP = 0.8, 100.0
 """Metres between neighbours that have told nothing else, and that a robot may tell."""

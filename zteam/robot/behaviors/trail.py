@@ -212,7 +212,7 @@ class Trail:
         ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
         if head is None or ahead is None:
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
-        self._take(view, before, head, own, gap)
+        self._update(view, before, head, own, gap)
         self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
         if self._is_far_behind(gap * len(before)):
@@ -251,7 +251,7 @@ class Trail:
             speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
         return speed if speed >= CREEP else 0.0
 
-    def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
+    def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, stamp = self._trail, head.stamp or view.now
         if before[-1] != self._leads or trail.is_far(head.pose):
@@ -259,7 +259,7 @@ class Trail:
         elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
             way = [own, *places_of(view, before[:-1])]
         else:
-            trail.take(head.pose, stamp, trail.place - self._place + KEPT)
+            trail.add(head.pose, stamp, trail.place - self._place + KEPT)
             return
         trail.begin(head.pose, stamp, way)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None

@@ -74,12 +74,10 @@ class Wander(LineMember):
         super().__init__(params)
         self._side = 0.0
         """1 while turning left, -1 while turning right, 0 while driving."""
-        self._turned = 0.0
-        self._wanted = 0.0
+        self._turned = self._wanted = 0.0
         """Radians turned since it stopped, and how many there are to be at least."""
-        self._driven = SHORT_DRIVE
+        self._driven, self._squeezing = SHORT_DRIVE, False
         """Metres since the last turn."""
-        self._squeezing = False
         self._stuck = 0.0
         """Seconds for which it has not moved, though it wants to drive."""
         self._place = math.nan, math.nan

@@ -92,13 +92,8 @@ class Driver:
         team: Callable[[], tuple[int, ...]],
     ) -> None:
         """`kind` is the class of the behaviour; `team()`: ids of the robots that are alive."""
-        self._node, self._team = node, team
-        self._inputs = inputs
-        self._kind = kind
-        self.status = status
-        self.robot_id = options.robot_id
-        self._seed = options.seed
-        self._has_layer = options.safety
+        self._node, self._team, self._inputs, self._kind, self.status = node, team, inputs, kind, status
+        self.robot_id, self._seed, self._has_layer = options.robot_id, options.seed, options.safety
         self._parameters = options.params
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
@@ -108,13 +103,10 @@ class Driver:
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
         """Whether no simulator answers."""
-        self._begins_anew = False
-        """Whether time has jumped back since the last step."""
-        self._stepped = 0
-        """Time of the last step in ns; 0 before the first one."""
-        self._rested = False
+        self._begins_anew, self._stepped = False, 0
+        """Whether time has jumped back since the last step, and when that was (ns; 0 before the first one)."""
+        self._rested, self._pauses = False, Pauses()
         """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
-        self._pauses = Pauses()
         self._heard_from = 0.0
         """Real time: the host time from which on there was no pause."""
         node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())

@@ -176,21 +176,19 @@ class RobotInputs:
 
         `transforms` are those of this process, its own ones otherwise.
         """
+        self._id, self._base = robot_id, names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self._override = override or BaseOverride()
         self.base = override_base(DEFAULT_BASE, self._override)
         """DEFAULT_BASE and the override until the own `base_info` has come."""
-        self._given_up = False
-        """Whether the robot does without `base_info`."""
-        self._waits_since = 0.0
-        """Host time of the first scan in real time; 0 before."""
+        self._given_up, self._waits_since = False, 0.0
+        """Whether the robot does without `base_info`; host time of its first scan in real time, 0 before."""
         self.mux = Mux()
         self.declared = DeclaredInputs(declared or [])
         self.scan: LaserScan | None = None
         self.scan_stamp = 0
-        """Stamp of the newest scan; 0 = none."""
-        self.scan_interval = 0.1
+        """0 = none."""
+        self.scan_interval, self._last_interval = 0.1, math.inf
         """Seconds between scans: the shorter one of the newest two intervals; Stage's tick before."""
-        self._last_interval = math.inf
         self.odom: Odometry | None = None
         self.transforms = transforms or TransformInputs()
         self._fixed = Buffer()
@@ -202,8 +200,6 @@ class RobotInputs:
         self._told: dict[int, Base] = {}
         self._robots: frozenset[int] | None = None
         """Whose bases `bases` has, in lock-step."""
-        self._id = robot_id
-        self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
 
     def on_scan(self, scan: LaserScan) -> None:
         before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)

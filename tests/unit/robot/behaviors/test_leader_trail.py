@@ -29,7 +29,7 @@ class Trail(LeaderTrail):
     def see(self, leader: Pose2, keep: float = 10.0) -> None:
         """The leader's pose in the next tick."""
         self.ticks += 1
-        self.take(leader, self.ticks * TICK, keep)
+        self.add(leader, self.ticks * TICK, keep)
 
 
 def follow(trail: Trail, pose: Pose2, command: Twist, ticks: int, keep: float = 10.0) -> list[Pose2]:
