@@ -86,17 +86,6 @@ def test_nothing_is_commanded_before_the_first_key() -> None:
     assert pilot.take_commands(2.0) == [(3, STILL)]
 
 
-def test_a_press_counts_for_a_while_and_a_repeat_extends_it() -> None:
-    """0.75 s after the first press, 0.3 s after each repeat, then zero, which is sent on and on."""
-    pilot = make_pilot()
-    pilot.press("i", 10.0)
-    assert [pilot.command(now) for now in (10.0, 10.74, 10.75, 11.0)] == [AHEAD, AHEAD, STILL, STILL]
-    for now in (20.0, 20.5, 20.53, 20.56):
-        pilot.press("i", now)
-    assert [pilot.command(now) for now in (20.85, 20.87)] == [AHEAD, STILL]
-    assert pilot.take_commands(30.0) == [(0, STILL)]
-
-
 def test_a_key_that_is_held_down_is_pressed_once() -> None:
     """Its repeats do not take the robot back from another teleop; a stop does each time, and what commands nothing
     never."""
@@ -105,17 +94,6 @@ def test_a_key_that_is_held_down_is_pressed_once() -> None:
     assert [*pressed, pilot.press("j", 1.7), pilot.press("j", 9.0)] == [True, False, False, True, True]
     assert [pilot.press(key, 10.0) for key in ("k", "k", SPACE)] == [True] * 3
     assert not any(pilot.press(key, 11.0) for key in (FOCUS_LOST, FOCUS_GAINED, HELP, "q", NEXT))
-
-
-@pytest.mark.parametrize("key", ["k", SPACE, OTHER, "y", "\x04", FOCUS_LOST])
-def test_these_keys_stop_at_once(key: str) -> None:
-    """k, space, any key without a meaning, and the loss of the focus."""
-    pilot = make_pilot()
-    pilot.press("i", 1.0)
-    pilot.press(key, 1.1)
-    assert pilot.take_commands(1.1) == [(0, STILL)]
-    pilot.press(FOCUS_GAINED, 1.2)
-    assert pilot.command(1.2) == STILL
 
 
 def test_speed_keys_change_the_motion_under_way() -> None:

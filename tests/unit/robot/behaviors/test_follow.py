@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
-from zteam.behaviors import Behavior, View, decide, load_behavior
+from zteam.behaviors import Behavior, View, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
@@ -63,14 +63,6 @@ def test_a_stale_leader_is_not_followed(age: float, moves: bool) -> None:
     assert behavior.reason == ""
 
 
-def test_its_own_stale_pose_stops_it_first() -> None:
-    """Old transforms of its own are named as such and not blamed on the leader."""
-    command, reason = decide(follower(), seeing(Pose2(2.0, 0.0, 0.0), age=0.6, own_age=0.6))
-    assert (command.linear.x, reason) == (0.0, "its own pose in map is stale")
-    command, reason = decide(follower(), seeing(Pose2(2.0, 0.0, 0.0), age=0.6))
-    assert (command.linear.x, reason) == (0.0, "leader robot_0 not seen for 0.5 s")
-
-
 def test_no_robot_follows_itself() -> None:
     """It is refused when it is made, or stands still where the robot's id was not known then."""
     with pytest.raises(UsageError, match="robot 1 cannot follow itself"):
@@ -86,23 +78,6 @@ def test_it_is_ready_with_its_leaders_pose() -> None:
     assert behavior.missing(seeing(None)) == ["the pose of its leader robot_0"]
     assert behavior.missing(seeing(Pose2(1.0, 0.0, 0.0), age=2.0)) == ["the pose of its leader robot_0"]
     assert behavior.missing(seeing(Pose2(1.0, 0.0, 0.0))) == []
-
-
-def test_it_does_not_swing_in_front_of_a_post() -> None:
-    """The side it goes round on is kept although the other has become the shorter."""
-    behavior = follower()
-
-    def turn(hit_deg: int) -> float:
-        ranges = [30.0] * 271
-        ranges[135 + hit_deg] = 0.5
-        view = seeing(Pose2(3.0, 0.0, 0.0))
-        scan = make_scan(ranges, NOW, math.radians(270.0))
-        return behavior.step(make_view(scan, now=NOW, robot_id=1, lookup=view.lookup)).angular.z
-
-    assert turn(-5) > 0.0
-    assert turn(5) > 0.0
-    assert turn(90) == 0.0
-    assert turn(5) < 0.0
 
 
 def test_the_chain_is_the_newest_that_is_told() -> None:

@@ -68,14 +68,6 @@ def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
     assert command.angular.z * side > 0.0
 
 
-@pytest.mark.parametrize(("mate", "straight"), [((0.9, 0.5), False), ((0.9, 0.7), True), ((-0.8, 0.0), True)])
-def test_another_robot_counts_as_a_wall(mate: tuple[float, float], straight: bool) -> None:
-    """Which the laser may look over: in its way it turns, beside it or behind it drives on."""
-    command, _ = lead(Head(), look(START, OPEN, 1.0, {1: mate}))
-    assert command is not None
-    assert (command.angular.z == 0.0) is straight
-
-
 def test_it_hands_over_where_it_does_not_get_on() -> None:
     """The way is free, and yet it has not come 0.4 m in 6 s; one that has come so far goes on."""
     stuck, moving = Head(), Head()

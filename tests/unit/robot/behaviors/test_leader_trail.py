@@ -14,7 +14,6 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.leader_trail import LeaderTrail, Sample, between, fit
 
-STRAIGHT = Twist(Vector3(0.5))
 SPACING = 0.1
 """Metres between two points of the trail."""
 TAIL = 0.2
@@ -57,17 +56,6 @@ def test_places_are_where_the_leader_was(speed: float, turn: float, yaw: float) 
         assert math.dist(found[:2], expected[:2]) < math.hypot(short, beside) + 0.002
         assert abs(math.remainder(found.yaw - expected.yaw, math.tau)) < short * bend + math.radians(1.0)
     assert trail.curvature(trail.place - 4.0 * speed) == pytest.approx(turn / speed, abs=0.15)
-
-
-def test_a_leader_that_is_moved_begins_anew() -> None:
-    """A jump of more than a metre is no way that it drove."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 20)
-    assert trail.is_far(Pose2(10.0, 5.0, 0.0))
-    trail.see(Pose2(10.0, 5.0, 0.0), 10.0)
-    assert (trail.place, trail.speed) == (0.0, 0.0)
-    assert trail.at(trail.place - 1.0) == pytest.approx((9.0, 5.0, 0.0))
 
 
 def show(trail: Trail, poses: Iterable[Pose2], noise: float = 0.0) -> None:
@@ -154,48 +142,3 @@ def test_a_parabola_is_found_exactly(terms: tuple[float, ...], place: float) -> 
     ]
     u = place
     assert fit(samples, place, 0.25) == pytest.approx((a + b * u + c * u * u, d + e * u + f * u * u), abs=1e-6)
-
-
-def test_few_samples_are_joined_by_straight_lines() -> None:
-    """Where no parabola can be told, the point lies between two samples, or is the first or the last one."""
-    samples = [Sample(0.0, Pose2(0.0, 0.0, 3.0)), Sample(0.2, Pose2(2.0, 0.0, -3.0))]
-    assert fit(samples, 0.1, 0.25) == pytest.approx((1.0, 0.0))
-    assert between(samples, 0.1).yaw == pytest.approx(math.pi)
-    assert between(samples, -1.0) == samples[0].pose
-    assert between(samples, 0.2) == samples[1].pose
-
-
-@pytest.mark.parametrize("rate", [0.5, 1.0, -math.pi])
-@pytest.mark.parametrize("back", [0.0, 0.4, -0.4])
-def test_the_trail_of_a_leader_that_turns_round_goes_back_along_itself(rate: float, back: float) -> None:
-    """Its place goes on growing, the trail's end stays behind it, and what lies before the turn stays."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0))
-    (*_, tip) = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)
-    (*_, turned) = follow(trail, tip, Twist(angular=Vector3(z=rate)), round(10.0 * math.pi / abs(rate)))
-    assert trail.place == pytest.approx(3.0, abs=0.02)
-    pose, before = turned, trail.place
-    for ticks in range(1, 41):
-        (pose,) = follow(trail, pose, Twist(Vector3(0.5), Vector3(z=back)), 1)
-        assert trail.place > before - 0.005
-        before = trail.place
-        assert trail.place == pytest.approx(3.0 + 0.05 * ticks, abs=0.1)
-        assert trail.place - TAIL - 0.05 < trail.path.end <= trail.place + 0.05
-    assert trail.at(2.0)[:2] == pytest.approx((2.0, 0.0), abs=0.03)
-    assert trail.at(3.0)[:2] == pytest.approx((3.0, 0.0), abs=0.1)
-    assert (
-        math.dist(trail.at(trail.place - 0.5)[:2], drive(pose, Twist(Vector3(0.5), Vector3(z=back)), -1.0)[:2]) < 0.05
-    )
-
-
-@pytest.mark.parametrize("turn", [0.5, 1.0, 1.5, -1.0])
-def test_a_leader_that_backs_up_another_way_leaves_its_trail_as_it_is(turn: float) -> None:
-    """It turned on the spot first, and backs up for 2 m beside its trail: the trail follows it there."""
-    trail = Trail()
-    show(trail, [Pose2(0.05 * i, 0.0, 0.0) for i in range(61)])
-    show(trail, [Pose2(3.0, 0.0, turn)] * 3)
-    way = [Pose2(3.0, 0.0, turn).compose(Pose2(-0.05 * i, 0.0, 0.0)) for i in range(1, 41)]
-    show(trail, way)
-    assert math.dist(trail.path.last, way[-1][:2]) < 0.3
-    assert trail.path.project(2.5, 0.0) == pytest.approx(2.5, abs=0.1)
-    assert trail.place > 4.0

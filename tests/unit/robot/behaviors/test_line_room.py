@@ -61,17 +61,6 @@ def step(
     return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
 
 
-def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
-    """It follows for 3 s where it stands, then drives as a head does, and follows again 0.5 m from there."""
-    room = MakingRoom()
-    commands = [step(room, 1.0 + 0.1 * tick) for tick in range(60)]
-    left = next(tick for tick, command in enumerate(commands) if command is not None)
-    assert left == 31
-    assert commands[left] == (Twist(Vector3(0.4)), "is stuck: leaves its way")
-    assert step(room, 7.0, 1.4) is not None
-    assert step(room, 7.1, 1.6) is None
-
-
 def test_a_robot_between_two_ends_that_get_on_no_more_leaves_its_trail() -> None:
     """It waits in its place while the line turns once; after the second turn it goes, until it has moved 0.5 m."""
     room = MakingRoom()

@@ -35,13 +35,6 @@ def test_a_point_twice_is_one_point() -> None:
     assert (len(path), path.end, path.last) == (2, 2.0, (1.0, 3.0))
 
 
-def test_one_point_is_a_path_without_length() -> None:
-    """Each place is that point, and each point projects onto it."""
-    path = Polyline([(3.0, 4.0)])
-    assert path.at(1.0) == Pose2(3.0, 4.0, 0.0)
-    assert path.project(9.0, 9.0) == 0.0
-
-
 @pytest.mark.parametrize(
     ("x", "y", "low", "high", "s"),
     [
@@ -58,18 +51,6 @@ def test_one_point_is_a_path_without_length() -> None:
 def test_the_nearest_place_of_a_stretch(x: float, y: float, low: float, high: float, s: float) -> None:
     """Only places from `low` to `high` count, so a path that comes near itself is not confused."""
     assert corner().project(x, y, low, high) == pytest.approx(s)
-
-
-def test_a_path_is_cut_back() -> None:
-    """It ends where it was cut, and goes on from there."""
-    path = corner()
-    path.cut_after(1.5)
-    assert path.end == pytest.approx(1.5)
-    assert path.last == pytest.approx((1.5, 0.0))
-    path.append(1.5, -1.0)
-    assert path.at(2.0) == pytest.approx(Pose2(1.5, -0.5, -math.pi / 2))
-    path.cut_after(9.0)
-    assert path.end == pytest.approx(2.5)
 
 
 STRAIGHT = Polyline([(0.0, 0.0), (10.0, 0.0)])
