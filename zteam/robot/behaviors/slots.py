@@ -1,4 +1,4 @@
-"""The slots of formations: where they lie, seen from the leader, how far they are squeezed, and who takes which.
+"""The slots of formations: where they lie behind the leader, how far they are squeezed, and which robot takes which.
 
 A slot lies so far back along the leader's trail, and so far to the left of it. So a formation goes round a bend as a
 train does, and does not swing outwards like a board. It is squeezed to a column where walls are near, and where it
