@@ -16,7 +16,7 @@ from studies.formations import (
     run_slalom,
     starts_of,
 )
-from zteam.robot.behaviors.shapes import slots_of
+from zteam.robot.behaviors.slots import slots_of
 
 FIGURES = FormationFigures(
     shape="wedge", robots=5, starts=12, settle_s=4.71, rms_m=0.0084, max_m=0.099, nearest_m=0.57, contacts=0,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.robot.behaviors.assignment import Assignment, assign
+from zteam.robot.behaviors.slots import Assignment, assign
 
 costs = st.integers(0, 6).flatmap(
     lambda n: st.lists(

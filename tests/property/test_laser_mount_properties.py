@@ -98,8 +98,8 @@ def published(mount: tuple[float, ...]) -> TransformStamped:
 def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Floats]:
     """(n, 2) each, in the base: hits as a behaviour reads them, and as the safety layer remembers them."""
     inputs = RobotInputs(0)
-    inputs.take_fixed(TFMessage([fixed]))
-    inputs.take_scan(scan)
+    inputs.on_fixed(TFMessage([fixed]))
+    inputs.on_scan(scan)
     view = inputs.view(S, 0.1, (0,))
     assert view.scan is not None
     assert view.scan.angle_increment > 0.0
@@ -107,7 +107,7 @@ def seen_by_robot(scan: LaserScan, fixed: TransformStamped) -> tuple[Floats, Flo
     hit = distances < FAR
     ends = distances[hit] * np.stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
     around = Surroundings()
-    around.take(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
+    around.update(make_view(view.scan, now=S, laser=view.laser, odom=make_odometry(Pose2(0.0, 0.0, 0.0))), FAR)
     return ends.T + view.laser, around.points.T
 
 

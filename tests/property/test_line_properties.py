@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import RobotStatus
-from zteam.robot.behaviors.line import Line, OnLeaderLost, Place
+from zteam.robot.behaviors.line import Line, LineRole, OnLeaderLost
 from zteam.testing import make_view
 
 MOST = 7
@@ -28,7 +28,7 @@ EVENTS = st.lists(st.tuples(st.booleans(), st.integers(0, MOST)), max_size=20)
 POLICIES = st.sampled_from(["relink", "stop", "takeover"])
 
 
-def look(leaders: dict[int, int], gone: set[int], on_lost: OnLeaderLost, turns: int) -> dict[int, Place]:
+def look(leaders: dict[int, int], gone: set[int], on_lost: OnLeaderLost, turns: int) -> dict[int, LineRole]:
     """The places that the living robots find, each for itself."""
     robots = {*leaders, *leaders.values()}
     told = {robot: RobotStatus(robot_id=robot, leader=leaders.get(robot, -1), turns=turns, gap=0.8) for robot in robots}
@@ -37,7 +37,7 @@ def look(leaders: dict[int, int], gone: set[int], on_lost: OnLeaderLost, turns: 
         line, leader = Line(), leaders.get(robot)
         view = msgspec.structs.replace(VIEW, robot_id=robot, inputs={"statuses": told}, team=(*robots, *gone))
         line.find_gone(view)
-        found[robot] = line.find_place(msgspec.structs.replace(view, team=tuple(robots - gone)), leader, on_lost)
+        found[robot] = line.find_role(msgspec.structs.replace(view, team=tuple(robots - gone)), leader, on_lost)
     return found
 
 
@@ -55,27 +55,27 @@ def test_every_living_robot_has_its_place_and_all_agree(
     for comes_back, robot in [(True, 0), *events]:
         (gone.discard if comes_back else gone.add)(robot)
         found = look(leaders, gone, on_lost, turns)
-        assert {place.head for place in found.values() if not place.reason} <= {head}
-        for own, place in found.items():
-            assert place.ahead not in gone
-            if place.reason:
+        assert {role.head for role in found.values() if not role.reason} <= {head}
+        for own, role in found.items():
+            assert role.ahead not in gone
+            if role.reason:
                 assert on_lost != "takeover" and (on_lost == "stop" or head in gone)
-            elif place.ahead is not None and is_line and not found[place.ahead].reason:
-                assert found[place.ahead].behind == own
+            elif role.ahead is not None and is_line and not found[role.ahead].reason:
+                assert found[role.ahead].behind == own
             seen = {own}
-            while place.ahead is not None and place.ahead in found:
-                assert place.ahead not in seen
-                seen.add(place.ahead)
-                place = found[place.ahead]
+            while role.ahead is not None and role.ahead in found:
+                assert role.ahead not in seen
+                seen.add(role.ahead)
+                role = found[role.ahead]
         if is_line and on_lost == "takeover" and found:
-            assert sum(place.ahead is None for place in found.values()) == 1
+            assert sum(role.ahead is None for role in found.values()) == 1
 
 
 @given(st.one_of(trees(), LINES), POLICIES)
 def test_a_whole_line_that_was_never_turned_is_as_it_was_named(leaders: dict[int, int], on_lost: OnLeaderLost) -> None:
     """Each robot follows its own leader."""
     found = look(leaders, set(), on_lost, 0)
-    assert {robot: place.ahead for robot, place in found.items() if place.ahead is not None} == leaders
+    assert {robot: role.ahead for robot, role in found.items() if role.ahead is not None} == leaders
 
 
 class TurningLine:
@@ -93,7 +93,7 @@ class TurningLine:
         for i in robots:
             team = tuple(range(self.count))
             view = msgspec.structs.replace(VIEW, robot_id=i, inputs={"statuses": statuses}, team=team)
-            self.lines[i].find_place(view, i - 1 if i else None)
+            self.lines[i].find_role(view, i - 1 if i else None)
         for i, line in enumerate(self.lines):
             self.told[i] = self.lie if i == self.liar else line.turns
 

@@ -32,14 +32,6 @@ def test_two_places_are_no_further_apart_than_the_path_between_them(
     assert path.at(path.end)[:2] == pytest.approx(points[-1], abs=near)
 
 
-@given(points, shares, st.floats(-0.5, 1.5))
-def test_a_point_is_where_the_path_is_there(points: list[tuple[float, float]], dropped: float, share: float) -> None:
-    """To the last bit, also beyond the ends and where the beginning was dropped."""
-    path = Polyline(points)
-    path.drop_before(dropped * path.end)
-    assert path.point(share * path.end) == path.at(share * path.end)[:2]
-
-
 @given(points, metres, metres, shares, shares, st.lists(shares, max_size=20))
 def test_no_place_of_the_stretch_is_nearer_than_the_projection(
     points: list[tuple[float, float]], x: float, y: float, a: float, b: float, others: list[float]

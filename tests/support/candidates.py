@@ -46,7 +46,7 @@ class Candidate:
     def place(self, source: str) -> str:
         """The place of a line of it."""
         at = next(n for n, line in enumerate(self.lines, 1) if source in line)
-        return f"{self.module}.py:{at}: {self.lines[at - 1].strip()}"
+        return f"{self.module}.py:{at}"
 
 
 def faults_of(results: list[TrialResult]) -> dict[str, list[Fault]]:

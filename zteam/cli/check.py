@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,11 +12,6 @@ from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.zteam_robot import add_param_option
 from zteam.robot.behaviors.registry import find_behavior, look_in
-
-# Trials import the simulator, which takes a moment: a mistake in the command line is said before.
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from zteam.robot.trials.check import Fault, TrialResult
 
 _WIDTH = 31
 """Columns of a trial's name."""
@@ -39,7 +33,8 @@ def _check(args: argparse.Namespace) -> int:
     # What the author's own code prints must not come among the results, and its steps are hundreds.
     with contextlib.redirect_stdout(sys.stderr):
         kind = find_behavior(args.name)
-    from zteam.robot.trials.check import all_trials, run_trials
+    # The trials import the simulator, which takes a moment: mistakes on the command line are reported before.
+    from zteam.robot.trials.check import all_trials, format_faults, run_trials
 
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
         for result in run_trials(args.name, kind, dict(args.param)):
@@ -54,23 +49,9 @@ def _check(args: argparse.Namespace) -> int:
         left = len(all_trials(kind)) - len(results)
         if left:
             print_line(f"(the other {left} trials are left out, because these took too long)")
-        print_block(f"\n{format_faults(args.name, results)}")
+        faults = format_faults(results)
+        print_block("\n".join(["", *faults, f"{args.name}: {len(faults) or 'no'} faults in {len(results)} trials"]))
     return 0 if is_good else 1
-
-
-def format_faults(name: str, results: Sequence["TrialResult"]) -> str:
-    """Each fault once, with the trials that show it."""
-    found: dict[tuple[str, str], tuple[Fault, list[str]]] = {}
-    for result in results:
-        for fault in result.faults:
-            found.setdefault((fault.kind, fault.place), (fault, []))[1].append(result.name)
-    count = {0: "nothing is wrong", 1: "one thing is wrong"}.get(len(found), f"{len(found)} things are wrong")
-    lines = [f"{name}: {count} in {len(results)} trial{'s' if results[1:] else ''}"]
-    for number, (fault, trials) in enumerate(found.values(), 1):
-        more = f"; {len(trials) - 3} more" if trials[3:] else ""
-        parts = {"at": fault.place, "in": "; ".join(trials[:3]) + more, "try": fault.hint}
-        lines += ["", f"{number}. {fault.text}", *(f"   {word}: {text}" for word, text in parts.items() if text)]
-    return "\n".join(lines)
 
 
 main = partial(run_tool, build_parser, _check)

@@ -49,8 +49,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     from the base's x axis. None before the first one, and if it cannot be used."""
     odom: Odometry | None
     lookup: FindPose
-    _find_teammate: FindPose | None = None
-    """What `teammates` are looked up with, if not with `lookup`."""
     laser: Point2 = (0.0, 0.0)
     """Where the beams of `scan` begin, in the base (m)."""
     scan_needs: str = ""
@@ -72,9 +70,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     @cached_property
     def teammates(self) -> tuple[Teammate, ...]:
         """All other robots of `team` and `bases` whose pose is known, by id; looked up when first asked for."""
-        found, lookup = [], self._find_teammate or self.lookup
+        found = []
         for robot_id in sorted({*self.team, *self.bases} - {self.robot_id}):
-            at = lookup(self.base_frame, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+            at = self.base_from_robot(robot_id)
             if at is not None:
                 age = abs(self.now - at[1]) / 1e9 if at[1] else 0.0
                 found.append(Teammate(robot_id, at[0], age, self.bases.get(robot_id, DEFAULT_BASE)))
@@ -87,10 +85,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
-        return self._found
-
-    @cached_property
-    def _found(self) -> tuple[Pose2, int] | None:
         return self.lookup(names.MAP_FRAME, self.base_frame)
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:

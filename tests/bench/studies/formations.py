@@ -18,9 +18,8 @@ from studies.chains.tracks import Walls, count_touches
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.assignment import assign
 from zteam.robot.behaviors.polyline import Polyline
-from zteam.robot.behaviors.shapes import SHAPES, Shape, slots_of
+from zteam.robot.behaviors.slots import SHAPES, Shape, assign, slots_of
 from zteam.simulator.world.model import footprint
 from zteam.world import World, add_robot, load_world
 

@@ -6,7 +6,7 @@ import pytest
 
 from support.named_sessions import open_named
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import MemoryHub, NoRequest, presence
 from zteam.bus.transport import TIMED_OUT
 from zteam.errors import BusError
 from zteam.node.node import Node
@@ -22,32 +22,26 @@ NAME = "robot_1"
 WITHIN = f"within {CONFIRM_LIMIT:g} s"
 
 
-def test_a_robot_that_is_not_there_is_named(hub: MemoryHub) -> None:
-    """The error lists the robots that there are, or says how to start some."""
-    client = ParametersClient(hub.bus())
+def test_a_robot_that_is_not_there_or_does_not_answer_is_named(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error lists the robots that there are, or says how to start some, or what to do next."""
+    monkeypatch.setattr(presence, "CLAIM_WAIT", 0.0)
+    bus = hub.bus()
+    client = ParametersClient(bus)
     with pytest.raises(BusError, match=r"^no process robot_7, and no other .* start a team with 'zteam up'$"):
         client.describe("robot_7")
     node = Node(NAME, hub.bus(), Stop())
     node.become_present()
     RobotNode(node, Forward, RobotOptions(1, "forward"))
-    text = r"^no process robot_7 with parameters; there is robot_1$"
-    with pytest.raises(BusError, match=text):
-        client.describe("robot_7")
-    with pytest.raises(BusError, match=text):
+    with pytest.raises(BusError, match=r"^no process robot_7 with parameters; there is robot_1$"):
         client.set("robot_7", {"speed": 0.1})
-
-
-def test_a_robot_that_does_not_answer_is_named(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A time-out becomes a sentence with the next step."""
-    bus = hub.bus()
     monkeypatch.setattr(bus.transport, "get", lambda key, *_: [] if key.startswith("robot_7/") else [TIMED_OUT])
-    client = ParametersClient(bus)
-    with pytest.raises(BusError, match=r"^robot_1: does not answer within 10 s: see 'zteam doctor'$"):
-        client.describe(NAME)
-    with pytest.raises(BusError, match=r"^no robot answers within 10 s: see 'zteam doctor'$"):
-        client.describe_all()
-    with pytest.raises(BusError, match=r"^no process robot_7 with parameters; no robot answers within 10 s"):
-        client.describe("robot_7")
+    for call, text in (
+        (lambda: client.describe(NAME), r"^robot_1: does not answer within 10 s: see 'zteam doctor'$"),
+        (client.describe_all, r"^no robot answers within 10 s: see 'zteam doctor'$"),
+        (lambda: client.describe("robot_7"), r"^no process robot_7 with parameters; no robot answers within 10 s"),
+    ):
+        with pytest.raises(BusError, match=text):
+            call()
 
 
 class StoppingTeam:
@@ -120,13 +114,9 @@ def test_what_does_not_confirm_is_named(
     assert str(results[2]) == "robot_2: nothing holds it: it has no process, and no simulator has its body"
     assert not any(results[i].is_done for i in (1, 2))
     assert (9 in results) == (robots is not None)
-
-
-def test_a_simulator_that_hangs_confirms_nothing(team: StoppingTeam) -> None:
-    """It may have each robot's body."""
+    # A simulator that hangs may have each robot's body.
     team.add_simulator(0, answers=False)
-    team.add(0)
-    (result,) = team.client.engage()
+    (result,) = act(team.client, [0])
     assert (result.confirmed, result.missing, result.is_done) == (["robot_0"], ["sim"], False)
     assert str(result) == f"robot_0: confirmed by robot_0; not confirmed by sim {WITHIN}"
 

@@ -9,7 +9,6 @@ from zteam.robot.teleop import (
     FOCUS_GAINED,
     FOCUS_LOST,
     HELP,
-    HELP_TEXT,
     MAX_SPEED,
     MIN_SPEED,
     NEXT,
@@ -33,12 +32,6 @@ def test_the_keys_are_those_of_teleop_twist_keyboard() -> None:
     arrows = {"up": "i", "down": ",", "left": "j", "right": "l"}
     expected = {**TELEOP_TWIST_KEYBOARD, **{arrow: TELEOP_TWIST_KEYBOARD[key] for arrow, key in arrows.items()}}
     assert dict(DIRECTIONS) == expected
-
-
-@pytest.mark.parametrize("key", ["i", "j", "l", "u", "o", "m", ",", ".", "k", "q", "z", "w", "x", "e", "c", "?", "tab"])
-def test_the_help_names_every_key(key: str) -> None:
-    """A user finds each key in the help."""
-    assert key in HELP_TEXT.replace(":", " ").replace(";", " ").split() or f" {key}" in HELP_TEXT
 
 
 @pytest.mark.parametrize(
@@ -93,25 +86,6 @@ def test_nothing_is_commanded_before_the_first_key() -> None:
     assert pilot.take_commands(2.0) == [(3, STILL)]
 
 
-def test_a_press_counts_for_a_while_and_a_repeat_extends_it() -> None:
-    """0.75 s after the first press, 0.3 s after each repeat, then zero, which is sent on and on."""
-    pilot = make_pilot()
-    pilot.press("i", 10.0)
-    assert [pilot.command(now) for now in (10.0, 10.74, 10.75, 11.0)] == [AHEAD, AHEAD, STILL, STILL]
-    for now in (20.0, 20.5, 20.53, 20.56):
-        pilot.press("i", now)
-    assert [pilot.command(now) for now in (20.85, 20.87)] == [AHEAD, STILL]
-    assert pilot.take_commands(30.0) == [(0, STILL)]
-
-
-def test_a_quick_second_tap_takes_nothing_away() -> None:
-    """The first press counts for its 0.75 s also if a repeat follows at once."""
-    pilot = make_pilot()
-    pilot.press("i", 1.0)
-    pilot.press("i", 1.1)
-    assert [pilot.command(now) for now in (1.74, 1.76)] == [AHEAD, STILL]
-
-
 def test_a_key_that_is_held_down_is_pressed_once() -> None:
     """Its repeats do not take the robot back from another teleop; a stop does each time, and what commands nothing
     never."""
@@ -120,26 +94,6 @@ def test_a_key_that_is_held_down_is_pressed_once() -> None:
     assert [*pressed, pilot.press("j", 1.7), pilot.press("j", 9.0)] == [True, False, False, True, True]
     assert [pilot.press(key, 10.0) for key in ("k", "k", SPACE)] == [True] * 3
     assert not any(pilot.press(key, 11.0) for key in (FOCUS_LOST, FOCUS_GAINED, HELP, "q", NEXT))
-
-
-@pytest.mark.parametrize("key", ["k", SPACE, OTHER, "y", "\x04", FOCUS_LOST])
-def test_these_keys_stop_at_once(key: str) -> None:
-    """k, space, any key without a meaning, and the loss of the focus."""
-    pilot = make_pilot()
-    pilot.press("i", 1.0)
-    pilot.press(key, 1.1)
-    assert pilot.take_commands(1.1) == [(0, STILL)]
-    pilot.press(FOCUS_GAINED, 1.2)
-    assert pilot.command(1.2) == STILL
-
-
-def test_sideways_and_turning_keys_use_their_speeds() -> None:
-    """J goes to the left at the speed, m backwards with the turn rate."""
-    pilot = make_pilot()
-    pilot.press("J", 0.0)
-    assert pilot.command(0.0) == Twist(Vector3(0.0, 0.5))
-    pilot.press("m", 0.1)
-    assert pilot.command(0.1) == Twist(Vector3(-0.5), Vector3(z=-1.0))
 
 
 def test_speed_keys_change_the_motion_under_way() -> None:
@@ -167,17 +121,6 @@ def test_tab_stops_the_robot_that_is_left() -> None:
     pilot.press(NEXT, 0.4)
     assert pilot.take_commands(0.4) == [(1, STILL)]
     assert pilot.robot_id == 0
-
-
-def test_letting_go_stops() -> None:
-    """At the end the robot gets a zero, once; a robot that was never commanded gets none."""
-    pilot = make_pilot()
-    pilot.let_go()
-    assert pilot.take_commands(0.0) == []
-    pilot.press("i", 1.0)
-    pilot.let_go()
-    assert pilot.take_commands(1.0) == [(0, STILL)]
-    assert pilot.take_commands(1.0) == []
 
 
 def test_words_are_presses() -> None:

@@ -12,7 +12,7 @@ from support.log_capture import captured_log
 from support.named_sessions import open_named
 from support.transports import wait_until_true
 from zteam import names
-from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus import Bus, MemoryHub, NoRequest, presence
 from zteam.bus.presence import Claim, own_info
 from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
@@ -28,8 +28,9 @@ AHEAD, BACK, STILL = Twist(Vector3(0.5)), Twist(Vector3(-0.5)), Twist()
 
 
 @pytest.fixture
-def hub() -> MemoryHub:
-    """A bus in memory."""
+def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
+    """A bus in memory, on which a token is seen at once."""
+    monkeypatch.setattr(presence, "CLAIM_WAIT", 0.0)
     return MemoryHub()
 
 
@@ -48,33 +49,26 @@ def hear(bus: Bus, key: str) -> list[Twist]:
 
 
 def test_without_a_process_the_base_is_driven_under_the_robots_name(hub: MemoryHub) -> None:
-    """Commands go to cmd_vel alone; a robot that comes is refused, until the wheels are given back."""
-    outside = hub.bus()
-    base, mux = hear(outside, "robot_0/cmd_vel"), hear(outside, "robot_0/cmd_vel_teleop")
+    """Commands go to cmd_vel alone; a robot that comes is refused, until the wheels are given back. What drives the
+    base answers for the robot's stop: zero at once and for each command, until the release."""
+    bus = hub.bus()
+    base, mux = hear(bus, "robot_0/cmd_vel"), hear(bus, "robot_0/cmd_vel_teleop")
     wheels = take(hub)
     wheels.drive(AHEAD)
     assert (wheels.direct, base, mux) == (True, [AHEAD], [])
     with pytest.raises(DuplicateNameError, match="robot_0 is taken by process"):
         Claim(hub.bus(), "robot_0").win(lambda _: None)
-    wheels.close()
-    Claim(hub.bus(), "robot_0").win(lambda _: None)
-
-
-def test_a_base_without_a_process_is_held(hub: MemoryHub) -> None:
-    """What drives it directly answers for the robot: zero at once and for each command, until the release."""
-    base, bus = hear(hub.bus(), "robot_0/cmd_vel"), hub.bus()
-    wheels = take(hub)
-    wheels.drive(AHEAD)
     assert bus.ask("robot_0/stop/engage", StopReply) == StopReply("robot_0", True)
-    assert base == [AHEAD, Twist()]
+    assert base == [AHEAD, STILL]
     wheels.drive(AHEAD)
     bus.ask("robot_0/stop/release", StopReply)
     # What was commanded meanwhile is not made up for.
-    assert base == [AHEAD, Twist(), Twist(), Twist()]
+    assert base == [AHEAD, STILL, STILL, STILL]
     wheels.drive(AHEAD)
     assert base[-1] == AHEAD
     wheels.close()
     assert bus.query("robot_0/stop", StopReply) == []
+    Claim(hub.bus(), "robot_0").win(lambda _: None)
 
 
 @pytest.fixture
@@ -165,19 +159,6 @@ def test_a_key_is_known_by_its_commands(story: list[tuple[str, Twist, float]], g
     assert bool(turn.other) == gives_way
 
 
-def test_a_robots_process_is_asked_to_drive(hub: MemoryHub) -> None:
-    """Commands go to cmd_vel_teleop alone, the robot keeps its name, and its status is known."""
-    robot = open_named(hub, "robot_0")
-    base, mux = hear(robot, "robot_0/cmd_vel"), hear(robot, "robot_0/cmd_vel_teleop")
-    wheels = take(hub)
-    wheels.drive(AHEAD)
-    assert (wheels.direct, base, mux) == (False, [], [AHEAD])
-    robot.publisher("robot_0/status", RobotStatus).put(RobotStatus(robot_id=0, reason="an obstacle ahead"))
-    assert wheels.status is not None
-    assert wheels.status.reason == "an obstacle ahead"
-    wheels.close()
-
-
 def test_a_robot_that_the_world_lacks_is_refused(hub: MemoryHub) -> None:
     """The error names the robots that the simulator has."""
     status = SimStatus("arena", [0, 2], 100, 1, 0, 0, 1.0)
@@ -225,7 +206,7 @@ def test_the_end_of_the_presses_stops_the_robots(hub: MemoryHub, failing: bool) 
 
 
 STATUS = RobotStatus(robot_id=0, driver=RobotDriver.TELEOP, reason="an obstacle ahead")
-BEHAVIOR = RobotStatus(robot_id=0, driver=RobotDriver.BEHAVIOR)
+SLOWED = "teleop drives 0.25 m/s, 0.00 rad/s, wanted 0.50 m/s, 0.00 rad/s: an obstacle ahead"
 
 
 @pytest.mark.parametrize(
@@ -233,51 +214,39 @@ BEHAVIOR = RobotStatus(robot_id=0, driver=RobotDriver.BEHAVIOR)
     [
         (None, AHEAD, "no status yet"),
         (STATUS, AHEAD, "teleop drives 0.50 m/s, 0.00 rad/s: an obstacle ahead"),
-        (
-            STATUS,
-            Twist(Vector3(0.25)),
-            "teleop drives 0.25 m/s, 0.00 rad/s, wanted 0.50 m/s, 0.00 rad/s: an obstacle ahead",
-        ),
-        (BEHAVIOR, Twist(Vector3(-0.1)), "behavior drives -0.10 m/s, 0.00 rad/s"),
+        (STATUS, Twist(Vector3(0.25)), SLOWED),
         (RobotStatus(robot_id=0, is_stopped=True), Twist(), "stopped (zteam stop --release)"),
     ],
 )
 def test_the_line_tells_what_the_robot_does(hub: MemoryHub, told: RobotStatus | None, driven: Twist, text: str) -> None:
     """Robot and speeds of the keys, then driver, speed and reason; the wanted speed too if the robot is slower."""
     robot = open_named(hub, "robot_0")
-    hear(robot, "robot_0/cmd_vel_teleop")
+    base, mux = hear(robot, "robot_0/cmd_vel"), hear(robot, "robot_0/cmd_vel_teleop")
     wheels = take(hub)
     wheels.drive(AHEAD)
+    assert (wheels.direct, base, mux) == (False, [], [AHEAD])
     robot.publisher("robot_0/cmd_vel", Twist).put(driven)
     if told is not None:
         robot.publisher("robot_0/status", RobotStatus).put(told)
     assert describe(Pilot((0,), 0.5, 1.0), wheels) == f"robot_0: keys 0.50 m/s, 1.00 rad/s | {text}"
 
 
-def _stopped(hub: MemoryHub) -> None:
-    """A base that hears commands, and a teammate that is stopped."""
-    hear(hub.bus(), "robot_0/cmd_vel")
-    StopService(hub.bus(), 1, "robot_1", lambda: True, lambda _: None)
-
-
-def _nothing(hub: MemoryHub) -> None:
-    """No subscriber."""
-
-
-@pytest.mark.parametrize(
-    ("prepare", "text"),
-    [
-        (_nothing, "nothing hears robot_0/cmd_vel"),
-        (lambda hub: hear(hub.bus(), "robot_0/cmd_vel"), "0.50 m/s, 0.00 rad/s straight to the base, no safety layer"),
-        (_stopped, "stopped (zteam stop --release)"),
-    ],
-)
-def test_the_line_of_a_base_without_a_process(
-    hub: MemoryHub, prepare: Callable[[MemoryHub], object], text: str
-) -> None:
+def test_the_line_of_a_base_without_a_process(hub: MemoryHub) -> None:
     """It says that nothing hears the commands, or the newest command and that nothing makes it safe, or that the robot
     is stopped, as its teammates are."""
-    prepare(hub)
-    wheels = take(hub)
-    wheels.drive(AHEAD)
-    assert describe(Pilot((0,), 0.5, 1.0), wheels) == f"robot_0: keys 0.50 m/s, 1.00 rad/s | {text}"
+    lines = []
+    for prepare in (
+        lambda: None,
+        lambda: hear(hub.bus(), "robot_0/cmd_vel"),
+        lambda: StopService(hub.bus(), 1, "robot_1", lambda: True, lambda _: None),
+    ):
+        prepare()
+        wheels = take(hub)
+        wheels.drive(AHEAD)
+        lines.append(describe(Pilot((0,), 0.5, 1.0), wheels).partition(" | ")[2])
+        wheels.close()
+    assert lines == [
+        "nothing hears robot_0/cmd_vel",
+        "0.50 m/s, 0.00 rad/s straight to the base, no safety layer",
+        "stopped (zteam stop --release)",
+    ]

@@ -11,7 +11,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
-from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, OnLeaderLost, Place, behavior_of, see_robot
+from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.line_member import LineMember
 from zteam.robot.behaviors.polyline import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
@@ -92,42 +92,44 @@ class Follow(LineMember):
     def step(self, view: View) -> Twist:
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         params = self.params
-        place = self._find_place(view, params.leader, params.on_leader_lost)
-        own = self._locate(view, place)
+        role = self._find_role(view, params.leader, params.on_leader_lost)
+        own = self._locate(view, role)
         if own is None:
             return Twist()
-        if place.ahead != self.follows:
-            self.follows = place.ahead
-            log.info("%s now", "leads the line" if place.ahead is None else f"follows {names.robot_name(place.ahead)}")
+        if role.ahead != self.follows:
+            self.follows = role.ahead
+            log.info("%s now", "leads the line" if role.ahead is None else f"follows {names.robot_name(role.ahead)}")
         limits = SpeedLimits(params.max_linear, params.max_angular)
-        if place.ahead is None:
-            return self._take_the_lead(view, own, place, limits)
-        self._successor, self._is_past, self._before = None, False, place.ahead
-        if place.may_reverse and not place.after and self._silent is None and head_comes_round(view, place):
+        if role.ahead is None:
+            return self._take_the_lead(view, own, role, limits)
+        self._successor, self._is_past, self._before = None, False, role.ahead
+        if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
             self._turn_line()
         if params.law == "direct":
-            return self._drive_straight(view, place.ahead, limits)
-        command, self.reason = self._trail.step(view, own, place, params.gap, params.stale_after, limits)
+            return self._drive_straight(view, role.ahead, limits)
+        command, self.reason = self._trail.step(view, own, role, params.gap, params.stale_after, limits)
         return command
 
-    def _take_the_lead(self, view: View, own: Pose2, place: Place, limits: SpeedLimits) -> Twist:
+    def _take_the_lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
         """In the place of a head that is gone, or that has handed over."""
-        if self._before in place.gone and not self._is_past:
+        if self._before in role.gone and not self._is_past:
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
-            command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, place.gone)
+            command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, role.gone)
             if command is not None:
                 return command
             self._is_past = True
-        if place.head in place.gone:
+        if role.head in role.gone:
             then: str = self.params.takeover_behavior
-            then = behavior_of(view, place.head) if then == "same" and place.head is not None else then
-            if then != "wander" or not place.may_turn:
+            if then == "same":
+                status = (view.inputs.get("statuses") or {}).get(role.head)
+                then = status.behavior if status is not None else ""
+            if then != "wander" or not role.may_turn:
                 kind = SUCCESSORS.get(then, Avoid)
                 if type(self._successor) is not kind:
                     self._successor = kind(kind.Params())
                 command, self.reason = self._successor.step(view), self._successor.reason
                 return command
-        return self._lead(view, own, place, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
+        return self._lead(view, own, role, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
         if not self.params.max_linear:

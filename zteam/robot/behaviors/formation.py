@@ -9,14 +9,14 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Message, Twist, Vector3
-from zteam.robot.behaviors.assignment import Assignment
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STATUSES, see_robot
 from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
 from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.shapes import (
+from zteam.robot.behaviors.slots import (
+    Assignment,
     Shape,
     Slot,
     approach,
@@ -197,7 +197,7 @@ class Formation(Behavior):
             self._making_way.forget()
             return Twist()
         members = self._members(view)
-        self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
+        self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         command = self._drive(view, here, slot, target, limits)

@@ -208,19 +208,16 @@ class GoTo(Behavior):
         self._is_canceled = False
         """Whether the goal is to be given up."""
         self._goal: Pose2 | None = None
-        """In map."""
         self._refusal = NO_GOAL
-        """Why there is no goal."""
+        """The goal in map, and why there is none."""
         self._goal_state = NavigationState.DRIVING
         """What became of the goal in this step."""
         self._is_there = False
         """Whether it has been within the tolerance; then it only turns."""
         self._boundary: Boundary | None = None
         """What it goes round."""
-        self._turn = 0.0
-        """Radians that it had to turn at the last step, left positive."""
-        self._spun = 0.0
-        """Radians that it was to turn since it last drove."""
+        self._turn = self._spun = 0.0
+        """Radians that it had to turn at the last step, left positive, and that it was to turn since it last drove."""
         self._escape = Escape()
 
     def step(self, view: View) -> Twist:
@@ -230,7 +227,7 @@ class GoTo(Behavior):
             self._is_canceled, self._goal, self._refusal = False, None, "its goal is canceled"
             status.state = NavigationState.CANCELED
         if message is not None and message is not status.goal:
-            self._take(message, view)
+            self._on_goal(message, view)
         command = self._head_for_goal(view)
         if self._goal is not None:
             status.state = self._goal_state
@@ -275,8 +272,8 @@ class GoTo(Behavior):
     def why_it_rests(self) -> str:
         return "its parameter speed is 0"
 
-    def _take(self, message: PoseStamped, view: View) -> None:
-        """A goal has come. One that is repeated changes nothing on the way; it counts anew at the goal."""
+    def _on_goal(self, message: PoseStamped, view: View) -> None:
+        """One that is repeated changes nothing on the way; it counts anew at the goal."""
         goal, self._refusal = read_goal(message, view)
         self.navigation.goal, self.navigation.distance_remaining = message, 0.0
         if goal is None:

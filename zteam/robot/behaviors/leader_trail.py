@@ -88,7 +88,7 @@ class LeaderTrail:
         self.place, self.speed = self.path.end, 0.0
         self._samples, self._has_turned = [Sample(self.place, leader)], False
 
-    def take(self, leader: Pose2, stamp: int, keep: float) -> None:
+    def add(self, leader: Pose2, stamp: int, keep: float) -> None:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
         if self.is_far(leader):
             self.begin(leader, stamp)

@@ -47,12 +47,6 @@ def see_robot(view: View, robot_id: int, frame: str, stale_after: float) -> tupl
     return Seen(pose, stamp), ""
 
 
-def behavior_of(view: View, robot: int) -> str:
-    """The behaviour that a robot tells in its status; empty if it has told none."""
-    status = (view.inputs.get("statuses") or {}).get(robot)
-    return status.behavior if status is not None else ""
-
-
 OnLeaderLost = Literal["relink", "stop", "takeover"]
 GAP, MOST_GAP = 0.8, 100.0
 """Metres between neighbours that have told nothing else, and that a robot may tell."""
@@ -68,7 +62,7 @@ _ROUND = 2**31
 """The number of turns begins again at 0 after so many."""
 
 
-class Place(NamedTuple):
+class LineRole(NamedTuple):
     """What a robot of a line does now: it follows, it leads, or it stands for a reason."""
 
     before: tuple[int, ...] = ()
@@ -127,10 +121,10 @@ class Line:
         self._cut_off = {robot: since for robot, since in {**self._cut_off, **fresh}.items() if robot in self._gone}
         return self._gone
 
-    def find_place(
+    def find_role(
         self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
-    ) -> Place:
-        """The place of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
+    ) -> LineRole:
+        """The role of a robot that was started to follow `leader`, or to lead. Robots that are gone are left out."""
         gone = self.find_gone(view)
         if on_lost == "relink":
             # Those that were cut off may come back soon.
@@ -143,13 +137,13 @@ class Line:
             leaders[view.robot_id] = leader
         before = chain_before(view.robot_id, leaders)
         if before is None:
-            return Place(reason="the robots follow each other in a circle")
+            return LineRole(reason="the robots follow each other in a circle")
         order, is_tree = _order([*reversed(before), view.robot_id], leaders)
         head = order[0]
         lost = [robot for robot in before if robot in gone]
         if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
             missed = lost[0] if on_lost == "stop" else head
-            return Place(reason=Reason(f"leader {names.robot_name(missed)} is gone", waits_for=missed))
+            return LineRole(reason=Reason(f"leader {names.robot_name(missed)} is gone", waits_for=missed))
         told = {robot: statuses[robot] for robot in order if robot in statuses}
         turns = {robot: status.turns for robot, status in told.items()}
         turns[view.robot_id] = 0 if may_turn else NO_TURNS
@@ -166,7 +160,7 @@ class Line:
         # A robot that stands until a lost one comes back, or that waits itself, is not waited for.
         status = statuses.get(after[0]) if after else None
         waits = bool(after) and (status is None or status.waits_for < 0)
-        return Place(
+        return LineRole(
             before=tuple(reversed(living[:at])),
             after=after,
             behind=after[0] if waits else None,
@@ -238,13 +232,13 @@ def waits_for(robot: int, why: str) -> Reason:
     return Reason(f"waits: {names.robot_name(robot)} {why}", waits_for=robot)
 
 
-def keep_together(view: View, place: Place) -> tuple[float, str]:
+def keep_together(view: View, role: LineRole) -> tuple[float, str]:
     """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
-    behind, seen = place.behind, None if place.behind is None else view.base_from_robot(place.behind)
+    behind, seen = role.behind, None if role.behind is None else view.base_from_robot(role.behind)
     if behind is None or seen is None:
         return 1.0, ""
     apart = math.hypot(seen[0].x, seen[0].y)
-    share = min(1.0, (place.gap + TORN - apart) / (TORN - STRETCHED))
+    share = min(1.0, (role.gap + TORN - apart) / (TORN - STRETCHED))
     share = share if share > LEAST_SHARE else 0.0
     # Without the distance: each other text is a line of the log and a status.
     return share, "" if share else f"waits for {names.robot_name(behind)} behind it"

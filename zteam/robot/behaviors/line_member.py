@@ -7,20 +7,20 @@ from typing import Any, ClassVar
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.head import Head
-from zteam.robot.behaviors.line import NO_TURNS, STATUSES, Line, OnLeaderLost, Place, waits_for
+from zteam.robot.behaviors.line import NO_TURNS, STATUSES, Line, LineRole, OnLeaderLost, waits_for
+from zteam.robot.behaviors.line_room import Head
 from zteam.robot.behaviors.trail import Trail
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
 
 log = logging.getLogger("zteam")
 
 
-def find_silent(view: View, place: Place) -> int | None:
+def find_silent(view: View, role: LineRole) -> int | None:
     """A robot of the line that is silent, or a neighbour or head whose pose is old; None without one."""
-    for robot in (*place.before, *place.after):
+    for robot in (*role.before, *role.after):
         if robot in view.silent:
             return robot
-    for robot in {*place.before[:1], *place.before[-1:], *place.after[:1]}:
+    for robot in {*role.before[:1], *role.before[-1:], *role.after[:1]}:
         seen = view.base_from_robot(robot)
         if seen is not None and seen[1] and not view.is_fresh(seen[1], SILENT_AFTER):
             return robot
@@ -44,34 +44,34 @@ class LineMember(Behavior):
         self._trail.rest()
         self._head.rest()
 
-    def _find_place(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> Place:
+    def _find_role(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> LineRole:
         may_turn = self.turns != NO_TURNS
-        place = self._line.find_place(view, leader, on_lost, may_turn=may_turn)
+        role = self._line.find_role(view, leader, on_lost, may_turn=may_turn)
         self.turns = self._line.turns if may_turn else NO_TURNS
         self._silent = None
-        return place
+        return role
 
-    def _locate(self, view: View, place: Place) -> Pose2 | None:
+    def _locate(self, view: View, role: LineRole) -> Pose2 | None:
         """The own pose in map, which counts as a part of its way; None where the robot has to stand for a reason."""
         own = own_pose(view)
-        self.reason = place.reason or (NO_POSE if own is None else "")
-        if own is None or place.reason:
+        self.reason = role.reason or (NO_POSE if own is None else "")
+        if own is None or role.reason:
             return None
-        self._silent = find_silent(view, place)
+        self._silent = find_silent(view, role)
         if self._silent is not None:
             # That the line does not get on meanwhile is no reason for anything.
             self.on_release()
         self._trail.note(own)
-        if place.ahead is not None:
+        if role.ahead is not None:
             self._head.rest()
         return own
 
-    def _lead(self, view: View, own: Pose2, place: Place, speed: float, turn_rate: float) -> Twist:
+    def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()
-        command, self.reason = self._head.step(view, own, place, speed, turn_rate)
+        command, self.reason = self._head.step(view, own, role, speed, turn_rate)
         if command is not None:
             return command
         self._head.rest()

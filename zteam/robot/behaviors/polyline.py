@@ -74,10 +74,7 @@ class Polyline:
 
     def point(self, s: float) -> tuple[float, float]:
         """The point at `s`, as `at`. Raises IndexError without a point."""
-        if len(self._s) < 2:
-            return self._points[0]
-        s = min(max(s, self.start), self.end)
-        return self._point(self._piece(s), s)
+        return self.at(s)[:2]
 
     def project(self, x: float, y: float, low: float = -math.inf, high: float = math.inf) -> float:
         """The place from `low` to `high` nearest to a point, the first of equal ones. Raises IndexError if empty."""

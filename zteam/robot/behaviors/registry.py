@@ -2,12 +2,9 @@
 
 import importlib
 import inspect
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from contextlib import suppress
-from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
@@ -27,15 +24,8 @@ from zteam.robot.behaviors.wander import Wander
 from zteam.robot.parameters import Parameter, parameters_of
 
 _ZTEAM = str(Path(__file__).parents[2])
-_OF_ROS = {
-    **dict.fromkeys(("rospy", "rclpy"), "a behaviour has step(view), a node of your own runs by zteam.run"),
-    **dict.fromkeys(("tf", "tf2_ros", "tf_transformations"), "zteam.TransformListener and zteam.Pose2 do its work"),
-    **dict.fromkeys(
-        ("geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs", "tf2_msgs", "visualization_msgs"),
-        "its message types are in zteam.messages",
-    ),
-}
-"""What stands for a module of ROS."""
+_OF_ROS = ("rospy", "rclpy", "tf", "tf2_ros", "geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs")
+"""Modules of ROS that users import out of habit."""
 
 
 def explain(error: BaseException) -> str:
@@ -57,21 +47,13 @@ def is_own(filename: str) -> bool:
 
 
 def _way_out(error: BaseException) -> str:
-    if not isinstance(error, ImportError):
+    if not isinstance(error, ImportError) or error.name is None:
         return ""
-    of_ros = _OF_ROS.get((error.name or "").partition(".")[0])
-    if of_ros:
-        return f" (zteam works without ROS: {of_ros})"
+    if error.name.partition(".")[0] in _OF_ROS:
+        return " (zteam works without ROS: its message types are in zteam.messages, transforms in zteam.tf)"
     if isinstance(error, ModuleNotFoundError):
         return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
-    quoted = str(error).split("'")
-    if error.name != "zteam" or len(quoted) < 2:
-        return ""
-    from zteam import messages
-
-    name = quoted[1]
-    is_message = name in dir(messages)
-    return f" (from zteam.messages import {name})" if is_message else did_you_mean(name, dir(sys.modules["zteam"]))
+    return " (message types are in zteam.messages)" if error.name == "zteam" else ""
 
 
 BEHAVIORS: dict[str, type[Behavior]] = {
@@ -131,7 +113,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     if found is not None:
         return _checked(spec, found)
     known = behavior_names()
-    raise UsageError(f"no behaviour {spec!r}{_suggestion(spec, known)}: use {', '.join(known)} or package.module:Class")
+    meant = did_you_mean(spec, known)
+    raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
 
 
 def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]) -> Any:
@@ -157,38 +140,18 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     params = getattr(found, "Params", None)
     if not (inspect.isclass(params) and issubclass(params, msgspec.Struct)):
         raise UsageError(f"behaviour {spec!r}: give it a class Params(msgspec.Struct, forbid_unknown_fields=True)")
-    try:
-        inspect.signature(found).bind(None)
-    except TypeError:
-        text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
-        raise UsageError(f"behaviour {spec!r}: {text}") from None
     check_inputs(f"behaviour {spec!r}: inputs", found.inputs)
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
-    try:
-        inspect.signature(found.step).bind(None, None)
-    except TypeError:
-        raise UsageError(f"behaviour {spec!r}: its step must take the view: {_STEP}") from None
+    for called, given, text in (
+        (found, [None], "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"),
+        (found.step, [None, None], f"its step must take the view: {_STEP}"),
+    ):
+        try:
+            inspect.signature(called).bind(*given)
+        except TypeError:
+            raise UsageError(f"behaviour {spec!r}: {text}") from None
     return found  # type: ignore[no-any-return]
-
-
-def _suggestion(spec: str, known: Iterable[str]) -> str:
-    """What may have been meant: a known name, or a class in the module of that name, which is not imported."""
-    spec = spec.removesuffix(".py")
-    near = did_you_mean(spec, known)
-    module, dot, name = spec.rpartition(".")
-    if dot and name[:1].isupper():
-        return f" (did you mean {module}:{name}?)"
-    if near or not spec.isidentifier():
-        return near
-    place = PathFinder.find_spec(spec)
-    if place is None or place.origin is None or not place.origin.endswith(".py"):
-        return ""
-    text = ""
-    with suppress(OSError):
-        text = Path(place.origin).read_text(errors="replace")
-    classes = re.findall(r"^class (\w+)\((?!.*(?:Struct|Enum|NamedTuple|Error)\b)", text, re.MULTILINE) or ["Class"]
-    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in classes)}?)"
 
 
 def _is_behavior(found: object) -> bool:

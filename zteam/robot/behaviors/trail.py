@@ -10,7 +10,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.leader_trail import LeaderTrail
-from zteam.robot.behaviors.line import STRETCHED, Place, Seen, keep_together, see_robot, waits_for
+from zteam.robot.behaviors.line import STRETCHED, LineRole, Seen, keep_together, see_robot, waits_for
 from zteam.robot.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
 from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue
 from zteam.robot.scans import is_clear, is_seen
@@ -88,14 +88,14 @@ def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set
     return False
 
 
-def head_comes_round(view: View, place: Place) -> bool:
+def head_comes_round(view: View, role: LineRole) -> bool:
     """Whether the head has left the robot that is to follow it, and is nearest to this one, the last of its line."""
-    seen = [view.base_from_robot(robot) for robot in reversed(place.before)]
+    seen = [view.base_from_robot(robot) for robot in reversed(role.before)]
     if len(seen) < 2 or seen[0] is None or seen[1] is None:
         return False
     head, own = seen[0][0], math.hypot(*seen[0][0][:2])
     apart = [math.dist(head[:2], each[0][:2]) for each in seen[1:] if each is not None]
-    return apart[0] > max(place.gap + STRETCHED, own + NEAREST) and min(apart) > own
+    return apart[0] > max(role.gap + STRETCHED, own + NEAREST) and min(apart) > own
 
 
 SPACING, STEP = 0.05, 0.1
@@ -203,42 +203,44 @@ class Trail:
             self._own.append(own.x, own.y)
             self._own.drop_before(self._own.end - KEPT)
 
-    def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits) -> Answer:
-        """The velocity of a robot at `own` (map) behind the robots `place.before`, and why it is zero."""
-        before = place.before
+    def step(
+        self, view: View, own: Pose2, role: LineRole, gap: float, stale_after: float, limits: SpeedLimits
+    ) -> Answer:
+        """The velocity of a robot at `own` (map) behind the robots `role.before`, and why it is zero."""
+        before = role.before
         head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
         ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
         if head is None or ahead is None:
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
-        self._take(view, before, head, own, gap)
+        self._update(view, before, head, own, gap)
         self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
         if self._is_far_behind(gap * len(before)):
             self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
-        alone = not (place.may_turn and self._has_place)
+        alone = not (role.may_turn and self._has_place)
         trail = self._trail
         age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
         error = trail.place + trail.speed * age - gap * len(before) - self._place
         is_late, speed = error > LAGS, self._speed(own, ahead.pose, error)
         self._has_place = self._has_place or not is_late
-        passed = place.gone
+        passed = role.gone
         if is_late:
-            passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
+            passed = {*passed, *overtaken(view, own, trail.path, self._place, role.after)}
         # One that is in the way of a robot behind it does not wait for that.
         stopped = find_stopped(view)
-        goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
-        share, reason = (1.0, "") if goes_on else keep_together(view, place)
+        goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
+        share, reason = (1.0, "") if goes_on else keep_together(view, role)
         way = Following(trail.path, self._place, gap * len(before), self.ahead.driven_on)
         wants = share > 0.0 and (is_late or speed > WANTED)
-        answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
+        answer = self._making_room.step(view, own, role, way, limits, stopped, keeps=alone, wants=wants)
         if answer is not None:
             return answer
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
             return Twist(), waits_for(before[0], "comes past")
-        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
+        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
         return self._escape.free(view, command), ""
 
     def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
@@ -249,7 +251,7 @@ class Trail:
             speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
         return speed if speed >= CREEP else 0.0
 
-    def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
+    def _update(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, stamp = self._trail, head.stamp or view.now
         if before[-1] != self._leads or trail.is_far(head.pose):
@@ -257,7 +259,7 @@ class Trail:
         elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
             way = [own, *places_of(view, before[:-1])]
         else:
-            trail.take(head.pose, stamp, trail.place - self._place + KEPT)
+            trail.add(head.pose, stamp, trail.place - self._place + KEPT)
             return
         trail.begin(head.pose, stamp, way)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None

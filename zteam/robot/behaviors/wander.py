@@ -74,12 +74,10 @@ class Wander(LineMember):
         super().__init__(params)
         self._side = 0.0
         """1 while turning left, -1 while turning right, 0 while driving."""
-        self._turned = 0.0
-        self._wanted = 0.0
+        self._turned = self._wanted = 0.0
         """Radians turned since it stopped, and how many there are to be at least."""
-        self._driven = SHORT_DRIVE
+        self._driven, self._squeezing = SHORT_DRIVE, False
         """Metres since the last turn."""
-        self._squeezing = False
         self._stuck = 0.0
         """Seconds for which it has not moved, though it wants to drive."""
         self._place = math.nan, math.nan
@@ -104,18 +102,18 @@ class Wander(LineMember):
         self.reason = ""
         status = (view.inputs.get("statuses") or {}).get(view.robot_id)
         is_driven = status is not None and status.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
-        place = self._find_place(view, None)
+        role = self._find_role(view, None)
         # Alone it drives by its laser, and needs no transforms.
-        self.uses_tf = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
-        self.follows = place.ahead if self.uses_tf else None
+        self.uses_tf = self.params.hand_over and not is_driven and (role.ahead is not None or role.may_turn)
+        self.follows = role.ahead if self.uses_tf else None
         if not self.uses_tf:
             return self._step_alone(view, view.scan)
-        own = self._locate(view, place)
+        own = self._locate(view, role)
         if own is None:
             return Twist()
-        if place.ahead is None:
-            return self._lead(view, own, place, self.params.speed, self.params.turn_rate)
-        command, self.reason = self._trail.step(view, own, place, place.gap, STALE_AFTER, LIMITS)
+        if role.ahead is None:
+            return self._lead(view, own, role, self.params.speed, self.params.turn_rate)
+        command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
         return command
 
     def why_it_rests(self) -> str:

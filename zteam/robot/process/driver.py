@@ -6,13 +6,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import FREEZES, monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, Twist
 from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
@@ -52,7 +49,7 @@ class SafetyLog:
         self._free: int | None = None
         """Time since which the robot may drive again (ns)."""
 
-    def take(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
+    def note(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
         """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
             self._free = None
@@ -95,34 +92,21 @@ class Driver:
         team: Callable[[], tuple[int, ...]],
     ) -> None:
         """`kind` is the class of the behaviour; `team()`: ids of the robots that are alive."""
-        self._node, self._team = node, team
-        self._inputs = inputs
-        self._kind = kind
-        self.status = status
-        self.robot_id = options.robot_id
-        self._seed = options.seed
-        self._has_layer = options.safety
+        self._node, self._team, self._inputs, self._kind, self.status = node, team, inputs, kind, status
+        self.robot_id, self._seed, self._has_layer = options.robot_id, options.seed, options.safety
         self._parameters = options.params
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
         self._make_behavior(self._parameters)
-        behavior = self.behavior
-        self._watch = StepWatch(
-            f"{type(behavior).__name__}.step", "a scan comes every", f"try zteam check {status.behavior}"
-        )
-        self._has_named_look_ups = False
-        """Whether the log has said that a step looks transforms up undeclared."""
+        self._watch = StepWatch(f"{kind.__name__}.step", "a scan comes every", f"try zteam check {status.behavior}")
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
         """Whether no simulator answers."""
-        self._begins_anew = False
-        """Whether time has jumped back since the last step."""
-        self._stepped = 0
-        """Time of the last step in ns; 0 before the first one."""
-        self._rested = False
+        self._begins_anew, self._stepped = False, 0
+        """Whether time has jumped back since the last step, and when that was (ns; 0 before the first one)."""
+        self._rested, self._pauses = False, Pauses()
         """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
-        self._pauses = Pauses()
         self._heard_from = 0.0
         """Real time: the host time from which on there was no pause."""
         node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
@@ -160,20 +144,6 @@ class Driver:
         """The parameters that the behaviour has."""
         self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
-    def _ask(self, view: View) -> tuple[Twist, str]:
-        """As `ask`; logs once if a step looks transforms up undeclared, but for teammates, whose age it sees."""
-        behavior = self.behavior
-
-        def lookup(target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
-            if not (behavior.uses_tf or self._has_named_look_ups):
-                self._has_named_look_ups, name = True, type(behavior).__name__
-                log.warning("%s looks transforms up without 'uses_tf = True': it would drive on by old ones", name)
-            return view.lookup(target_frame, source_frame)
-
-        if not (behavior.uses_tf or self._has_named_look_ups):
-            return ask(behavior, msgspec.structs.replace(view, lookup=lookup, _find_teammate=view.lookup))
-        return ask(behavior, view)
-
     def begin_anew(self) -> None:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
         self._begins_anew, self._stepped = True, 0
@@ -196,7 +166,7 @@ class Driver:
             self.behavior.on_release()
         self._rested = rests
         # In lock-step the next scan waits.
-        asking = partial(self._ask, view)
+        asking = partial(ask, self.behavior, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
         driver = RobotDriver.BEHAVIOR
         if choice is not None:
@@ -208,7 +178,7 @@ class Driver:
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
-            self.safety.take(driver, wanted, trouble, view)
+            self.safety.note(driver, wanted, trouble, view)
         reason = trouble or reason
         # What the safety layer stops has lines of its own.
         return self._note(due, driver, command, reason and (self.absence or reason), logged=not is_stopped)

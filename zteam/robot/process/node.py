@@ -52,22 +52,16 @@ class DataWatch:
     """
 
     def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
-        self._deaf = 0
-        """Looks in a row at which no other process answered."""
-        self._is_out = False
-        """Whether nothing comes any more, and was said to."""
-        self._is_logged = False
-        self._poses = 0
-        """Stamp of the newest transforms at the last look."""
-        self._node = node
-        self._inputs = inputs
-        self._driver = driver
-        self._looks = self._ready_for = 0
-        """Seconds since the start, and since the robot is ready or the last line about GO."""
+        self._node, self._inputs, self._driver = node, inputs, driver
+        self._looks = self._ready_for = self._deaf = 0
+        """Seconds since the start, since the robot is ready or the last line about GO; looks without an answer."""
         self._told = ""
         """What GO waits for, in that line."""
+        self._is_out = self._is_logged = False
+        """Whether nothing comes any more, and whether the log says so."""
         self._scan: LaserScan | None = None
-        """The newest at the last look."""
+        self._poses = 0
+        """The newest scan, and the stamp of the newest transforms, at the last look."""
 
     def beat(self) -> None:
         """Look once a second, and not at the start, where all is on its way."""
@@ -104,8 +98,9 @@ class DataWatch:
             self._tell_outage(self._find_outage())
         robot_id = self._driver.robot_id
         lacks = status is not None and robot_id not in status.robots
-        name = names.robot_name(robot_id)
-        self._driver.absence = f"{name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
+        self._driver.absence = (
+            f"{self._node.name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
+        )
         if status is None and not self._driver.is_alone and self._node.readiness.released and self._scan is None:
             # Without a gate nothing else says what the robot waits for. Later the monitor tells that data has stopped.
             log.info("waiting for a first scan: %s", ALONE)
@@ -181,8 +176,8 @@ class RobotNode:
         node.adopt(self.driver.step, self, readiness, self.status)
         node.on_time_reset(self._on_time_reset)
         node.need(self._lacks)
-        safety = names.service_key(node.name, SAFETY)
-        node.bus.serve(safety, NoRequest, lambda _: SafetyReply(self.driver.safety.stops))
+        count = names.service_key(node.name, SAFETY)
+        node.bus.serve(count, NoRequest, lambda _: SafetyReply(self.driver.safety.stops))
         if self.driver.behavior.navigation is not None:
             # It waits for the end of a step: other queries are answered meanwhile.
             cancel = navigation_query(self._id, CANCEL)
@@ -194,16 +189,16 @@ class RobotNode:
         node.subscribe_from(key(names.BASE_SCAN), LaserScan, self._on_scan, self._lateness_of_scan)
         node.follow_go()
         node.hear(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.take_odom(odom))
+        node.hear(key(names.ODOM), Odometry, lambda _, odom: inputs.on_odom(odom))
         node.hear(names.TF, TFMessage, self._on_tf)
-        node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.take_static(message), latched=True)
+        node.hear(names.TF_STATIC, TFMessage, lambda _, message: inputs.transforms.on_static(message), latched=True)
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
         for driver, (topic, kind) in SOURCES.items():
-            node.receive(key(topic), kind, partial(inputs.mux.take, driver), self._lateness_of)
+            node.receive(key(topic), kind, partial(inputs.mux.receive, driver), self._lateness_of)
         for declared in inputs.declared.declared:
-            take = partial(inputs.declared.take, declared)
-            node.receive(declared.key, declared.type, take, latched=is_latched(declared.key))
+            receive = partial(inputs.declared.receive, declared)
+            node.receive(declared.key, declared.type, receive, latched=is_latched(declared.key))
 
     def _lateness_of(self, sample: RawSample) -> str:
         """Why a velocity comes too late to be obeyed; empty if it does not. In lock-step the world waits."""
@@ -217,27 +212,25 @@ class RobotNode:
         with self._node.between_steps():
             return CancelReply(self.driver.behavior.cancel_goal())
 
-    # Inputs
-
     def _on_scan(self, key: str, scan: LaserScan, source: str) -> None:
         self._node.rivals.take(key, source)
-        self._inputs.take_scan(scan)
+        self._inputs.on_scan(scan)
         self._node.hear_stamp(self._inputs.scan_stamp)
         self._node.first_data = self._node.first_data or monotonic()
 
     def _on_fixed(self, sample: RawSample) -> None:
         message = self._node.bus.decode(sample, TFMessage)
         if message is not None:
-            self._inputs.take_fixed(message)
+            self._inputs.on_fixed(message)
 
     def _on_tf(self, _key: str, bundle: TFMessage) -> None:
         if not self._node.is_of_ended_time(bases_stamp(bundle)):
-            self._inputs.transforms.take_bundle(bundle, self._node.clock.now())
+            self._inputs.transforms.on_bundle(bundle, self._node.clock.now())
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
         robot_id = names.robot_id_of(key.partition("/")[0])
         if robot_id is not None:
-            self._inputs.take_base(robot_id, message)
+            self._inputs.on_base_info(robot_id, message)
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
@@ -273,8 +266,6 @@ class RobotNode:
         # whole; only at first the fixed transforms may still be on their way.
         tf, connected = names.AGGREGATOR in tick.participants, not self._node.readiness.released
         return self._inputs.lacking(self._node.part.stamp, tf=tf, connected=connected)
-
-    # The timer in real time
 
     def wait(self, limit: float) -> None:
         """Wait for a scan, and then for the transforms of its tick."""

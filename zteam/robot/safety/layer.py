@@ -64,7 +64,7 @@ class SafetyLayer:
         trouble, asked = old_scan(view), self._limits.motion_of(wanted)
         seconds, self._reaction = (max(view.dt, SHORTEST),) * 2 if view.dt else (FIRST_TICK, FIRST)
         if not trouble:
-            self._around.take(view, self._limits.longest_way(self._reaction) + self._outline.radius + 0.5)
+            self._around.update(view, self._limits.longest_way(self._reaction) + self._outline.radius + 0.5)
             trouble = NO_NUMBER if asked is None else ""
         if asked is None or trouble or (reason and asked == STANDING):
             motion = self._limits.brake(self._last, seconds)

@@ -56,7 +56,7 @@ class LaserCoverage:
         self._heard, self._whole = np.full(_SECTORS, -(1 << 62)), -(1 << 62)
         """When a beam of each sector of `odom` spoke last (ns), and all of them at once."""
 
-    def take(self, beams: Beams, laser: Point2, yaw: float, now: int) -> None:
+    def update(self, beams: Beams, laser: Point2, yaw: float, now: int) -> None:
         """A scan of `now` (ns) by a laser at a place of the base, which is turned by `yaw` in `odom`."""
         start, step, count = beams.laser
         self.beams, self.laser, self.silent = beams, laser, _NONE
@@ -156,7 +156,7 @@ class _TrackedTeammate:
         self.stamp, self.age, self.x, self.y, self.speed = 0, 0.0, 0.0, 0.0, 0.0
         """When it was there (ns; 0 = it never moves), how many seconds ago, and how fast, in `map` (m/s)."""
 
-    def take(self, pose: Pose2, stamp: int, age: float) -> None:
+    def update(self, pose: Pose2, stamp: int, age: float) -> None:
         """It was at `pose`, so many seconds ago."""
         last, seconds = self.pose, (stamp - self.stamp) / 1e9
         if last is None or seconds < 0.0 or not stamp:
@@ -187,7 +187,7 @@ class TeammateTracker:
             if at is None or age > FORGET_AFTER or not math.isfinite(sum(at[0])):
                 mate.pose = None
             else:
-                mate.take(*at, max(0.0, age))
+                mate.update(*at, max(0.0, age))
 
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
         """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
@@ -262,7 +262,7 @@ class Surroundings:
         """Whether the ground that the corners come to in a turn was seen, or the base was put down there."""
         return self._room >= -_PUT or self.sight.looks(0.0, math.pi)
 
-    def take(self, view: View, reach: float) -> None:
+    def update(self, view: View, reach: float) -> None:
         """See what the view shows, at least up to `reach` metres away."""
         self._pose = self._move(view.odom, reach)
         if view.scan is not None and view.scan is not self._scan:
@@ -270,7 +270,7 @@ class Surroundings:
             self.sight.beams = beams
             self.sight.range = view.scan.range_max if view.scan.range_max > 0.0 else math.inf
             if beams is not None:
-                self.sight.take(beams, view.laser, self._pose.yaw if self._pose else 0.0, view.now)
+                self.sight.update(beams, view.laser, self._pose.yaw if self._pose else 0.0, view.now)
                 (start, step, _), way = beams.laser, self._travelled
                 few = max(1, int(_FINEST / max(abs(step), 1e-9) + 1e-6))
                 self._known = kernels.see(

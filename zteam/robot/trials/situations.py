@@ -68,8 +68,12 @@ _BEAMS, _FOV = 1081, math.radians(270.25)
 _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
 POSES: Poses = {LEADER: (1.5, 0.3, 0.2), ROBOT: (0.0, 0.0, 0.0), 2: (-1.5, -0.5, 0.0)}
-_ELSEWHERE: Poses = {LEADER: (-0.43, 2.1, 1.5), ROBOT: (0.4, -0.6, 0.9), 2: (1.3, 1.0, 0.0)}
-_CLOSE: Poses = {LEADER: (0.17, -0.06, -0.7), ROBOT: (-0.05, -0.02, -0.3), 2: (-0.2, 0.11, 0.4)}
+ELSEWHERE: Poses = {LEADER: (-0.43, 2.1, 1.5), ROBOT: (0.4, -0.6, 0.9), 2: (1.3, 1.0, 0.0)}
+OTHER_POSES: tuple[Poses, ...] = (
+    ELSEWHERE,
+    {LEADER: (0.17, -0.06, -0.7), ROBOT: (-0.05, -0.02, -0.3), 2: (-0.2, 0.11, 0.4)},
+)
+"""Far apart, and close together."""
 
 
 def room(beams: int = _BEAMS) -> np.ndarray:
@@ -143,7 +147,7 @@ def _moved(moment: ViewMaker) -> Iterator[View]:
     """It stands somewhere else from the middle on, as after `zteam sim move`."""
     for step in range(STEPS):
         is_late = step >= STEPS // 2
-        ranges, poses = (0.5 * room(), _ELSEWHERE) if is_late else (room(), POSES)
+        ranges, poses = (0.5 * room(), ELSEWHERE) if is_late else (room(), POSES)
         yield moment.view(1.0 + step * DT, DT if step else 0.0, ranges, poses)
 
 
@@ -184,11 +188,6 @@ STALE_SITUATIONS: dict[str, tuple[float, float]] = {
     "all poses are 3 s old": (3.0, 3.0),
 }
 """By name: the ages (s) of its own pose and of the others'."""
-
-
-def elsewhere(*, own: bool) -> list[Poses]:
-    """Other poses than POSES, with another `own` one only if asked for: far apart, and close together."""
-    return [poses if own else {**poses, ROBOT: POSES[ROBOT]} for poses in (_ELSEWHERE, _CLOSE)]
 
 
 _INSIDE = 1e-3

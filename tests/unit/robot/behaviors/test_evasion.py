@@ -36,14 +36,6 @@ def test_a_free_way_is_driven_straight() -> None:
     assert go(look(), 0.1, 1.0).angular.z == LIMITS.angular
 
 
-@pytest.mark.parametrize("y", [0.3, -0.3])
-def test_a_place_behind_is_turned_to_on_the_spot(y: float) -> None:
-    """On the side where it is."""
-    command = go(look(), -1.0, y)
-    assert command.linear.x == 0.0
-    assert command.angular.z * y > 0.0
-
-
 @pytest.mark.parametrize("y", [0.2, -0.2])
 def test_a_robot_in_the_way_is_passed_on_the_side_with_more_room(y: float) -> None:
     """Slower than on a free way."""
@@ -52,26 +44,11 @@ def test_a_robot_in_the_way_is_passed_on_the_side_with_more_room(y: float) -> No
     assert command.linear.x < LIMITS.linear
 
 
-@pytest.mark.parametrize("mate", [(0.9, 0.8), (1.5, 0.0), (-0.5, 0.0)])
-def test_a_robot_that_is_not_in_the_way_changes_nothing(mate: tuple[float, float]) -> None:
-    """Beside the way, far ahead, or behind."""
-    assert go(look(mate), 3.0, 0.0) == go(look(), 3.0, 0.0)
-
-
 def test_the_robot_that_is_driven_to_is_not_in_the_way() -> None:
     """Nor is one that stands beyond the place."""
     assert go(look((0.9, 0.0)), 0.9, 0.0, but=1).angular.z == 0.0
     assert go(look((0.9, 0.0)), 0.9, 0.0).angular.z != 0.0
     assert go(look((0.9, 0.0)), 0.4, 0.0).angular.z == 0.0
-
-
-def test_what_stands_near_the_place_is_not_in_the_way() -> None:
-    """The laser sees the robot that it drives to: within `room` metres of the place nothing counts."""
-    ranges = [30.0] * BEAMS
-    ranges[BEAMS // 2] = 0.4
-    view = make_view(make_scan(ranges))
-    assert go(view, 0.6, 0.0).angular.z != 0.0
-    assert go(view, 0.6, 0.0, room=0.3).angular.z == 0.0
 
 
 def test_it_keeps_the_side_until_the_way_is_clear() -> None:
@@ -129,10 +106,3 @@ def test_a_robot_that_turns_is_left_alone(turned: float) -> None:
 def test_a_robot_that_need_not_turn_on_the_spot_is_left_alone(command: Twist) -> None:
     """It stands, or drives: what keeps it there is not the room to turn."""
     assert free(0.0, command, 80) == [command] * 80
-
-
-def test_the_time_before_it_wanted_to_turn_does_not_count() -> None:
-    """A robot that begins to turn late, and turns, is left alone."""
-    escape = Escape()
-    told = [ask(escape, 100 + i, 0.1 * i, TURN) for i in range(20)]
-    assert told == [TURN] * 20

@@ -1,167 +1,15 @@
 """Keeping a place in a formation."""
 
 import math
-from collections.abc import Callable
 
-import msgspec
 import pytest
 
-from support.flat_floor import LASER, Floor, Segment, box, cast, drive, make_scan
-from support.flat_floor import make_view as view_of_scan
-from zteam.behaviors import Behavior, View, load_behavior
-from zteam.errors import UsageError
+from support.flat_floor import drive
+from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.assignment import assign
-from zteam.robot.behaviors.formation import SLOT_GAIN, find_goal, hold, turn_to
-from zteam.robot.behaviors.leader_trail import LeaderTrail
-from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.shapes import SHAPES, slots_of
+from zteam.robot.behaviors.slots import SHAPES, assign, slots_of
 from zteam.testing import make_view
-
-CORRIDOR: list[Segment] = box(-12.0, -0.9, 1.0, 0.9)
-"""A dead end 1.8 m wide."""
-COLUMN = [Pose2(-0.8 * i, 0.0, 0.0) for i in range(4)]
-
-
-class Led(Behavior):
-    """A leader that a test drives."""
-
-    uses_tf = True
-
-    def __init__(self, law: Callable[[View], Twist]) -> None:
-        super().__init__(None)
-        self._law = law
-
-    def step(self, view: View) -> Twist:
-        """By the law."""
-        return self._law(view)
-
-
-class FormationFloor(Floor):
-    """A floor on which the robots know of each other's formation."""
-
-    def view(self, robot_id: int) -> View:
-        """As on any floor, with statuses and team."""
-        team = tuple(range(len(self.poses)))
-        statuses = {robot: RobotStatus(behavior="formation", leader=0) for robot in team[1:]}
-        return msgspec.structs.replace(super().view(robot_id), inputs={"statuses": statuses}, team=team)
-
-
-def follow(floor: Floor, leader: Behavior, shape: str, seconds: float, **params: float) -> tuple[list[set[str]], float]:
-    """What each follower said, and the least distance between two robots."""
-    followers = [
-        load_behavior("formation", {"leader": 0, "shape": shape, **params}, robot)
-        for robot in range(1, len(floor.poses))
-    ]
-    said: list[set[str]] = [set() for _ in followers]
-    nearest = math.inf
-    for _ in range(round(10 * seconds)):
-        floor.step([leader, *followers])
-        for robot, behavior in enumerate(followers):
-            said[robot].add(behavior.reason)
-        nearest = min(nearest, *(math.dist(a[:2], b[:2]) for i, a in enumerate(floor.poses) for b in floor.poses[:i]))
-    return said, nearest
-
-
-def test_a_leader_that_turns_in_a_dead_end_gets_out() -> None:
-    """Its formation stands behind it; each robot says that it makes way, and the leader has room to drive back."""
-    floor = FormationFloor(COLUMN, CORRIDOR)
-    leader = Led(lambda view: Twist(angular=Vector3(z=1.0)))
-    said, nearest = follow(floor, leader, "column", 15.0)
-    assert all(pose.x < -1.4 for pose in floor.poses[1:])
-    assert "makes way: robot_0 turns back" in said[0]
-    assert nearest > 0.35
-
-
-def test_a_leader_that_only_stands_is_waited_for() -> None:
-    """Nobody leaves its slot while it does not turn."""
-    floor = FormationFloor(COLUMN, CORRIDOR)
-    said, _ = follow(floor, Led(lambda view: Twist()), "column", 10.0)
-    assert all(reasons <= {"in its slot; leader robot_0 stands", ""} for reasons in said)
-    assert all(math.dist(pose[:2], start[:2]) < 0.05 for pose, start in zip(floor.poses, COLUMN, strict=True))
-
-
-@pytest.mark.ci
-def test_a_robot_behind_a_corner_comes_along_the_trail() -> None:
-    """Its leader has driven round a corner out of its sight: it does not stand at the wall between."""
-    walls: list[Segment] = [(1.0, 0.6, 1.0, 6.0), (-1.0, 0.6, 1.0, 0.6), (3.0, -2.0, 3.0, 6.0)]
-    floor = FormationFloor([Pose2(0.8, -0.5, 0.0), Pose2(-0.5, 0.25, 0.3)], walls)
-    ways = [(2.0, -0.5), (2.0, 4.0)]
-
-    def drive(view: View) -> Twist:
-        own = view.map_from_base()
-        assert own is not None
-        while len(ways) > 1 and math.dist(ways[0], own[0][:2]) < 0.3:
-            del ways[0]
-        x, y, _ = own[0].inverse().compose(Pose2(*ways[0], 0.0))
-        bearing = math.atan2(y, x)
-        done = math.hypot(x, y) < 0.2
-        return Twist() if done else Twist(Vector3(0.7 if abs(bearing) < 0.5 else 0.0), Vector3(z=2.0 * bearing))
-
-    follow(floor, Led(drive), "column", 60.0, max_linear=0.3)
-    assert math.dist(floor.poses[0][:2], floor.poses[1][:2]) < 1.0
-
-
-@pytest.mark.ci
-def test_a_robot_that_has_no_room_to_turn_to_its_slot_backs_out() -> None:
-    """In a pocket that is too narrow to turn in it drives back until it can, and comes to its slot."""
-    pocket: list[Segment] = [(-0.1, 0.21, 0.4, 0.21), (-0.1, -0.21, 0.4, -0.21), (0.4, -0.21, 0.4, 0.21)]
-    floor = FormationFloor([Pose2(-2.0, 1.0, math.pi), Pose2(0.0, 0.0, 0.0)], pocket)
-    follow(floor, Led(lambda view: Twist()), "column", 40.0)
-    assert math.dist(floor.poses[1][:2], (-1.2, 1.0)) < 0.15
-
-
-LIMITS = SpeedLimits(1.0, 2.0)
-HERE = Pose2(0.0, 0.0, 0.0)
-
-
-def test_in_its_slot_it_moves_as_the_slot_does() -> None:
-    """With the slot's speed and turn rate, and nothing besides."""
-    command = hold(HERE, 0.4, 0.3, LIMITS)
-    assert (command.linear.x, command.angular.z) == pytest.approx((0.4, 0.3))
-
-
-@pytest.mark.parametrize(("x", "speed"), [(0.1, 0.6), (-0.1, 0.2), (-0.4, 0.05), (0.4, 1.0)])
-def test_it_closes_the_distance_to_a_slot_that_moves(x: float, speed: float) -> None:
-    """Faster behind it, slower ahead of it but never back, and never above its limit."""
-    assert hold(Pose2(x, 0.0, 0.0), 0.4, 0.0, LIMITS).linear.x == pytest.approx(speed)
-
-
-def test_it_turns_to_a_slot_beside_it() -> None:
-    """On the spot to a slot that stands beside it, in a bend to one that drives a little aside; not at rest."""
-    aside = hold(Pose2(0.0, 0.3, 0.0), 0.0, 0.0, LIMITS)
-    assert (aside.linear.x, aside.angular.z) == (0.0, 2.0)
-    bend = hold(Pose2(0.0, 0.05, 0.0), 0.4, 0.0, LIMITS)
-    assert bend.linear.x == pytest.approx(0.4)
-    assert 0.0 < bend.angular.z < 1.0
-    assert hold(Pose2(0.005, 0.0, 1.0), 0.0, 0.0, LIMITS) == Twist()
-
-
-def test_it_turns_to_a_heading() -> None:
-    """At a rate by the angle, up to its limit; not for an angle that is next to nothing."""
-    assert turn_to(0.2, LIMITS).angular.z == pytest.approx(0.6)
-    assert turn_to(-3.0, LIMITS).angular.z == -2.0
-    assert turn_to(0.04, LIMITS) == Twist()
-
-
-def test_a_far_slot_in_sight_is_the_goal_and_a_little_more() -> None:
-    """So far ahead of a slot that moves that the speed there is the slot's."""
-    view = view_of_scan(make_scan([30.0] * 271))
-    slot = Pose2(2.0, 1.0, 0.0)
-    assert find_goal(view, HERE, slot, 0.0, LeaderTrail(), 0.0)[:2] == (2.0, 1.0)
-    assert find_goal(view, HERE, slot, 0.4, LeaderTrail(), 0.0)[:2] == (2.0 + 0.4 / SLOT_GAIN, 1.0)
-
-
-def test_with_a_wall_between_it_goes_along_the_trail() -> None:
-    """To the foremost place of the leader's way that it sees, and not through the wall to the slot."""
-    view = view_of_scan(make_scan(cast(LASER, [(1.0, 0.5, 1.0, 4.0)])))
-    trail = LeaderTrail()
-    trail.begin(Pose2(2.0, 2.0, math.pi / 2), 1, [Pose2(0.0, -0.5, 0.0), Pose2(2.0, -0.5, 0.0)])
-    goal = find_goal(view, HERE, Pose2(2.0, 1.5, math.pi / 2), 0.0, trail, trail.path.end - 0.5)
-    assert goal.x > 1.2
-    assert goal.y < 0.5
-
 
 FREE = [30.0] * 91
 STAND, FORWARD = Twist(), Twist(Vector3(0.4))
@@ -263,27 +111,6 @@ def test_who_runs_something_else_is_no_member() -> None:
     assert named.worst("column", (1, 2)) < 0.05
 
 
-def test_another_shape_counts_while_it_drives() -> None:
-    """After `zteam param set` the robots take the slots of the other shape, with the other spacing."""
-    squad = Squad(shape="line")
-    squad.run(8.0, FORWARD)
-    for behavior in squad.behaviors.values():
-        behavior.params = type(behavior.params)(leader=0, shape="wedge", spacing=1.2)
-        behavior.on_params()
-    squad.run(12.0, FORWARD)
-    assert squad.worst("wedge", spacing=1.2) < 0.05
-
-
-def test_nobody_comes_near_on_the_way() -> None:
-    """From starts in disorder no two robots come nearer than 0.45 m."""
-    squad, least = Squad(shape="circle"), math.inf
-    for _ in range(100):
-        squad.run(0.1, FORWARD)
-        places = [pose[:2] for pose in squad.poses.values()]
-        least = min(least, *(math.dist(a, b) for i, a in enumerate(places) for b in places[:i]))
-    assert least > 0.45
-
-
 def test_without_its_leader_it_stands_and_says_why() -> None:
     """Before the leader is seen the robot is not ready; afterwards it stands while the leader's pose is old."""
     behavior = load_behavior("formation", {"leader": 0}, 1)
@@ -297,20 +124,3 @@ def test_without_its_leader_it_stands_and_says_why() -> None:
     seen = make_view(FREE, robot_id=1, poses={0: (3, 0, 0), 1: (0, 0, 0)})
     assert behavior.missing(seen) == []
     assert behavior.step(seen).linear.x > 0.0
-
-
-@pytest.mark.parametrize(
-    ("params", "text"),
-    [
-        ({}, "the key leader is missing"),
-        ({"leader": 1}, "robot 1 cannot follow itself"),
-        ({"leader": 0, "shape": "star"}, "shape"),
-        ({"leader": 0, "spacing": 0.2}, "spacing: a number of at least 0.5"),
-        ({"leader": 0, "team": [1, -2]}, "team"),
-    ],
-)
-def test_wrong_parameters_are_named(params: dict[str, object], text: str) -> None:
-    """Each mistake on one line, with its key."""
-    with pytest.raises(UsageError, match=text) as caught:
-        load_behavior("formation", params, 1)
-    assert "\n" not in str(caught.value)

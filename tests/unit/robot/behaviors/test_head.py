@@ -1,17 +1,16 @@
 """head: the robot that leads looks before it turns, keeps its line together, and hands over where it is stuck."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import pytest
 
-from support.flat_floor import LASER, Segment, cast, drive, make_odometry, make_scan, make_view
+from support.flat_floor import LASER, Segment, cast, make_odometry, make_scan, make_view
 from zteam.behaviors import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.head import Head
-from zteam.robot.behaviors.line import Place
+from zteam.robot.behaviors.line import LineRole
+from zteam.robot.behaviors.line_room import Head
 
 START = Pose2(0.0, 0.0, 0.0)
 SPEED = 0.4
@@ -46,7 +45,7 @@ def look(
 
 def lead(head: Head, view: View, own: Pose2 = START, behind: int | None = None) -> tuple[Twist | None, str]:
     """One step of a head that may drive 0.4 m/s and turn 1 rad/s."""
-    return head.step(view, own, Place(behind=behind, may_turn=True), SPEED, 1.0)
+    return head.step(view, own, LineRole(behind=behind, may_turn=True), SPEED, 1.0)
 
 
 @pytest.mark.parametrize(("ahead", "straight"), [(1.15, True), (1.0, False)])
@@ -67,23 +66,6 @@ def test_it_turns_only_to_where_there_is_room(side: float, seed: int) -> None:
     assert command is not None
     assert command.linear.x == 0.0
     assert command.angular.z * side > 0.0
-
-
-@pytest.mark.parametrize(("mate", "straight"), [((0.9, 0.5), False), ((0.9, 0.7), True), ((-0.8, 0.0), True)])
-def test_another_robot_counts_as_a_wall(mate: tuple[float, float], straight: bool) -> None:
-    """Which the laser may look over: in its way it turns, beside it or behind it drives on."""
-    command, _ = lead(Head(), look(START, OPEN, 1.0, {1: mate}))
-    assert command is not None
-    assert (command.angular.z == 0.0) is straight
-
-
-@pytest.mark.parametrize("seed", range(1, 7))
-def test_it_does_not_turn_to_where_another_robot_is(seed: int) -> None:
-    """A wall ahead, robots on the left: it turns to the right."""
-    mates = {1: (0.3, 1.0), 2: (-0.4, 1.0), 3: (0.9, 0.9)}
-    command, _ = lead(Head(), look(START, box(3.0, 3.0, 0.6, 20.0), 1.0, mates, seed))
-    assert command is not None
-    assert command.angular.z < 0.0
 
 
 def test_it_hands_over_where_it_does_not_get_on() -> None:
@@ -107,18 +89,6 @@ def test_a_new_head_has_three_seconds_to_find_a_heading(ticks: int, hands_over: 
     assert (command is None) is hands_over
 
 
-def test_a_new_head_that_is_shut_in_turns_round() -> None:
-    """Its line is behind it no more: it looks where it has come from, and drives out there."""
-    head, own = Head(), START
-    walls = box(0.6, 0.6, 0.6, 20.0)
-    for tick in range(10, 60):
-        command, _ = lead(head, look(own, walls, 0.1 * tick), own)
-        assert command is not None
-        own = drive(own, command, 0.1)
-    assert own.x < -0.2
-    assert abs(math.remainder(own.yaw - math.pi, math.tau)) < 0.2
-
-
 @pytest.mark.parametrize(("apart", "share"), [(0.8, 1.0), (1.6, 1.0), (1.95, 0.5), (2.4, 0.0)])
 def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
     """From 1.6 m on, and at 2.3 m it stands and says so."""
@@ -126,18 +96,3 @@ def test_it_slows_down_for_the_robot_behind(apart: float, share: float) -> None:
     assert command is not None
     assert command.linear.x == pytest.approx(SPEED * share)
     assert reason == ("" if share else "waits for robot_1 behind it")
-
-
-@pytest.mark.parametrize("follows", [True, False])
-def test_one_that_has_led_before_begins_anew(follows: bool) -> None:
-    """The time for which it followed, or had no data, does not count: it does not hand over at once."""
-    head = Head()
-    lead(head, look(START, OPEN, 1.0))
-    if follows:
-        head.rest()
-    assert lead(head, look(START, OPEN, 30.0))[0] is not None
-
-
-def test_without_a_scan_it_stands() -> None:
-    """And says why."""
-    assert lead(Head(), make_view()) == (Twist(), "no scan yet")

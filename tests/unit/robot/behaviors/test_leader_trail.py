@@ -14,7 +14,6 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.leader_trail import LeaderTrail, Sample, between, fit
 
-STRAIGHT = Twist(Vector3(0.5))
 SPACING = 0.1
 """Metres between two points of the trail."""
 TAIL = 0.2
@@ -29,7 +28,7 @@ class Trail(LeaderTrail):
     def see(self, leader: Pose2, keep: float = 10.0) -> None:
         """The leader's pose in the next tick."""
         self.ticks += 1
-        self.take(leader, self.ticks * TICK, keep)
+        self.add(leader, self.ticks * TICK, keep)
 
 
 def follow(trail: Trail, pose: Pose2, command: Twist, ticks: int, keep: float = 10.0) -> list[Pose2]:
@@ -57,58 +56,6 @@ def test_places_are_where_the_leader_was(speed: float, turn: float, yaw: float) 
         assert math.dist(found[:2], expected[:2]) < math.hypot(short, beside) + 0.002
         assert abs(math.remainder(found.yaw - expected.yaw, math.tau)) < short * bend + math.radians(1.0)
     assert trail.curvature(trail.place - 4.0 * speed) == pytest.approx(turn / speed, abs=0.15)
-
-
-def test_before_its_beginning_and_ahead_it_goes_straight_on() -> None:
-    """A follower whose slot lies behind the first pose has a place, and so has one beside the leader."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 5.0)
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 10)
-    assert trail.at(trail.place - 2.0) == pytest.approx((-1.5, 0.0, 0.0))
-    assert trail.at(trail.place + 1.0) == pytest.approx((1.5, 0.0, 0.0))
-
-
-def test_it_forgets_what_lies_far_behind() -> None:
-    """After 100 m with 2 m to keep, the last 2 m are exact, and what lies before is straight."""
-    trail = Trail()
-    poses = follow(trail, Pose2(0.0, 0.0, 0.0), Twist(Vector3(0.5), Vector3(z=0.1)), 2000, keep=2.0)
-    assert math.dist(trail.at(trail.place - 2.0)[:2], poses[-41][:2]) < 0.01
-    assert math.dist(trail.at(trail.place - 20.0)[:2], poses[-401][:2]) > 1.0
-
-
-def test_a_leader_that_backs_up_takes_its_trail_back() -> None:
-    """The way that it drove back is no trail any more, and its place on it is where it is."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    last = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 100)[-1]
-    end = follow(trail, last, Twist(Vector3(-0.2)), 50)[-1]
-    assert end.x == pytest.approx(4.0)
-    assert trail.at(trail.place).x == pytest.approx(4.0, abs=0.02)
-    assert trail.at(trail.place - 1.0).x == pytest.approx(3.0, abs=0.07)
-    follow(trail, end, STRAIGHT, 20)
-    assert trail.at(trail.place - 1.0).x == pytest.approx(4.0, abs=0.07)
-
-
-def test_a_leader_that_is_moved_begins_anew() -> None:
-    """A jump of more than a metre is no way that it drove."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 20)
-    assert trail.is_far(Pose2(10.0, 5.0, 0.0))
-    trail.see(Pose2(10.0, 5.0, 0.0), 10.0)
-    assert (trail.place, trail.speed) == (0.0, 0.0)
-    assert trail.at(trail.place - 1.0) == pytest.approx((9.0, 5.0, 0.0))
-
-
-def test_a_turn_on_the_spot_is_no_way() -> None:
-    """The leader's place stays, and what lies behind it too."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0), 10.0)
-    last = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 40)[-1]
-    place, behind = trail.place, trail.at(trail.place - 1.0)
-    follow(trail, last, Twist(angular=Vector3(z=1.0)), 60)
-    assert trail.place == pytest.approx(place, abs=0.02)
-    assert trail.at(trail.place - 1.0) == pytest.approx(behind, abs=0.02)
 
 
 def show(trail: Trail, poses: Iterable[Pose2], noise: float = 0.0) -> None:
@@ -184,15 +131,6 @@ def test_a_leader_that_backed_up_goes_on_from_there(back: float, sideways: float
     assert max(trail.path.at(0.05 * i).x for i in range(round(trail.path.end / 0.05))) <= on[-1].x + 0.01
 
 
-def test_it_begins_with_a_way_up_to_the_leader() -> None:
-    """Places count from the beginning of the way, and the leader is at its end."""
-    trail = Trail()
-    trail.begin(Pose2(2.0, 1.0, 0.0), TICK, [Pose2(0.0, 0.0, 0.0), Pose2(2.0, 0.0, 0.0)])
-    assert trail.place == pytest.approx(3.0)
-    assert trail.path.at(1.0)[:2] == pytest.approx((1.0, 0.0))
-    assert trail.path.at(2.5)[:2] == pytest.approx((2.0, 0.5))
-
-
 @given(st.tuples(*[st.floats(-2.0, 2.0)] * 6), st.floats(-0.1, 0.1))
 def test_a_parabola_is_found_exactly(terms: tuple[float, ...], place: float) -> None:
     """Samples on a parabola give its own point."""
@@ -204,87 +142,3 @@ def test_a_parabola_is_found_exactly(terms: tuple[float, ...], place: float) -> 
     ]
     u = place
     assert fit(samples, place, 0.25) == pytest.approx((a + b * u + c * u * u, d + e * u + f * u * u), abs=1e-6)
-
-
-def test_few_samples_are_joined_by_straight_lines() -> None:
-    """Where no parabola can be told, the point lies between two samples, or is the first or the last one."""
-    samples = [Sample(0.0, Pose2(0.0, 0.0, 3.0)), Sample(0.2, Pose2(2.0, 0.0, -3.0))]
-    assert fit(samples, 0.1, 0.25) == pytest.approx((1.0, 0.0))
-    assert between(samples, 0.1).yaw == pytest.approx(math.pi)
-    assert between(samples, -1.0) == samples[0].pose
-    assert between(samples, 0.2) == samples[1].pose
-
-
-@pytest.mark.parametrize("before", [29, 30, 31])
-def test_a_leader_that_was_set_down_elsewhere_is_measured_from_there(before: int) -> None:
-    """Its trail begins anew there: each pose is as far along it as the leader has come from there."""
-    trail = Trail()
-    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, before)
-    elsewhere = Pose2(5.0, -5.0, 2.0)
-    trail.see(elsewhere)
-    pose = elsewhere
-    for ticks in range(1, 13):
-        (pose,) = follow(trail, pose, STRAIGHT, 1)
-        assert trail.place == pytest.approx(0.05 * ticks, abs=0.02)
-    assert trail.place - TAIL < trail.path.end < trail.place
-
-
-@pytest.mark.parametrize("rate", [0.5, 1.0, -math.pi])
-@pytest.mark.parametrize("back", [0.0, 0.4, -0.4])
-def test_the_trail_of_a_leader_that_turns_round_goes_back_along_itself(rate: float, back: float) -> None:
-    """Its place goes on growing, the trail's end stays behind it, and what lies before the turn stays."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0))
-    (*_, tip) = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)
-    (*_, turned) = follow(trail, tip, Twist(angular=Vector3(z=rate)), round(10.0 * math.pi / abs(rate)))
-    assert trail.place == pytest.approx(3.0, abs=0.02)
-    pose, before = turned, trail.place
-    for ticks in range(1, 41):
-        (pose,) = follow(trail, pose, Twist(Vector3(0.5), Vector3(z=back)), 1)
-        assert trail.place > before - 0.005
-        before = trail.place
-        assert trail.place == pytest.approx(3.0 + 0.05 * ticks, abs=0.1)
-        assert trail.place - TAIL - 0.05 < trail.path.end <= trail.place + 0.05
-    assert trail.at(2.0)[:2] == pytest.approx((2.0, 0.0), abs=0.03)
-    assert trail.at(3.0)[:2] == pytest.approx((3.0, 0.0), abs=0.1)
-    assert (
-        math.dist(trail.at(trail.place - 0.5)[:2], drive(pose, Twist(Vector3(0.5), Vector3(z=back)), -1.0)[:2]) < 0.05
-    )
-
-
-def test_a_leader_may_turn_round_again_and_again() -> None:
-    """Each way to and fro is as long as it was driven."""
-    trail, pose, driven = Trail(), Pose2(0.0, 0.0, 0.0), 0.0
-    trail.see(pose)
-    for _ in range(5):
-        pose = follow(trail, pose, STRAIGHT, 20)[-1]
-        driven += 1.0
-        assert trail.place == pytest.approx(driven, abs=0.2)
-        pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
-
-
-def test_a_leader_that_backs_up_after_a_turn_round_has_its_trail_cut() -> None:
-    """It turned round, came back 1 m and reverses 0.5 m of that: its place goes back by as much."""
-    trail = Trail()
-    trail.see(Pose2(0.0, 0.0, 0.0))
-    pose = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)[-1]
-    pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
-    pose = follow(trail, pose, STRAIGHT, 20)[-1]
-    end = trail.path.end
-    pose = follow(trail, pose, Twist(Vector3(-0.2)), 25)[-1]
-    assert pose.x == pytest.approx(2.5)
-    assert trail.place == pytest.approx(3.5, abs=0.12)
-    assert trail.path.end < end - 0.3
-
-
-@pytest.mark.parametrize("turn", [0.5, 1.0, 1.5, -1.0])
-def test_a_leader_that_backs_up_another_way_leaves_its_trail_as_it_is(turn: float) -> None:
-    """It turned on the spot first, and backs up for 2 m beside its trail: the trail follows it there."""
-    trail = Trail()
-    show(trail, [Pose2(0.05 * i, 0.0, 0.0) for i in range(61)])
-    show(trail, [Pose2(3.0, 0.0, turn)] * 3)
-    way = [Pose2(3.0, 0.0, turn).compose(Pose2(-0.05 * i, 0.0, 0.0)) for i in range(1, 41)]
-    show(trail, way)
-    assert math.dist(trail.path.last, way[-1][:2]) < 0.3
-    assert trail.path.project(2.5, 0.0) == pytest.approx(2.5, abs=0.1)
-    assert trail.place > 4.0

@@ -10,22 +10,9 @@ from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist
-from zteam.robot.behaviors.line import NO_TURNS, Line, OnLeaderLost, Place, behavior_of, chain_before, see_robot
+from zteam.robot.behaviors.line import NO_TURNS, Line, LineRole, OnLeaderLost, chain_before, see_robot
 from zteam.robot.behaviors.registry import load_behavior
-from zteam.robot.view import View
 from zteam.testing import make_view
-
-
-def told(*statuses: tuple[int, str, int]) -> View:
-    """Robot 3's view after these robots have told behaviour and leader."""
-    messages = {i: RobotStatus(robot_id=i, behavior=behavior, leader=leader) for i, behavior, leader in statuses}
-    return make_view(robot_id=3, inputs={"statuses": messages})
-
-
-def test_a_behaviour_is_known_by_its_status() -> None:
-    """Of a robot that has told nothing it is empty."""
-    view = told((0, "wander", -1))
-    assert (behavior_of(view, 0), behavior_of(view, 1), behavior_of(make_view(), 0)) == ("wander", "", "")
 
 
 @pytest.mark.parametrize(
@@ -53,7 +40,7 @@ LINE = {0: None, 1: 0, 2: 1, 3: 2}
 
 def places(
     leaders: dict[int, int | None], gone: frozenset[int] = frozenset(), on_lost: OnLeaderLost = "relink", turns: int = 0
-) -> dict[int, Place]:
+) -> dict[int, LineRole]:
     """The places that the living robots find, each for itself, from what all of them tell."""
     told = {
         robot: RobotStatus(robot_id=robot, leader=-1 if leader is None else leader, turns=turns, gap=0.8)
@@ -64,13 +51,13 @@ def places(
         line, view = Line(), make_view(robot_id=robot, inputs={"statuses": told})
         line.find_gone(msgspec.structs.replace(view, team=tuple(leaders)))
         living = msgspec.structs.replace(view, team=tuple(leaders.keys() - gone))
-        found[robot] = line.find_place(living, leaders[robot], on_lost)
+        found[robot] = line.find_role(living, leaders[robot], on_lost)
     return found
 
 
-def ahead(found: dict[int, Place]) -> dict[int, int | str | None]:
+def ahead(found: dict[int, LineRole]) -> dict[int, int | str | None]:
     """The robot that each follows, or why it stands."""
-    return {robot: place.reason or place.ahead for robot, place in found.items()}
+    return {robot: role.reason or role.ahead for robot, role in found.items()}
 
 
 @pytest.mark.parametrize("on_lost", ["relink", "stop", "takeover"])
@@ -79,7 +66,7 @@ def test_a_whole_line_is_as_it_was_named(on_lost: OnLeaderLost) -> None:
     found = places(LINE, on_lost=on_lost)
     assert ahead(found) == LINE
     assert [found[robot].behind for robot in LINE] == [1, 2, 3, None]
-    assert all(place.may_turn and place.head == 0 for place in found.values())
+    assert all(role.may_turn and role.head == 0 for role in found.values())
 
 
 @pytest.mark.parametrize("turns", [1, 7])
@@ -99,35 +86,12 @@ def test_what_a_robot_tells_out_of_turn_turns_nothing(robot: int, turns: int, nu
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=turns, gap=0.8) for each in LINE}
     own = {0: 1, 1: 2, 2: 1, 3: 2}[robot]
     line, view = Line(), make_view(robot_id=own, inputs={"statuses": told})
-    line.find_place(view, own - 1)
+    line.find_role(view, own - 1)
     told[robot] = RobotStatus(robot_id=robot, leader=robot - 1, turns=number, gap=0.8)
     for _ in range(3):
-        line.find_place(view, own - 1)
+        line.find_role(view, own - 1)
     leads = robot == (3 if turns else 0)
     assert line.turns == turns + (leads and 0 < number - turns < 2**30)
-
-
-def test_of_two_the_other_one_cannot_turn_the_line() -> None:
-    """Where a line has two robots, no third one can say which of them is right."""
-    line, told = Line(), {1: RobotStatus(robot_id=1, leader=0, gap=0.8, turns=0)}
-    for number, expected in ((0, 0), (1, 0), (2**31 - 1, 0)):
-        told[1] = RobotStatus(robot_id=1, leader=0, gap=0.8, turns=number)
-        line.find_place(make_view(robot_id=0, inputs={"statuses": told}), None)
-        assert line.turns == expected
-
-
-def test_a_leader_of_which_nothing_is_known_is_the_head() -> None:
-    """Before any status has come the named leader is all that there is, and the line cannot turn."""
-    place = Line().find_place(make_view(robot_id=3), 2)
-    assert (place.ahead, place.head, place.may_turn) == (2, 2, False)
-
-
-@pytest.mark.parametrize("on_lost", ["relink", "takeover"])
-@pytest.mark.parametrize("turns", [0, 1])
-def test_those_behind_a_lost_middle_robot_move_up(on_lost: OnLeaderLost, turns: int) -> None:
-    """They follow the next living robot, whichever end leads."""
-    expected = [{0: None, 1: 0, 3: 1}, {0: 1, 1: 3, 3: None}][turns]
-    assert ahead(places(LINE, frozenset({2}), on_lost, turns)) == expected
 
 
 def test_without_its_head_the_whole_line_stands() -> None:
@@ -155,7 +119,7 @@ def test_a_line_with_branches_does_not_turn() -> None:
     tree = {0: None, 1: 0, 2: 1, 5: 0, 6: 5}
     found = places(tree, turns=1)
     assert ahead(found) == tree
-    assert not any(place.may_turn for place in found.values())
+    assert not any(role.may_turn for role in found.values())
 
 
 @pytest.mark.parametrize(("turns", "expected"), [(2, {1: 0, 2: 1, 3: 2}), (3, {3: 0, 2: 3, 1: 2})])
@@ -164,10 +128,10 @@ def test_a_head_that_cannot_follow_keeps_its_place(turns: int, expected: dict[in
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=turns, gap=0.8) for robot in LINE}
     told[0].turns = NO_TURNS
     found = {
-        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
+        robot: Line().find_role(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1) for robot in (1, 2, 3)
     }
-    assert {robot: place.ahead for robot, place in found.items()} == expected
-    assert all(place.may_reverse and not place.may_turn and place.head == 0 for place in found.values())
+    assert {robot: role.ahead for robot, role in found.items()} == expected
+    assert all(role.may_reverse and not role.may_turn and role.head == 0 for role in found.values())
 
 
 @pytest.mark.parametrize("robot", [0, 2, 3])
@@ -176,18 +140,8 @@ def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: i
     told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=0, gap=0.8) for each in LINE}
     told[0].turns = NO_TURNS
     told[robot].turns = NO_TURNS
-    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0)
-    assert place.may_reverse == (robot == 0)
-
-
-def test_a_robot_that_cannot_follow_the_one_behind_it_keeps_the_line_as_it_is() -> None:
-    """One such robot is enough: a formation, or `hand_over = false`."""
-    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=0, gap=0.8) for robot in (0, 1, 2)}
-    told[2].turns = NO_TURNS
-    view = make_view(robot_id=0, inputs={"statuses": told})
-    assert not Line().find_place(view, None).may_turn
-    told[2].turns = 0
-    assert Line().find_place(view, None).may_turn
+    role = Line().find_role(make_view(robot_id=1, inputs={"statuses": told}), 0)
+    assert role.may_reverse == (robot == 0)
 
 
 def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
@@ -196,14 +150,8 @@ def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
         1: RobotStatus(robot_id=1, behavior="formation", leader=0),
         2: RobotStatus(robot_id=2, behavior="follow", leader=1, gap=0.8),
     }
-    place = Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2)
-    assert (place.before, place.head) == ((2, 1), 1)
-
-
-def test_the_own_leader_counts_as_it_is_set() -> None:
-    """And not as it was told."""
-    told = {3: RobotStatus(robot_id=3, behavior="follow", leader=1, gap=0.8)}
-    assert Line().find_place(make_view(robot_id=3, inputs={"statuses": told}), 2).before == (2,)
+    role = Line().find_role(make_view(robot_id=3, inputs={"statuses": told}), 2)
+    assert (role.before, role.head) == ((2, 1), 1)
 
 
 @pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])
@@ -234,10 +182,10 @@ def test_a_line_waits_for_a_robot_that_was_silent_before_it_was_gone(silent: boo
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, gap=0.8) for robot in LINE}
     line, began = Line(), round(50e9)
 
-    def place(now: int, *team: int) -> Place:
+    def place(now: int, *team: int) -> LineRole:
         view = make_view(robot_id=2, inputs={"statuses": told})
         seen = msgspec.structs.replace(view, now=now, team=team, silent=frozenset({1} if silent else ()))
-        return line.find_place(seen, 1)
+        return line.find_role(seen, 1)
 
     assert place(began, 0, 1, 2, 3).ahead == 1
     place(began, 0, 2, 3)

@@ -4,16 +4,13 @@ import math
 
 import pytest
 
-from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.line import Place
+from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.line_room import (
     FRUITLESS,
-    BoxedIn,
     Following,
     MakingRoom,
-    back_up,
     find_stopped,
     is_too_near,
 )
@@ -43,15 +40,6 @@ def test_it_drives_back_from_what_is_near_or_comes_towards_it(ahead: Pose2, foun
     assert is_too_near(ahead) is found
 
 
-@pytest.mark.parametrize(("side", "turn"), [(0.0, 0.0), (0.3, -0.8), (-0.3, 0.8)])
-def test_it_drives_back_along_its_way(side: float, turn: float) -> None:
-    """Where the way behind it bends, it turns so that its back follows: to the right for a bend to the left."""
-    way = Polyline([(0.0, side), (0.6, side), (1.0, 0.0)])
-    command = back_up(Pose2(1.0, 0.0, 0.0), way, way.project(1.0, 0.0))
-    assert command.linear.x == -0.2
-    assert command.angular.z == pytest.approx(turn, abs=0.1)
-
-
 def step(
     room: MakingRoom,
     seconds: float,
@@ -69,33 +57,8 @@ def step(
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
     way = Following(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
-    own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
+    own, place = Pose2(x, 0.0, 0.0), LineRole((0,), turns=turns)
     return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
-
-
-def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
-    """It follows for 3 s where it stands, then drives as a head does, and follows again 0.5 m from there."""
-    room = MakingRoom()
-    commands = [step(room, 1.0 + 0.1 * tick) for tick in range(60)]
-    left = next(tick for tick, command in enumerate(commands) if command is not None)
-    assert left == 31
-    assert commands[left] == (Twist(Vector3(0.4)), "is stuck: leaves its way")
-    assert step(room, 7.0, 1.4) is not None
-    assert step(room, 7.1, 1.6) is None
-
-
-def test_a_robot_whose_leader_comes_back_is_not_stuck() -> None:
-    """The time in which it did not follow does not count, such as 10 s without its leader: it has 3 s as before."""
-    room = MakingRoom()
-    assert [step(room, 1.0 + 0.1 * tick) for tick in range(10)] == [None] * 10
-    again = [step(room, 12.0 + 0.1 * tick) for tick in range(40)]
-    assert next(tick for tick, command in enumerate(again) if command is not None) == 31
-
-
-def test_a_robot_that_waits_does_not_leave_its_trail() -> None:
-    """One that is in its place, or waits for another one, may stand for as long as it has to."""
-    room = MakingRoom()
-    assert not any(step(room, 1.0 + 0.1 * tick, wants=False) for tick in range(100))
 
 
 def test_a_robot_between_two_ends_that_get_on_no_more_leaves_its_trail() -> None:
@@ -117,24 +80,3 @@ def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> Non
     assert step(room, 1.2, head=near, wants=False) == told
     assert step(room, 1.3, head=far, wants=False) is None
     assert step(room, 1.4, head=near, wants=False) is None
-
-
-def test_what_is_said_of_another_robot_is_nothing_to_it() -> None:
-    """Robot 1 does not take robot_10 for itself."""
-    assert step(MakingRoom(), 1.0, head=Pose2(0.7, 0.0, 0.0), blocked_by=10, wants=False) is None
-
-
-def test_a_head_that_turns_on_the_spot_and_does_not_get_on_is_boxed_in() -> None:
-    """For 2.5 s it may; then it has turned for nothing, until it has moved by 0.1 m."""
-    boxed = BoxedIn()
-    found = [boxed.look(to_ns(1.0 + 0.1 * tick), Pose2(0.0, 0.0, 0.1 * tick)) for tick in range(40)]
-    assert found.index(True) == 26
-    assert not boxed.look(to_ns(5.1), Pose2(0.2, 0.0, 0.0))
-    assert not BoxedIn().look(to_ns(9.0), Pose2(0.0, 0.0, 0.0))
-
-
-def test_a_robot_ahead_whose_pose_is_late_is_not_made_room_for() -> None:
-    """Its pose is 0.55 m away, which is too near; where it has driven 0.15 m since, it is not."""
-    near = Pose2(0.55, 0.0, 0.0)
-    assert step(MakingRoom(), 1.0, head=near, wants=False) == (Twist(Vector3(-0.2)), "makes room for robot_0")
-    assert step(MakingRoom(), 1.0, head=near, wants=False, driven_on=0.15) is None

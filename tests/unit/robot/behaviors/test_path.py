@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from support.flat_floor import ORIGIN, TICK, Floor, make_scan, make_view
 from zteam.behaviors import Behavior, View, load_behavior
-from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.polyline import Polyline
@@ -56,30 +55,6 @@ def test_it_keeps_to_its_path(course: str) -> None:
     assert not [1 for a, b in pairwise(turns) if a * b < -0.01]
 
 
-def test_it_joins_its_path_at_the_nearest_place() -> None:
-    """From beside the second leg it drives on along that leg, and not back to the first waypoint."""
-    behavior, floor = along(COURSES["square"]), Floor([Pose2(3.0, 2.0, 0.0)], [])
-    driven = drive(floor, behavior, 60.0)
-    assert behavior.reason == "end of the path"
-    assert min(pose.y for pose, _ in driven[:100]) > 1.9
-    assert len(driven) < 300
-
-
-@pytest.mark.ci
-def test_a_loop_goes_round_and_round() -> None:
-    """Two laps of a square take twice as long as one, and the path that lies behind is forgotten."""
-    behavior = along([[0, 0], [2, 0], [2, 2], [0, 2]], loop=True, speed=0.4)
-    floor = Floor([ORIGIN], [])
-    driven = drive(floor, behavior, 90.0)
-    starts = [i for i, ((a, _), (b, _)) in enumerate(pairwise(driven)) if a.x < 1.0 <= b.x]
-    assert behavior.reason == ""
-    assert len(starts) >= 4
-    laps = {b - a for a, b in pairwise(starts)}
-    assert max(laps) - min(laps) <= 1
-    assert max(laps) < 240
-    assert len(vars(behavior)["_path"]) < 100
-
-
 def test_new_waypoints_are_driven_from_the_nearest_place() -> None:
     """Another path begins anew, also after the end; another speed alone changes nothing else."""
     behavior, floor = along([[0, 0], [1, 0]]), Floor([ORIGIN], [])
@@ -93,31 +68,6 @@ def test_new_waypoints_are_driven_from_the_nearest_place() -> None:
     behavior.on_params()
     drive(floor, behavior, 20.0)
     assert floor.poses[0].y > 0.9
-
-
-@pytest.mark.parametrize(
-    ("waypoints", "text"),
-    [
-        ([[0, 0]], "waypoints"),
-        ([[0, 0], [1]], "waypoints"),
-        ([[0, 0], [1, math.nan]], "waypoints"),
-        ([[0, 0], [1e9, 0]], "waypoints"),
-        ([[1, 1], [1, 1]], "waypoints: must be at least two places"),
-        ([[1, 1], [1, 1 + 1e-10]], "waypoints: must be at least two places, 0.01 m apart"),
-        ("0, 0", "waypoints"),
-    ],
-)
-def test_what_is_no_path_is_refused(waypoints: object, text: str) -> None:
-    """Mistakes in the waypoints are named before anything starts."""
-    with pytest.raises(UsageError, match=text):
-        along(waypoints)
-
-
-def test_without_its_own_pose_it_stands() -> None:
-    """It does not drive on a pose that it does not know."""
-    behavior = along([[0, 0], [1, 0]])
-    assert behavior.step(make_view(make_scan([30.0] * 271))) == Twist()
-    assert behavior.reason == "its own pose in map is not known"
 
 
 def at(own: Pose2) -> View:

@@ -1,6 +1,5 @@
 """Why shipped behaviours stand: always in words of their own, wherever they are."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -11,9 +10,8 @@ from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
-from zteam.robot.behaviors.straight import Forward
 from zteam.robot.trials.check import PLACES, drive
-from zteam.robot.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
+from zteam.robot.trials.situations import LEADER, POSES, SITUATIONS, ViewMaker
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
 """The leader stands so near before it that it has nothing to do."""
@@ -78,7 +76,7 @@ class _Asked:
                 self._note(*decide(self._behavior, view, layer))
         for where, place in PLACES.items():
             self._begin(where)
-            drive(self.step, place, ViewMaker(self._behavior.inputs).messages())
+            drive(self.step, place, ViewMaker(self._behavior.inputs).messages(), [])
 
 
 @pytest.mark.few(1)
@@ -104,34 +102,3 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said
-
-
-def test_a_step_of_a_users_own_has_no_word_of_the_class_above() -> None:
-    """What a shipped behaviour says of its own step need not be true of a subclass's."""
-
-    class Own(Forward):
-        def step(self, view: View) -> Twist:
-            return Twist()
-
-    assert Own(Forward.Params()).why_it_rests() == ""
-
-
-def test_a_behaviour_may_have_further_bases() -> None:
-    """Python calls `__init_subclass__` of each base of a class, with the class's keywords."""
-    named: dict[str, type] = {}
-
-    class Named:
-        def __init_subclass__(cls, label: str = "", **kwargs: Any) -> None:
-            super().__init_subclass__(**kwargs)
-            named[label] = cls
-
-    class Own(Behavior, Named, label="own"):
-        def step(self, view: View) -> Twist:
-            return Twist()
-
-    assert named == {"own": Own}
-
-
-def test_the_robot_is_in_the_middle_of_the_views() -> None:
-    """The leader of the case 'at its place' is nearer than any gap, so followers do stand there."""
-    assert math.dist(_AT_ITS_PLACE[LEADER][:2], _AT_ITS_PLACE[ROBOT][:2]) < 0.6

@@ -1,22 +1,20 @@
 """What others send counts for a robot from the next tick on, in whatever order it comes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import groupby
 from random import Random
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from support.examples import examples
-from support.in_process_team import InProcessTeam, TeamOptions
 from support.lockstep_doubles import ScriptedSimulator
 from support.transforms import laser_on
 from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.bus import Bus, MemoryHub, presence
+from zteam.bus import MemoryHub
 from zteam.messages import (
     BaseInfo,
     Done,
@@ -30,7 +28,6 @@ from zteam.messages import (
     RobotStatus,
     String,
     TFMessage,
-    Tick,
     Twist,
     TwistStamped,
     Vector3,
@@ -42,14 +39,6 @@ from zteam.node.shutdown import Stop
 from zteam.robot.process.node import RobotNode
 
 TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, "orders", "/robot_7/status", "/robot_8/status")
-
-
-@pytest.fixture(autouse=True, scope="module")
-def names_at_once() -> Iterator[None]:
-    """No other process claims the robot's name."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(presence, "CLAIM_WAIT", 0.0)
-        yield
 
 
 class Listener(Behavior):
@@ -164,39 +153,3 @@ def test_it_counts_from_the_next_tick_on(sent: list[Sent], ways: Any) -> None:
         for topic, name in ((names.GOAL_POSE, "goal"), ("orders", "orders")):
             due = [message_of(s)[1] for s in known if TOPICS[s.topic] == topic and s.tick < tick]
             assert seen[name] == (due[-1] if due else None), tick
-
-
-class Sender:
-    """Tells robot 1 in each tick where to drive, as soon as it hears the tick."""
-
-    def __init__(self, bus: Bus, turn: float) -> None:
-        self._turn = turn
-        self._nav = bus.publisher(names.robot_key(1, names.CMD_VEL_NAV), TwistStamped)
-        bus.subscribe(names.TICK, Tick, self._on_tick)
-
-    def _on_tick(self, _key: str, tick: Tick) -> None:
-        if tick.tick > 1:
-            self._nav.put(TwistStamped(Header(tick.stamp), Twist(Vector3(0.2), Vector3(z=self._turn))))
-
-
-def trajectory_of(order: tuple[str, ...]) -> str:
-    """The hash of a team whose parts hear each tick in this order: the senders `left` and `right`, and the robots."""
-    team = InProcessTeam(TeamOptions(run_for=3.0))
-    for name in team.options.order:
-        team.end(name)
-    for part in order:
-        if part == "robots":
-            team.bring(team.options.order)
-        else:
-            Sender(team.hub.bus(), 0.5 if part == "left" else -0.4)
-    with team:
-        return team.finish().trajectory_sha256
-
-
-@pytest.mark.ci
-def test_a_team_drives_alike_whoever_hears_a_tick_first() -> None:
-    """Two senders that contradict each other, and robots, in four orders: one trajectory, other than without them."""
-    parts = ("left", "robots", "right")
-    orders = [parts, parts[::-1], ("robots", "left", "right"), ("right", "left", "robots")]
-    assert len({trajectory_of(order) for order in orders}) == 1
-    assert trajectory_of(("robots",)) != trajectory_of(parts)

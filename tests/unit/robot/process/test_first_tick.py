@@ -56,22 +56,21 @@ def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Monk
     node.close()
 
 
-@pytest.fixture
-def models(robot: RobotNode) -> list[str]:
-    """What the behaviour of robot 0 saw."""
-    return Seen.models
-
-
 def test_it_waits_for_the_base_also_where_that_comes_last(
-    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
 ) -> None:
-    """With scan and odometry there the robot does not answer; with `base_info` it does, and the behaviour sees it."""
-
+    """With scan and odometry there the robot does not answer; with `base_info` it does, and the behaviour sees it. A
+    heartbeat of the host then sends the last status again, and says nothing new."""
+    heard: list[RobotStatus] = []
+    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
     put_inputs(hub, 2)
-    assert (simulator.take(), models) == ([], [])
+    assert (simulator.take(), Seen.models) == ([], [])
     put(hub, names.BASE_INFO, BaseInfo(model="cart"), latched=True)
     assert [done.tick for done in simulator.take()] == [2]
-    assert models == ["cart"]
+    assert Seen.models == ["cart"]
+    count = len(heard)
+    robot.status.say_again()
+    assert heard[count:] == [heard[count - 1]]
 
 
 def put(hub: MemoryHub, topic: str, message: Message, *, robot: int = 0, latched: bool = False) -> None:
@@ -87,7 +86,7 @@ def put_inputs(hub: MemoryHub, tick: int) -> None:
 
 
 def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_next_tick_on(
-    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
 ) -> None:
     """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
     the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing.
@@ -107,7 +106,7 @@ def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_ne
 
 
 def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
-    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
 ) -> None:
     """A robot that has not heard of a reset may repeat its last status, and the aggregator its last bundle. Such a
     status does not hold back those of the new time, and such a bundle is not the one that a step waits for."""
@@ -140,19 +139,3 @@ def put_bundle(hub: MemoryHub, tick: int) -> None:
 def put_status(hub: MemoryHub, tick: int) -> None:
     """The status of robot 7, of a tick."""
     put(hub, names.STATUS, RobotStatus(Header(time_from_ns(tick * INTERVAL)), robot_id=7), robot=7)
-
-
-def test_a_heartbeat_of_the_host_says_nothing_new(
-    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
-) -> None:
-    """In lock-step a robot's steps alone make a status; a heartbeat sends the last one again."""
-    heard: list[RobotStatus] = []
-    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
-    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
-    put_inputs(hub, 2)
-    counts = [len(heard)]
-    for _ in range(3):
-        robot.status.say_again()
-        counts.append(len(heard) - counts[0])
-    assert counts[1:] == [1, 2, 3]
-    assert heard[-1] == heard[counts[0] - 1]

@@ -1,5 +1,6 @@
-"""What the robot says of itself: its status, and why nothing comes for it."""
+"""What the robot says of itself in real time: its status, its log, and that it is stopped."""
 
+import threading
 from collections.abc import Callable
 
 import pytest
@@ -8,264 +9,357 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.real_time_robot import RealTimeRobot
 from support.transports import wait_until_true
+from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
+from zteam.bus import NoRequest
+from zteam.bus.presence import own_info
+from zteam.clock import FREEZES, monotonic
+from zteam.messages import (
+    Header,
+    RobotDriver,
+    RobotState,
+    TeamStatus,
+    Twist,
+    TwistStamped,
+    Vector3,
+    time_from_ns,
+)
 from zteam.node import node as node_module
-from zteam.robot.behaviors.follow import Follow
+from zteam.node.stopping import StopReply
+from zteam.reasons import Cause, Reason
 from zteam.robot.behaviors.straight import Idle
 from zteam.robot.process import node as robot_module
+from zteam.robot.process.driver import SafetyLog
+from zteam.testing import make_view
 
-
-class Asks(Behavior):
-    """Wants what the test wants."""
-
-    wanted = Twist()
-
-    def step(self, view: View) -> Twist:
-        """That velocity."""
-        return Asks.wanted
+Start = Callable[..., RealTimeRobot]
+STOPPED = "stopped (zteam stop --release)"
+ALONE = ": no simulator runs yet (zteam-sim WORLD), and no base sends data"
 
 
 class EveryBeat:
-    """Instead of `Every`: a heartbeat in each round of the main loop."""
+    """Instead of `Every`: a heartbeat in each round of the main loop, or none at all."""
+
+    is_due = True
 
     def __init__(self, period: float) -> None:
         pass
 
     def due(self) -> bool:
-        """Always."""
-        return True
+        """Always or never."""
+        return self.is_due
 
     def left(self) -> float:
         """Long: rounds come from looks at whether data has stopped."""
         return LIMIT
 
 
-class NoBeat(EveryBeat):
-    """Instead of `Every`: no heartbeat at all."""
+@pytest.fixture
+def beats(monkeypatch: pytest.MonkeyPatch) -> type[EveryBeat]:
+    """Heartbeats without waiting."""
+    monkeypatch.setattr(node_module, "Every", EveryBeat)
+    monkeypatch.setattr(EveryBeat, "is_due", True)
+    return EveryBeat
 
-    def due(self) -> bool:
-        """Never."""
-        return False
+
+class Asks(Behavior):
+    """Wants what the test wants. It counts its steps and releases, and its third step may wait."""
+
+    wanted = Twist()
+    entered = threading.Event()
+    free: threading.Event | None = None
+
+    def __init__(self, params: object) -> None:
+        super().__init__(params)
+        self.steps: list[tuple[float, int]] = []
+        """`dt` of each, and how often time was to begin anew before it."""
+        self.releases = 0
+
+    def step(self, view: View) -> Twist:
+        """That velocity."""
+        self.steps.append((round(view.dt, 6), self.releases))
+        if len(self.steps) == 3 and self.free is not None:
+            self.entered.set()
+            self.free.wait(LIMIT)
+        return Asks.wanted
+
+    def on_release(self) -> None:
+        self.releases += 1
 
 
 @pytest.fixture
-def wants(monkeypatch: pytest.MonkeyPatch) -> Callable[[float, float], None]:
+def want(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Sets the velocity that the behaviour wants: m/s, rad/s."""
 
     def want(speed: float, turn: float = 0.0) -> None:
         monkeypatch.setattr(Asks, "wanted", Twist(Vector3(speed), Vector3(z=turn)))
 
+    want(0.2)
     return want
 
 
-def tick_to(robot: RealTimeRobot, first: int, last: int, distance: float = 9.0) -> None:
-    """Scans with an obstacle at `distance`, each answered by a command."""
-    for tick in range(first, last + 1):
-        robot.say_time(tick)
-        robot.say_scan(tick, distance)
-        robot.wait_for_commands(tick)
+def steps_of(robot: RealTimeRobot) -> list[tuple[float, int]]:
+    """Those of its behaviour."""
+    behavior = robot.robot.driver.behavior
+    assert isinstance(behavior, Asks)
+    return behavior.steps
 
 
-def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Behaviour, driver, speed and reason follow the newest command; the old text stays what it was."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(Asks)
-    try:
-        before = robot.wait_for_status(lambda status: True)
-        assert (before.behavior, before.driver, before.leader) == ("Asks", RobotDriver.NONE, -1)
-        for tick, (speed, turn, reason) in enumerate(
-            [(0.4, 0.0, ""), (0.0, 0.7, ""), (-0.1, 0.0, ""), (0.0, 0.0, "the behaviour commands zero velocity")], 1
-        ):
-            wants(speed, turn)
-            tick_to(robot, tick, tick)
-            said = robot.wait_for_status(lambda status, due=(speed, reason): (status.speed, status.reason) == due)  # type: ignore[misc]
-            assert (said.driver, said.state, said.text) == (RobotDriver.BEHAVIOR, RobotState.RUNNING, "")
-        wants(0.4)
-        tick_to(robot, 5, 5, distance=0.3)
-        said = robot.wait_for_status(lambda status: status.reason == "obstacle ahead")
-        assert (said.speed, said.text) == (0.0, "obstacle ahead")
-    finally:
-        robot.close()
-    robot.halt()
+@pytest.mark.usefixtures("beats")
+def test_it_says_what_drives_it_and_why_it_stands(start: Start, want: Callable[..., None]) -> None:
+    """Behaviour, driver, speed and reason follow the newest command."""
+    robot = start(Asks)
+    before = robot.wait_for_status(lambda _: True)
+    assert (before.behavior, before.driver, before.leader) == ("Asks", RobotDriver.NONE, -1)
+    for tick, (speed, turn, reason) in enumerate(
+        [(0.4, 0.0, ""), (0.0, 0.7, ""), (-0.1, 0.0, ""), (0.0, 0.0, "the behaviour commands zero velocity")], 1
+    ):
+        want(speed, turn)
+        robot.step(tick)
+        said = robot.wait_for_status(lambda status, due=(speed, reason): (status.speed, status.reason) == due)  # type: ignore[misc]
+        assert (said.driver, said.state, said.text) == (RobotDriver.BEHAVIOR, RobotState.RUNNING, "")
+    want(0.4)
+    robot.step(5, distance=0.3)
+    said = robot.wait_for_status(lambda status: status.reason == "obstacle ahead")
+    assert (said.speed, said.text) == (0.0, "obstacle ahead")
+    robot.close()
+    robot.node.halt()
     assert (robot.said[-1].driver, robot.said[-1].reason, robot.said[-1].speed) == ("none", "stopped", 0.0)
 
 
-def test_a_shipped_behaviour_says_why_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("beats")
+def test_a_shipped_behaviour_says_why_it_stands(start: Start) -> None:
     """Its own word is in the status, and neither in the text nor a line of the log."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(Idle)
-    try:
-        with captured_log() as log:
-            tick_to(robot, 1, 3)
-            said = robot.wait_for_status(lambda status: status.driver == RobotDriver.BEHAVIOR)
-        assert (said.reason, said.text) == ("idle: only teleop or navigation drives it", "")
-        assert log.count("idle") == 0
-    finally:
-        robot.close()
-
-
-class LooksUp(Behavior):
-    """Looks transforms up, and does not say so."""
-
-    def step(self, view: View) -> Twist:
-        """By the robot before it."""
-        view.base_from_robot(0)
-        return Twist()
-
-
-class LooksAtTeammates(Behavior):
-    """Those come with their age."""
-
-    def step(self, view: View) -> Twist:
-        """By any robot."""
-        return Twist(Vector3(0.1 * len(view.teammates)))
-
-
-@pytest.mark.parametrize(("kind", "lines"), [(LooksUp, 1), (LooksAtTeammates, 0), (Idle, 0), (Follow, 0)])
-def test_undeclared_look_ups_are_named_once(kind: type[Behavior], lines: int) -> None:
-    """In one line; teammates need no declaration, and what the safety layer looks up is not the behaviour's."""
     with captured_log() as log:
-        robot = RealTimeRobot(kind)
-        try:
-            robot.say_statics()
-            robot.say_transforms(1)
-            tick_to(robot, 1, 5)
-        finally:
-            robot.close()
-    assert log.count("looks transforms up") == lines
-    assert log.count(f"{kind.__name__} looks transforms up without 'uses_tf = True'") == lines
+        robot = start(Idle)
+        robot.step(1)
+        said = robot.wait_for_status(lambda status: status.driver == RobotDriver.BEHAVIOR)
+    assert (said.reason, said.text, log.count("idle")) == ("idle: only teleop or navigation drives it", "", 0)
 
 
-def test_a_robot_without_a_simulator_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It may be a real one, too: then its base sends no scan. With the first scan that is over."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(Idle, gate=True)
-    lacks = ": no simulator runs yet (zteam-sim WORLD), and no base sends data"
-    try:
-        said = robot.wait_for_status(lambda status: status.reason.endswith(lacks))
-        assert said.text == said.reason
-        assert said.text.startswith("waiting for a first scan (robot_1/base_scan), odometry (robot_1/odom)")
-        robot.say_scan(1)
-        robot.wait_for_status(
-            lambda status: status.text.startswith("waiting for odometry (robot_1/odom)") and lacks not in status.text
-        )
-    finally:
-        robot.close()
-
-
-def test_a_robot_without_a_gate_says_that_no_simulator_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It has no status to wait in, so the log says it, once."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    line = "waiting for a first scan: no simulator runs yet (zteam-sim WORLD), and no base sends data"
-    with captured_log() as log:
-        robot = RealTimeRobot(Idle, gate=False)
-        try:
-            wait_until_true(lambda: line in log.lines)
-        finally:
-            robot.close()
-    assert log.lines.count(line) == 1
-
-
-def test_a_follower_names_its_leader() -> None:
-    """The leader is in the status from the start."""
-    robot = RealTimeRobot()
-    try:
-        assert robot.wait_for_status(lambda status: True).leader == 0
-    finally:
-        robot.close()
-
-
-def test_a_new_speed_is_no_reason_to_publish(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Speeds that change with every tick go out with the heartbeat alone."""
-    monkeypatch.setattr(node_module, "Every", NoBeat)
-    robot = RealTimeRobot(Asks)
-    try:
-        wants(0.1)
-        tick_to(robot, 1, 1)
-        robot.wait_for_status(lambda status: status.state == RobotState.RUNNING)
-        before = robot.statuses
-        for tick in range(2, 30):
-            wants(0.1 + 0.001 * tick)
-            tick_to(robot, tick, tick)
-        assert robot.statuses == before
-    finally:
-        robot.close()
-
-
-@pytest.mark.gate
-@pytest.mark.parametrize("gate", [True, False])
-def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, gate: bool) -> None:
-    """Which robots the world has, and how to add this one; once it has come, what else is missing."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(gate=gate)
-    lacks = "robot_1 is not in the world; it has 0, 3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
-    try:
-        robot.say_world(0, 3, 4, 5)
-        for tick in () if gate else range(50, 80):
-            # It steps as time goes on without a scan.
-            robot.say_time(tick)
-            robot.wait_for_status(lambda status, count=robot.statuses: robot.statuses > count)  # type: ignore[misc]
-        said = robot.wait_for_status(lambda status: lacks in status.reason)
-        assert said.text == said.reason == (f"waiting for its first scan: {lacks}" if gate else lacks)
-        if gate:
-            robot.say_scan(51)
-            robot.wait_for_status(lambda status: status.text.startswith("waiting for odometry (robot_1/odom)"))
-    finally:
-        robot.close()
-
-
-def test_a_robot_that_was_taken_out_of_the_world_says_so(
-    wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+def test_a_new_speed_is_no_reason_to_publish(
+    start: Start, want: Callable[..., None], beats: type[EveryBeat], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While it runs, too: its scans have become stale because the world no longer has it."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(Asks)
-    try:
-        wants(0.4)
-        tick_to(robot, 1, 3)
-        robot.wait_for_status(lambda status: status.speed == 0.4)
-        robot.say_world(0)
-        for tick in range(50, 80):
-            robot.say_time(tick)
-            robot.wait_for_status(lambda status, count=robot.statuses: robot.statuses > count)  # type: ignore[misc]
-        robot.wait_for_status(lambda status: status.reason.startswith("robot_1 is not in the world; it has 0 ("))
-        robot.say_scan(80)
-        robot.wait_for_status(lambda status: status.reason == "" and status.speed == 0.4)
-    finally:
-        robot.close()
+    """Speeds that change with every tick go out with the heartbeat alone."""
+    monkeypatch.setattr(beats, "is_due", False)
+    robot = start(Asks)
+    robot.step(1)
+    robot.wait_for_status(lambda status: status.state == RobotState.RUNNING)
+    before = len(robot.said)
+    for tick in range(2, 9):
+        want(0.1 + 0.001 * tick)
+        robot.step(tick)
+    assert len(robot.said) == before
 
 
-def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also before the first scan or tick, when there is no turn to take."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
-    robot = RealTimeRobot(gate=True)
-    try:
-        robot.wait_for_status(lambda status: status.text.startswith("waiting for a first scan (robot_1/base_scan)"))
-    finally:
-        robot.close()
+@pytest.mark.usefixtures("beats")
+def test_a_robot_without_a_simulator_says_so(start: Start) -> None:
+    """It may be a real one, too: then its base sends no scan. With the first scan that is over."""
+    robot = start(Idle, gate=True)
+    said = robot.wait_for_status(lambda status: status.reason.endswith(ALONE))
+    assert said.text == said.reason
+    assert said.text.startswith("waiting for a first scan (robot_1/base_scan), odometry (robot_1/odom)")
+    robot.say_scan(1)
+    robot.wait_for_status(lambda status: status.text.startswith("waiting for odometry") and ALONE not in status.text)
+    with captured_log() as log:
+        # Without a gate it has no status to wait in.
+        start(Idle)
+        wait_until_true(lambda: f"waiting for a first scan{ALONE}" in log.lines)
+
+
+@pytest.mark.parametrize("gate", [True, False])
+@pytest.mark.usefixtures("beats", "want")
+def test_a_robot_that_the_world_lacks_says_so(start: Start, gate: bool) -> None:
+    """Which robots the world has, and how to add this one, while it waits and while it runs; not once it is there."""
+    robot = start(Asks, gate=gate)
+    lacks = "robot_1 is not in the world; it has 0, 3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
+    if not gate:
+        robot.step(1)
+    robot.say_world(0, 3, 4, 5)
+    for tick in () if gate else range(50, 80):
+        # It steps as time goes on without a scan.
+        robot.say_time(tick)
+        robot.wait_for_more_statuses(1)
+    said = robot.wait_for_status(lambda status: lacks in status.reason)
+    assert said.text == said.reason == (f"waiting for its first scan: {lacks}" if gate else lacks)
+    robot.say_scan(80)
+    robot.wait_for_status(
+        lambda status: status.text.startswith("waiting for odometry") if gate else status.speed == 0.2
+    )
 
 
 @pytest.mark.gate
-def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("beats", "want")
+def test_a_ready_robot_tells_whom_go_waits_for(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the monitor waits for is in its log once, when it has been ready for a while, and again when it changes."""
-    monkeypatch.setattr(node_module, "Every", EveryBeat)
     monkeypatch.setattr(robot_module, "_TELL_EVERY", 2)
     with captured_log() as log:
-        robot = RealTimeRobot(Asks, gate=True)
-        try:
-            robot.say_team(TeamStatus(waiting_for="robot_2: no process yet"))
-            robot.say_base_info()
-            robot.say_statics()
-            robot.say_odometry(1)
-            robot.say_transforms(1)
-            robot.say_time(1)
-            robot.say_scan(1)
-            log.wait_for("ready; GO waits for robot_2: no process yet")
-            seen = robot.statuses
-            robot.say_team(TeamStatus(waiting_for="robot_2: waiting for a first scan"))
-            log.wait_for("ready; GO waits for robot_2: waiting for a first scan")
-            assert robot.statuses > seen
-            assert log.count("no process yet") == 1
-        finally:
-            robot.close()
+        robot = start(Asks, gate=True)
+        robot.say_team(TeamStatus(waiting_for="robot_2: no process yet"))
+        robot.ready(1)
+        log.wait_for("ready; GO waits for robot_2: no process yet")
+        robot.say_team(TeamStatus(waiting_for="robot_2: waiting for a first scan"))
+        log.wait_for("ready; GO waits for robot_2: waiting for a first scan")
+        assert log.count("no process yet") == 1
+
+
+@pytest.fixture
+def driving(start: Start, want: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> RealTimeRobot:
+    """A robot that drives, and that looks often at what comes."""
+    monkeypatch.setattr(node_module, "HEARTBEAT", 0.02)
+    monkeypatch.setattr(robot_module, "_LOOKS", 0)
+    made = start(Asks)
+    made.ready(1)
+    made.wait_for_commands(1)
+    return made
+
+
+def answer(robot: RealTimeRobot, name: str) -> None:
+    """Another process is there and answers."""
+    bus = robot.session()
+    bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, 0))
+
+
+@pytest.mark.parametrize(
+    ("token", "others", "why"),
+    [
+        (True, True, "the simulator does not answer"),
+        (False, True, "the simulator has ended"),
+        (True, False, "no other process answers"),
+    ],
+)
+def test_a_robot_says_once_that_nothing_comes(driving: RealTimeRobot, token: bool, others: bool, why: str) -> None:
+    """In its log and its status, whose velocity is zero then; and once that data comes again."""
+    with captured_log() as log:
+        if token:
+            driving.say_token(names.SIMULATOR)
+        if others:
+            answer(driving, names.AGGREGATOR)
+        told = driving.wait_for_status(lambda status: bool(status.reason))
+        assert (told.reason, told.speed) == (f"no data: {why}", 0.0)
+        driving.wait_for_more_statuses(5)
+        driving.ready(2)
+        driving.wait_for_status(lambda status: not status.reason and status.speed > 0.0)
+        driving.wait_for_status(lambda _: log.count("data comes again") == 1)
+    assert log.count("no data") == 1
+
+
+@pytest.mark.parametrize("is_frozen", [True, False])
+def test_a_world_that_stands_and_a_freeze_of_its_own_are_no_outage(
+    driving: RealTimeRobot, is_frozen: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulator answers; or that nothing has come is the robot's own doing."""
+    if is_frozen:
+        monkeypatch.setattr(FREEZES, "look", monotonic)
+        answer(driving, names.AGGREGATOR)
+    else:
+        driving.say_token(names.SIMULATOR)
+        driving.say_world(0, 1)
+    assert driving.wait_for_more_statuses(20).reason == ""
+
+
+def test_poses_that_stay_away_are_told_once(driving: RealTimeRobot) -> None:
+    """By a robot that drives by its laser alone too."""
+    with captured_log() as log:
+        for tick in range(2, 6):
+            driving.say_time(tick)
+            driving.say_scan(tick)
+            driving.wait_for_more_statuses(3)
+        assert robot_module.NO_POSES in driving.said[-1].text
+        driving.ready(6)
+        driving.wait_for_status(lambda status: robot_module.NO_POSES not in status.text)
+    assert (log.count("no new poses"), log.count("poses come again")) == (1, 1)
+
+
+def test_time_begins_anew_after_a_pause(driving: RealTimeRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step after a freeze has no `dt`: the base stood meanwhile, and that the robot did not get on does not count."""
+    # The host's time goes by as well.
+    monkeypatch.setattr(FREEZES, "look", monotonic)
+    for count, tick in enumerate((2, 3, 103, 104), start=2):
+        driving.ready(tick)
+        driving.wait_for_commands(count)
+    assert steps_of(driving) == [(0.0, 0), (0.1, 0), (0.1, 0), (0.0, 1), (0.1, 1)]
+
+
+def change(robot: RealTimeRobot, service: str) -> StopReply:
+    """Stop the robot, or release it."""
+    return robot.bus.ask(names.robot_key(1, service), StopReply)
+
+
+def speeds(robot: RealTimeRobot) -> list[float]:
+    """Those commanded so far."""
+    return [command.linear.x for command in robot.commands]
+
+
+@pytest.mark.usefixtures("want")
+def test_a_stop_is_at_once_and_lasts_until_the_release(start: Start) -> None:
+    """Zero is commanded before the query is answered, and then with each scan. Neither teleop nor navigation drives,
+    the behaviour is not asked, and goes on where it was, with `on_release` first."""
+    robot = start(Asks)
+    change(robot, names.ENGAGE)
+    robot.wait_for_status(lambda status: status.is_stopped and status.reason == STOPPED)
+    change(robot, names.RELEASE)
+    for tick in (1, 2):
+        robot.ready(tick)
+        robot.wait_for_commands(1 + tick)
+    assert change(robot, names.ENGAGE) == StopReply("robot_1", True)
+    assert speeds(robot) == [0.0, 0.2, 0.2, 0.0]
+    robot.wait_for_status(lambda status: status.is_stopped and status.reason == STOPPED and status.speed == 0.0)
+    robot.say("robot_1/cmd_vel_teleop", Twist(Vector3(0.3)))
+    robot.say("robot_1/cmd_vel_nav", TwistStamped(Header(time_from_ns(1)), Twist(Vector3(0.3))))
+    for tick in (3, 4, 20):
+        # After 20 both have let go of the robot.
+        robot.step(tick)
+    assert change(robot, names.RELEASE) == StopReply("robot_1", False)
+    robot.step(21)
+    assert speeds(robot)[4:] == [0.0, 0.0, 0.0, 0.2]
+    assert [releases for _, releases in steps_of(robot)] == [0, 0, 1]
+    robot.wait_for_status(lambda status: not status.is_stopped and status.reason == "")
+
+
+@pytest.mark.usefixtures("want")
+def test_a_behaviour_that_hangs_does_not_hold_the_stop_up(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zero is commanded while it works, and what it returns afterwards is not."""
+    free = threading.Event()
+    monkeypatch.setattr(Asks, "free", free)
+    monkeypatch.setattr(Asks, "entered", threading.Event())
+    robot = start(Asks)
+    for tick in (1, 2):
+        robot.step(tick)
+    robot.ready(3)
+    assert Asks.entered.wait(LIMIT)
+    change(robot, names.ENGAGE)
+    assert speeds(robot) == [0.2, 0.2, 0.0]
+    free.set()
+    robot.wait_for_commands(4)
+    assert speeds(robot) == [0.2, 0.2, 0.0, 0.0]
+
+
+OBSTACLE = Reason("obstacle ahead", cause=Cause.OBSTACLE_AHEAD)
+
+
+def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
+    """The first names driver, command and distance; one that comes and goes is one stop; the second comes when the way
+    has been free for a second, not while the robot turns away. A robot that is slowed and then stopped has two lines.
+    """
+    safety, ahead = SafetyLog("forward"), Twist(Vector3(0.4))
+
+    def note(begin: int, end: int, wanted: Twist, trouble: Callable[[int], str], driver: str = "behavior") -> None:
+        for tick in range(begin, end):
+            safety.note(driver, wanted, trouble(tick), make_view([9.0, 0.31, 9.0], fov=1.0, now=0.1 * tick))
+
+    with captured_log() as log:
+        note(1, 39, ahead, lambda tick: OBSTACLE if tick % 3 else "")
+        assert log.lines == ["safety: stopped forward (0.40 m/s): obstacle 0.31 m ahead of the laser"]
+        note(40, 60, Twist(angular=Vector3(z=1.0)), lambda _: "")
+        assert len(log.lines) == 1
+        note(60, 90, ahead, lambda _: "")
+        assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
+        unseen = Reason("no laser looks behind", cause=Cause.UNSEEN)
+        back = Twist(Vector3(-0.4))
+        note(90, 98, back, lambda tick: unseen if tick < 94 else "robot_2 behind", RobotDriver.TELEOP)
+    assert log.lines[2:] == [
+        "safety: slowed teleop (-0.40 m/s): no laser looks behind",
+        "safety: stopped teleop (-0.40 m/s): robot_2 behind",
+    ]
+    assert safety.stops == 2

@@ -1,9 +1,7 @@
 """The safety layer in a closed loop with the simulator's core: bases of every kind come to a wall and touch it not."""
 
 import math
-from collections.abc import Callable
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -11,8 +9,8 @@ from support.small_worlds import LASER, drive, make_robot, make_world
 from zteam.behaviors import SafetyLayer, View
 from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Twist
-from zteam.messages.base import Base, base_of
+from zteam.messages import Twist
+from zteam.messages.base import base_of
 from zteam.robot.safety.motion import limit_speed
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message
@@ -38,8 +36,6 @@ class Loop:
         self.stalled = False
         self.driven = 0.0
         """Metres."""
-        self.change: Callable[[LaserScan], None] = lambda scan: None
-        """Done to each scan before the robot sees it."""
 
     @property
     def x(self) -> float:
@@ -50,8 +46,6 @@ class Loop:
         """A tick."""
         now, first = self.seen.stamp, self.seen.tick <= 1
         scan, odom = scan_message(self.seen, 0, 0), odometry_message(self.seen, 0)
-        scan.ranges = scan.ranges.copy()
-        self.change(scan)
         view = View(
             now=now, dt=0.0 if first else self._tick, robot_id=0, scan=scan, odom=odom, base=self._base,
             lookup=lambda target, source: (Pose2(0.0, 0.0, 0.0), now),
@@ -67,49 +61,20 @@ class Loop:
             self.step(wanted)
 
 
-def test_beams_that_fall_silent_keep_what_they_saw_where_it_was() -> None:
-    """At full speed all beams fall silent 0.95 m before the wall: the wall stays where it is."""
-    loop = Loop(make_robot(acceleration=Limits((-1.0, 1.5), _FREE, _FREE)))
-
-    def silence(scan: LaserScan) -> None:
-        if 3.0 - loop.x - FRONT <= 0.95:
-            scan.ranges[:] = math.nan
-
-    loop.change = silence
-    loop.run(drive(1.0), 10.0)
-    assert not loop.stalled
-    assert 0.0 < 3.0 - loop.x - FRONT < 0.95
-
-
-@pytest.mark.few(4)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("angle", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize(
-    ("wall_at", "yaw", "straight"), [(2.0, 0.6, 0.0), (2.0, 0.0, 1.0), (3.0, 0.0, 1.0), (3.0, 0.6, 0.0)]
-)
-def test_a_cars_own_wheelbase_counts(angle: float, wall_at: float, yaw: float, straight: float) -> None:
-    """A short car with 2 m from axle to axle turns in a wide arc, and not past the wall: so it stops before it."""
-    limits = Limits((-1.0, 1.0), _FREE, _FREE)
-    robot = make_robot(yaw=yaw, drive="car", wheelbase=2.0, acceleration=limits, rangers=(ROUND,))
+@pytest.mark.parametrize(("wall_at", "yaw", "straight"), [(2.0, 0.6, 0.0), (2.0, 0.0, 1.0), (3.0, 0.0, 1.0)])
+@pytest.mark.parametrize(("wheelbase", "turning"), [(2.0, math.inf), (0.2, math.radians(2.0))])
+def test_a_cars_own_limits_count(
+    wheelbase: float, turning: float, angle: float, wall_at: float, yaw: float, straight: float
+) -> None:
+    """A car with 2 m from axle to axle, or one whose wheels turn by 2 °/s², turns in a wide arc, and not past the wall:
+    so it stops before it."""
+    limits = Limits((-1.0, 1.0), _FREE, (-turning, turning))
+    robot = make_robot(yaw=yaw, drive="car", wheelbase=wheelbase, acceleration=limits, rangers=(ROUND,))
     loop = Loop(robot, wall_at=wall_at)
     loop.run(drive(1.0), straight)
     loop.run(drive(1.0, -angle), 12.0)
-    assert not loop.stalled
-    assert loop.driven > 1.0
-
-
-@pytest.mark.few(4)
-@pytest.mark.parametrize("angle", [0.2, 0.5, 0.8])
-@pytest.mark.parametrize(
-    ("wall_at", "yaw", "straight"), [(2.0, 0.0, 0.0), (2.0, 0.0, 1.0), (3.0, 0.6, 0.0), (3.0, 0.6, 1.0)]
-)
-def test_a_cars_yaw_acceleration_counts(angle: float, wall_at: float, yaw: float, straight: float) -> None:
-    """With 2 °/s² it hardly leaves its straight way when its wheels are turned: the wall there is what stops it."""
-    turning = math.radians(2.0)
-    limits = Limits((-1.0, 1.0), _FREE, (-turning, turning))
-    robot = make_robot(yaw=yaw, drive="car", wheelbase=0.2, acceleration=limits, rangers=(ROUND,))
-    loop = Loop(robot, wall_at=wall_at)
-    loop.run(drive(1.0), straight)
-    loop.run(drive(1.0, -angle), 15.0)
     assert not loop.stalled
     assert loop.driven > 1.0
 
@@ -137,30 +102,6 @@ def test_the_reaction_is_the_tick_however_long(tick: float, speed: float, wall_a
     assert loop.x > 0.8
 
 
-@pytest.mark.ci
-def test_a_base_that_is_faster_than_it_is_told_is_slowed_down_in_time() -> None:
-    """Down a ramp it drives 1.6 times as fast as commanded, and odometry says so: what it really does counts."""
-    base = Base(decel_lim_x=-1.0, acc_lim_x=1.0)
-    layer, x, speed, now = SafetyLayer(), 0.0, 0.0, 10 * NS_PER_S
-    angles = np.linspace(-math.pi / 2, math.pi / 2, 181)
-    for _ in range(150):
-        with np.errstate(divide="ignore"):
-            ranges = np.minimum((4.0 - x) / np.cos(angles), 30.0)
-        robot = replace(make_robot(x), rangers=(LASER,))
-        seen = Engine(make_world(robot)).step({})
-        scan, odom = scan_message(seen, 0, 0), odometry_message(seen, 0)
-        scan = replace(scan, angle_min=angles[0], angle_increment=angles[1] - angles[0], range_max=30.0, ranges=ranges)
-        scan.header.stamp.sec, scan.header.stamp.nanosec = divmod(now, NS_PER_S)
-        odom.pose.pose.position.x, odom.twist.twist.linear.x = x, speed
-        view = View(now=now, dt=0.1, robot_id=0, scan=scan, odom=odom, base=base, lookup=lambda target, source: None)
-        left, _ = layer.limit(drive(1.0), view)
-        goal = 1.6 * left.linear.x
-        speed = max(goal, speed - 0.1) if goal < speed else min(goal, speed + 0.1)
-        x, now = x + 0.1 * speed, now + NS_PER_S // 10
-        assert x + 0.125 < 4.0
-    assert x > 3.0
-
-
 def test_an_omni_base_moves_sideways_and_stops_before_what_stands_there() -> None:
     """Where its laser looks all round, as fast as asked; else at 0.2 m/s at most, as backwards."""
     for laser, fastest in ((ROUND, 0.6), (LASER, 0.2)):
@@ -174,14 +115,6 @@ def test_an_omni_base_moves_sideways_and_stops_before_what_stands_there() -> Non
         assert 0.15 <= 3.0 - loop.x - FRONT < 0.25
 
 
-def test_an_omni_base_moves_at_an_angle_too() -> None:
-    """Forwards, sideways and in a turn at once: what the outline sweeps is looked at."""
-    loop = Loop(make_robot(yaw=-0.5, drive="omni", rangers=(ROUND,)))
-    loop.run(drive(0.5, 0.3, 0.4), 20.0)
-    assert not loop.stalled
-    assert loop.driven > 2.0
-
-
 def test_without_the_layer_an_omni_base_moves_sideways_within_its_limits() -> None:
     """`--no-safety` leaves the limits of speed and nothing else; a base that is not omni does not move sideways."""
     limits = Limits((-1.0, 1.0), (-0.4, 0.4), (-1.0, 1.0))
@@ -191,18 +124,3 @@ def test_without_the_layer_an_omni_base_moves_sideways_within_its_limits() -> No
     loop = Loop(make_robot(velocity=limits), has_layer=False)
     loop.step(drive(0.3, vy=0.9))
     assert (loop.left.linear.x, loop.left.linear.y) == (0.3, 0.0)
-
-
-def test_a_fast_base_drives_as_fast_as_it_can_and_stops() -> None:
-    """The cap of 1 m/s is gone: a base of 2 m/s drives 2 m/s in the open, and stops before the wall."""
-    limits = Limits((-1.0, 2.0), (0.0, 0.0), (-1.5, 1.5))
-    accelerations = Limits((-1.0, 1.0), _FREE, _FREE)
-    laser = replace(LASER, range_max=30.0)
-    loop = Loop(make_robot(velocity=limits, acceleration=accelerations, rangers=(laser,)), wall_at=12.0)
-    fastest = 0.0
-    for _ in range(200):
-        loop.step(drive(2.0))
-        fastest = max(fastest, loop.left.linear.x)
-    assert fastest == 2.0
-    assert not loop.stalled
-    assert 0.15 <= 12.0 - loop.x - FRONT < 0.3

@@ -57,12 +57,6 @@ def test_the_last_word_of_a_beam_counts_for_half_a_second() -> None:
     assert [speed for speed, _ in found] == [0.4] * 5 + [0.0] * 5
 
 
-@pytest.mark.parametrize("bearing_deg", [100.0, -120.0])
-def test_silent_beams_to_the_side_stop_nobody(bearing_deg: float) -> None:
-    """Only what points into the way counts."""
-    assert drive(math.nan, 10.0, bearing_deg) == [(0.4, "")] * 10
-
-
 @pytest.mark.parametrize(("half_deg", "speed"), [(0.0, 0.4), (0.5, 0.0)])
 def test_one_silent_beam_is_bridged(half_deg: float, speed: float) -> None:
     """One beam of half a degree between two that speak hides nothing that a robot could hit; three do."""

@@ -91,7 +91,7 @@ TOLD = [
     "32: robots[4].behavior: no behaviour 'wandr' (did you mean wander?): use idle, forward, …",
     "35: robots[5].id: robot 1 is robots[1] already; give each robot its own id",
     "35: robots[5].id: the world has a robot 1 already: leave model and pose out, or give another id",
-    "38: robots[5].behavior: no behaviour 'my_stopper' (did you mean my_stopper:Stopper?): use idle, forward, …",
+    "38: robots[5].behavior: no behaviour 'my_stopper': use idle, forward, …",
     "41: simulation.gaussian_noise: must be from 0 to 1000, not -1",
 ]
 

@@ -1,4 +1,4 @@
-"""The shapes of formations, and how they are squeezed."""
+"""The slots of formations: where they lie, how they are squeezed, and who keeps which."""
 
 import math
 from itertools import combinations
@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from support.flat_floor import LASER, Segment, cast, make_scan
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.shapes import (
+from zteam.robot.behaviors.slots import (
     CLOSING,
     OPENING,
     SHAPES,
+    Assignment,
     Shape,
     Slot,
     approach,
-    reach_of,
     share_for_bend,
     share_for_room,
     slots_of,
@@ -64,13 +64,6 @@ def test_the_slots_of_four_followers(shape: Shape, expected: list[tuple[float, f
     assert len(expected) == 4
 
 
-def test_a_diamond_of_three_followers_is_a_square() -> None:
-    """It stands on the leader's corner."""
-    slots = sorted(slots_of("diamond", 3, 1.0))
-    corner = math.sqrt(0.5)
-    assert [pytest.approx(slot) for slot in slots] == [(corner, -corner), (corner, corner), (2.0 * corner, 0.0)]
-
-
 @given(shapes, counts, st.floats(0.0, 1.0))
 def test_a_squeezed_formation_keeps_its_robots_apart(shape: Shape, count: int, share: float) -> None:
     """On the way from its shape to the column no two slots come much nearer than a spacing, nor to the leader."""
@@ -85,12 +78,6 @@ def test_the_ends_of_a_squeeze(shape: Shape, count: int) -> None:
     assert [squeeze(slot, rank, 0.8, 0.0) for rank, slot in enumerate(slots)] == list(slots)
     whole = [squeeze(slot, rank, 0.8, 1.0) for rank, slot in enumerate(slots)]
     assert [pytest.approx(slot, abs=1e-9) for slot in whole] == list(slots_of("column", count, 0.8))
-
-
-def test_how_far_a_shape_reaches() -> None:
-    """To the left and to the right of the trail; a column reaches nowhere."""
-    assert reach_of(slots_of("line", 3, 1.0)) == (2.0, 1.0)
-    assert reach_of(slots_of("column", 3, 1.0)) == (0.0, 0.0)
 
 
 HERE = [Pose2(0.0, 0.0, 0.0)]
@@ -136,11 +123,6 @@ def test_teammates_are_no_walls() -> None:
     assert share([(50.0, 50.0, 51.0, 50.0)], others=[(0.0, 0.6), (0.5, -0.6)]) == 0.0
 
 
-def test_a_column_needs_no_room_beside_it() -> None:
-    """Slots that reach nowhere are not squeezed."""
-    assert share(corridor(0.6), reach=0.0) == 0.0
-
-
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_bend_squeezes_its_inner_side(side: float) -> None:
     """The slots within the bend stay well within its radius; those outside it do not count."""
@@ -151,7 +133,33 @@ def test_a_bend_squeezes_its_inner_side(side: float) -> None:
     assert share_for_bend(-side / 1.0, left, right) == 0.0
 
 
-def test_no_scan_no_squeeze() -> None:
-    """Beams that say nothing are no walls."""
-    scan = make_scan([math.nan] * 271)
-    assert share_for_room(scan, HERE, [], 1.0, 1.0, 0.175) == 0.0
+SLOTS = [(0.0, 0.0), (1.0, 0.0)]
+SECOND = 1_000_000_000
+
+
+def look(assignment: Assignment, now: int, *xs: float) -> list[int | None]:
+    """The slots of robots 1, 2, … that stand at these places on a line."""
+    members = {robot: (x, 0.0) for robot, x in enumerate(xs, 1)}
+    if assignment.is_due(now, members):
+        assignment.look(now, members, SLOTS)
+    return [assignment.slots.get(robot) for robot in members]
+
+
+def test_slots_change_hands_only_where_that_helps_much() -> None:
+    """Two robots that stand nearly as well do not swap, and robots that have passed each other do."""
+    assignment = Assignment()
+    assert look(assignment, 0, 0.0, 1.0) == [0, 1]
+    assert look(assignment, SECOND, 0.55, 0.5) == [0, 1]
+    assert look(assignment, 2 * SECOND, 1.0, 0.0) == [1, 0]
+
+
+def test_it_looks_at_the_same_times_in_all_robots() -> None:
+    """Twice a second by the clock, whenever it has looked last, and at once when members come or go."""
+    assignment = Assignment()
+    members = {1: (0.0, 0.0)}
+    assert assignment.is_due(0, members)
+    assignment.look(400_000_000, members, SLOTS[:1])
+    assert not assignment.is_due(499_999_999, members)
+    assert assignment.is_due(500_000_000, members)
+    assert assignment.is_due(400_000_000, {**members, 2: (1.0, 0.0)})
+    assert assignment.slots.get(2) is None
