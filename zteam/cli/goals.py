@@ -8,7 +8,7 @@ import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
@@ -91,7 +91,7 @@ def _read(args: argparse.Namespace) -> None:
 def _pause(args: argparse.Namespace) -> int:
     paused = args.resume is None
     robots = args.pause if paused else args.resume
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         done = pause_lists(bus, robots or None, paused=paused)
     absent = sorted(set(robots or ()) - set(done))
     if absent or not done:

@@ -1,7 +1,6 @@
 """`zteam map save FILE`: write the map that is on the bus as files of map_server, as map_saver does."""
 
 import argparse
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -10,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, run_tool, run_verb
 from zteam.cli.output import print_line
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
@@ -51,7 +50,7 @@ def _save(args: argparse.Namespace) -> int:
     key, path = check_key(args.topic), Path(args.file)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         grid = map_grid(_wait_for_map(bus, key, args.timeout))
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)

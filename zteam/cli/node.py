@@ -1,13 +1,12 @@
 """`zteam node list`: list the processes that are alive, their hosts and their uptimes."""
 
 import argparse
-from contextlib import closing
 from functools import partial
 
 from zteam.bus.graph import find_nodes
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, run_tool, run_verb
 from zteam.cli.output import print_block, print_json
 from zteam.cli.progress_text import duration_text
 from zteam.cli.tables import format_table
@@ -22,7 +21,7 @@ def build_parser() -> Parser:
 
 
 def _list(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         found = find_nodes(bus)
     table = format_table(("process", "host", "pid", "up", "zteam"), list(map(_cells, found)))
     print_json(found) if args.json else print_block(table if found else "no processes (start a team with 'zteam up')")

@@ -3,7 +3,6 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
@@ -13,7 +12,7 @@ import msgspec
 from zteam import names
 from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -57,7 +56,7 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _answer(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         client = ParametersClient(bus)
         code: int = args.act(args, client, find_robots(client, args.robots))
         return code

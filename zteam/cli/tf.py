@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from zteam.bus import Bus
 from zteam.bus.graph import SURVEY, near_keys
 from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, checked, run_tool, run_verb
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -86,7 +86,7 @@ def _echo(args: argparse.Namespace) -> int:
     def show(transform: TransformStamped) -> None:
         print_json(to_json(transform)) if args.json else print_block(format_transform(transform))
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         if args.at is not None:
             # Ask the aggregator for the past: this process has received nothing of it.
             show(_ask_past(bus, target, source, args))
@@ -131,7 +131,7 @@ def _show_tree(args: argparse.Namespace) -> int:
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)
         # Without an aggregator, use what was received.
@@ -154,7 +154,7 @@ def _show_tree(args: argparse.Namespace) -> int:
 def _show_figures(args: argparse.Namespace) -> int:
     """Print rates, delays and jitter of every moving frame, and conflicts."""
     watch = TransformWatch()
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         bus.subscribe(names.TF, TFMessage, lambda _, message: watch.take(message.transforms, listener.now))
         pause(args.seconds)
@@ -204,7 +204,7 @@ class _Position(msgspec.Struct):
 
 def _show_positions(args: argparse.Namespace) -> int:
     """Print every robot's pose in `map`, once or at a rate."""
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
@@ -254,7 +254,7 @@ def _hold_static(args: argparse.Namespace) -> int:
             asked.discard(key)
         waiter.notify()
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         request.caller = bus.instance
         bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
         bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)

@@ -29,7 +29,7 @@ from zteam.cli.listening import (
     wait_for_message,
     where_to_look,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_tool, run_verb
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -93,7 +93,7 @@ def publish(args: argparse.Namespace) -> int:
 
     message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         bus.check_right(key)
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
@@ -204,7 +204,7 @@ def _echo(args: argparse.Namespace) -> int:
         queue.append(sample)
         waiter.notify()
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         bus.subscribe_raw(key, take, latched=True)
         wait: Callable[[Callable[[], bool]], bool] = partial(
             wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
@@ -237,7 +237,7 @@ def _hz(args: argparse.Namespace) -> int:
     key, waiter = check_key(args.key), Waiter()
     times: deque[float] = deque(maxlen=args.window)
     total = 0
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def take(_sample: RawSample) -> None:
@@ -291,7 +291,7 @@ def _rate(row: KeyRow) -> str:
 
 
 def _list(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         rows, _ = find_rows(bus, "**")
     table = format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2)
     print_json(rows) if args.json else print_block(table if rows else NO_KEYS)
@@ -305,7 +305,7 @@ def _cells(row: KeyRow) -> tuple[str, ...]:
 def _info(args: argparse.Namespace) -> int:
     """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         rows, graph = find_rows(bus, key)
         # Those that do not answer have a name too.
         named = Graph((), find_nodes(bus))
