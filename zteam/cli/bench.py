@@ -43,12 +43,11 @@ def build_parser() -> Parser:
     return parser
 
 
-def _bench(args: argparse.Namespace) -> int:
+def _bench(args: argparse.Namespace) -> None:
     # The processes started here have to be ended.
     raise_from_now()
     figures = args.act(args)
     print_json(figures) if args.json else print_block(format_figures(figures))
-    return 0
 
 
 def _measure_core(args: argparse.Namespace) -> msgspec.Struct:

@@ -80,7 +80,7 @@ def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
         raise ZteamError(f"no process {', '.join(unknown)}; {living}")
 
 
-def _log(args: argparse.Namespace) -> int:
+def _log(args: argparse.Namespace) -> None:
     waiter = Waiter()
     with open_bus(args) as bus:
         reader = LogReader(bus, args.names, waiter.notify, logging.getLevelName(args.level.upper()))
@@ -93,7 +93,6 @@ def _log(args: argparse.Namespace) -> int:
             _follow(reader, waiter, args.json, found)
         elif not found:
             print_line("no processes (start a team with 'zteam up')", file=sys.stderr)
-    return 0
 
 
 def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:

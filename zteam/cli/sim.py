@@ -13,7 +13,7 @@ from zteam import names
 from zteam.cli.arguments import add_option, option_type, parse_speed
 from zteam.cli.listening import open_bus
 from zteam.cli.live_line import ProgressLine
-from zteam.cli.options import Parser, add_bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
@@ -35,11 +35,8 @@ Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 def build_parser() -> Parser:
     parser = Parser(prog="zteam sim", description=__doc__)
 
-    def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = parser.add_verb(name, act, text)
-        sub.add_argument("--json", action="store_true", help="print the simulator's reply")
-        add_bus_options(sub)
-        return sub
+    def verb(name: str, act: Act, text: str) -> Parser:
+        return parser.add_verb(name, act, text, add_json, add_bus_options)
 
     verb("pause", _pause, "pause the world")
     verb("resume", _resume, "continue the world")
@@ -76,11 +73,10 @@ def _read(args: argparse.Namespace) -> None:
         args.pose = parse_pose(args.pose if args.verb == "spawn" else [args.x, args.y, args.yaw])
 
 
-def _answer(args: argparse.Namespace) -> int:
+def _answer(args: argparse.Namespace) -> None:
     with open_bus(args) as bus:
         reply, text = args.act(SimulatorClient(bus), args)
     print_json(reply) if args.json else print_block(text)
-    return 0
 
 
 def _change(make: Callable[[], T]) -> T:
