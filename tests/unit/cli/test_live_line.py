@@ -1,27 +1,22 @@
 """A live line on a pseudo-terminal, as a reader sees it."""
 
-import errno
 import fcntl
-import io
 import logging
 import os
 import pty
 import struct
 import sys
 import termios
-import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TextIO, cast
+from typing import TextIO
 
 import pytest
 
-from support.limits import LIMIT
 from support.terminal import Screen
 from zteam.cli.doctor import format_findings
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.log import format_line
-from zteam.cli.output import Output
 from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
@@ -133,39 +128,6 @@ def test_standard_error_prints_above(terminal: PseudoTerminal, monkeypatch: pyte
         logger.handlers[:], logger.level, logger.propagate = before
     assert terminal.rows()[1:] == ["in parts", "no end", ""]
     assert sys.stderr is terminal.stream
-
-
-def test_a_terminal_that_is_gone_is_reported_once(monkeypatch: pytest.MonkeyPatch, terminal: PseudoTerminal) -> None:
-    """The report of a failed write is itself a line on standard error, above the live line."""
-    told: list[str] = []
-
-    class Gone(io.StringIO):
-        """A terminal whose window was closed."""
-
-        def write(self, text: str) -> int:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-        def isatty(self) -> bool:
-            return True
-
-    def tell(error: OSError) -> None:
-        told.append(str(error))
-        sys.stderr.write("cannot write\n")
-
-    monkeypatch.setattr(sys, "stderr", terminal.stream)
-    stream = cast(TextIO, Output(Gone(), tell))
-
-    def run() -> None:
-        with LiveLine(stream) as live:
-            live.show("live")
-            live.print("line")
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    thread.join(LIMIT)
-    assert not thread.is_alive()
-    assert len(told) == 1
-    assert terminal.rows() == ["cannot write", ""]
 
 
 def test_only_a_terminal_that_can_erase_has_a_live_line(
