@@ -14,8 +14,8 @@ _MARGIN = 3
 """Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
 PERIOD = 5.0
 """Host seconds between two lines of progress where one cannot be rewritten."""
-_COLUMNS = 80
-"""Width of a terminal that does not tell its own."""
+_SIZE = os.terminal_size((80, 24))
+"""Columns and lines of a terminal that does not report its own."""
 
 
 def has_live_line(stream: TextIO) -> bool:
@@ -72,13 +72,14 @@ class LiveLine:
             self._write(f"{text if isinstance(text, Clean) else printable(text)}\n", stream or self._stream)
 
     def _write(self, text: str, stream: TextIO) -> None:
-        columns = self._columns()
+        columns, height = self._size()
         is_ours = self._in_foreground()
         if not is_ours:
             # The shell has the terminal now.
             self._drawn = []
         shown = "" if self._left or not is_ours else self._text
-        lines = [printable(line[: max(0, columns - _MARGIN)]) for line in shown.split("\n")] if shown else []
+        fitting = shown.split("\n")[: max(1, height - 1)] if shown else []
+        lines = [printable(line[: max(0, columns - _MARGIN)]) for line in fitting]
         # A terminal that was made narrower has wrapped them.
         rows = sum(1 + max(0, length - 1) // columns for length in self._drawn) - 1
         erase = f"\r\033[{rows}A\033[J" if rows > 0 else "\r\033[J" if self._drawn else ""
@@ -92,11 +93,12 @@ class LiveLine:
             self._stream.flush()
         self._drawn = list(map(len, lines))
 
-    def _columns(self) -> int:
+    def _size(self) -> os.terminal_size:
         try:
-            return os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+            found = os.get_terminal_size(self._stream.fileno())
         except (OSError, ValueError):
-            return _COLUMNS
+            return _SIZE
+        return found if all(found) else _SIZE
 
     def _in_foreground(self) -> bool:
         try:

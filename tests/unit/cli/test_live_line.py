@@ -73,13 +73,15 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[PseudoTerminal]:
 
 
 def test_the_lines_are_rewritten_in_place(terminal: PseudoTerminal) -> None:
-    """New lines replace the old ones, also where they are fewer or shorter; what is printed above them stays whole."""
+    """New lines replace the old ones, also where they are fewer or shorter; what is printed above stays whole."""
     with LiveLine(terminal.stream) as live:
         live.show("a long text\nand a second line")
         assert terminal.rows() == ["a long text", "and a second line"]
         live.print("x" * 300)
         live.show("sh\u5c71\x1b[2Jort")
         assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, "sh\\u5c71\ufffd[2Jort"]
+        live.show("\n".join(map(str, range(40))))
+        assert terminal.rows()[-23:] == [str(i) for i in range(23)]
     assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, ""]
 
 
