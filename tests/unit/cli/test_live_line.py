@@ -17,6 +17,7 @@ from support.terminal import Screen
 from zteam.cli.doctor import format_findings
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.log import format_line
+from zteam.cli.output import Clean
 from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
@@ -83,6 +84,15 @@ def test_the_lines_are_rewritten_in_place(terminal: PseudoTerminal) -> None:
         live.show("\n".join(map(str, range(40))))
         assert terminal.rows()[-23:] == [str(i) for i in range(23)]
     assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, ""]
+
+
+def test_what_is_printed_above_is_harmless(terminal: PseudoTerminal) -> None:
+    """A text of the bus commands no terminal; what is ready for one comes as it is."""
+    with LiveLine(terminal.stream) as live:
+        live.show("live")
+        live.print("a\x1b[2Jb\nc")
+        live.print(Clean("\033[31mred\033[0m"))
+        assert terminal.rows() == ["a\ufffd[2Jb\ufffdc", "red", "live"]
 
 
 def test_a_resized_terminal_keeps_its_lines(terminal: PseudoTerminal) -> None:
