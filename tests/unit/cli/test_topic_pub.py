@@ -187,6 +187,7 @@ def test_a_subscriber_that_comes_during_the_question_is_named(
     assert run("zteam topic pub -1 lamp Bool").out == told
 
 
+@pytest.mark.ci
 def test_a_subscriber_of_a_plain_zenoh_program_is_noticed(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     """A publisher knows of the subscriber of a plain Zenoh program when the tool tells its subscribers."""
     monkeypatch.setenv("ZTEAM_LEASE", str(LIMIT))
