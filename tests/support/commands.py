@@ -1,12 +1,26 @@
 """Commands called within the test's own process, and in processes of their own."""
 
+import importlib
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import zteam
 
 IMPORTED_FROM = str(Path(zteam.__file__).parents[1])
 """PYTHONPATH of a process that has the zteam that is tested."""
+
+
+class Printed(NamedTuple):
+    """What a command has printed."""
+
+    out: str
+    err: str
+
+
+Run = Callable[..., Printed]
+"""Of `run(command, code)`: the command must end with `code`, by default 0."""
 
 
 def exit_code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
@@ -16,3 +30,10 @@ def exit_code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int
     except SystemExit as end:
         assert isinstance(end.code, int)
         return end.code
+
+
+def run_here(command: str) -> int:
+    """Run a command such as `zteam topic list` or `zteam-sim arena` in this process; its exit code."""
+    name, *words = shlex.split(command)
+    module = "main" if name == "zteam" else name.replace("-", "_")
+    return exit_code(importlib.import_module(f"zteam.cli.{module}").main, words)

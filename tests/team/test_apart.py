@@ -60,9 +60,6 @@ def test_each_process_of_a_team_file_runs_alone(team: Team, tmp_path: Path) -> N
     ("words", "error"),
     [
         (["line", "--only", "robot_4"], "--only robot_4: the team has sim, tf, monitor, robot_0"),
-        (["line", "--only", "sim", "--connect", ""], "--only needs --connect"),
-        (["line", "--only", "sim", "--report", "r.json", "--for", "1"], "leave --in-process, --secure, --chaos and"),
-        (["line", "--listen", "tcp/127.0.0.1:0"], "--listen is for the team's own router"),
     ],
 )
 def test_a_mistake_names_the_way_out(team: Team, words: list[str], error: str) -> None:

@@ -5,10 +5,8 @@ No test here uses the machine's default port.
 
 import json
 import os
-import pty
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,6 @@ import pytest
 import zenoh
 
 from support.limits import LIMIT
-from support.terminal import CONTROLLED
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
@@ -113,53 +110,6 @@ def test_a_dead_robot_is_reported_and_the_others_go_on(team: TeamFixture) -> Non
     assert code == 1, output
 
 
-def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
-    """On a real terminal the launcher alone gets the signal, and each robot's last command is a zero velocity."""
-    master, slave = pty.openpty()
-    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    launcher = subprocess.Popen(
-        [sys.executable, "-c", CONTROLLED, *command(team, "arena")],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        env=environment,
-        start_new_session=True,
-    )
-    os.close(slave)
-    try:
-        team.wait_for_go()
-        team.wait_for(lambda: team.robot(0).speed > 0.05 and all(team.robot(i).commands > 5 for i in (0, 1)))
-        os.write(master, b"\x03")
-        output = read_all(master)
-        code = launcher.wait(LIMIT)
-    finally:
-        launcher.kill()
-        launcher.wait()
-        os.close(master)
-    assert code == 0, output
-    team.wait_for(lambda: all(team.robot(i).command == Twist() for i in (0, 1)))
-    assert "did not stop" not in output
-    lines = output.splitlines()
-    stopped = [i for i, line in enumerate(lines) if "stopped" in line]
-    assert len(stopped) >= 2, output
-    assert any(line.startswith("\033[") and "[robot_0]\033[0m " in line for line in lines), "no colours"
-
-
-def read_all(descriptor: int) -> str:
-    """The output of a terminal until the last process on it has ended."""
-    parts = []
-    while True:
-        try:
-            part = os.read(descriptor, 65536)
-        except OSError:
-            # Linux raises EIO at the end of a terminal's output.
-            break
-        if not part:
-            break
-        parts.append(part)
-    return b"".join(parts).decode(errors="replace")
-
-
 def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
     """The second Ctrl+C kills a robot that does not stop, and no process is left."""
     launcher = launch(team, "arena")
@@ -206,9 +156,9 @@ def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Pa
     assert code == 0, output
 
 
-@pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
-def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str) -> None:
-    """A full disk or a closed standard output causes one line on standard error, and the run ends with exit code 0."""
+@pytest.mark.parametrize(("redirection", "lines"), [(">/dev/full", 1), (">&-", 1), ("| head -1", 0)])
+def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str, lines: int) -> None:
+    """A full disk or a closed output is one line on standard error, a reader that is gone none; the run ends with 0."""
     words = " ".join(command(team, "arena", "--for", "0.5"))
     done = subprocess.run(
         ["bash", "-c", f"{words} {redirection}"], stderr=subprocess.PIPE, text=True, timeout=LIMIT, check=False
@@ -216,7 +166,7 @@ def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str) 
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     told = [line for line in done.stderr.splitlines() if "cannot write to standard output" in line]
-    assert len(told) == 1 and told[0].endswith("; going on without it")
+    assert len(told) == lines and all(line.endswith("; going on without it") for line in told)
 
 
 def test_a_second_team_is_one_line(team: TeamFixture) -> None:
@@ -235,23 +185,6 @@ def test_a_second_team_is_one_line(team: TeamFixture) -> None:
         first.send_signal(signal.SIGINT)
         code, output = finish(first)
     assert code == 0, output
-
-
-def test_output_without_a_reader_causes_no_traceback(team: TeamFixture) -> None:
-    """`zteam up | head -1` prints no traceback."""
-    launcher = subprocess.Popen(
-        command(team, "arena", "--for", "1"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert launcher.stdout is not None
-    launcher.stdout.readline()
-    launcher.stdout.close()
-    launcher.stdout = None
-    try:
-        _, errors = launcher.communicate(timeout=LIMIT)
-    finally:
-        launcher.kill()
-        launcher.wait()
-    assert "Traceback" not in errors
 
 
 def test_a_node_that_writes_without_end_ends_with_the_run(team: TeamFixture, tmp_path: Path) -> None:

@@ -168,28 +168,9 @@ def test_ctrl_c_ends_it(tmp_path: Path, line: str) -> None:
     assert launcher.returncode == (130 if line == "pass" else 1), output
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (
-            ("--connect", "tcp/127.0.0.1:1"),
-            "--connect needs processes, or --bus: a team with --in-process has no router",
-        ),
-        (("--lockstep", "--expect", "crowd"), "--expect needs processes, or --bus: no other process can join"),
-        (("--report", "r.json"), "--report needs --for SECONDS or --until TICK"),
-    ],
-)
-def test_what_needs_processes_is_refused(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
-    """Options that make sense with processes alone are a mistake of one line."""
-    done = up("arena", "--in-process", *options, folder=tmp_path)
-    assert done.returncode == 2
-    assert told in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-
-
 def test_a_team_of_processes_needs_no_bus_option(tmp_path: Path) -> None:
-    """`--bus` without `--in-process` is a mistake of one line that says why."""
+    """`--bus` without `--in-process` is a mistake of one line."""
     done = up("arena", "--bus", folder=tmp_path)
     assert done.returncode == 2
-    assert "--bus needs --in-process: a team of processes is open to tools without it" in done.stderr
+    assert "--bus needs --in-process" in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from support.terminal import TerminalCommand
+from zteam.messages import Twist
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
@@ -42,7 +43,7 @@ def test_a_run_shows_its_progress_and_leaves_its_lines(team: TeamFixture) -> Non
 
 def test_a_pause_is_shown_and_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) -> None:
     """Another client's pause is on the line, and its end too. At the end the live line and the echoed ^C are gone, and
-    the cursor is at the beginning of an empty line."""
+    the cursor is at the beginning of an empty line. Each robot's last command is a zero velocity."""
     shown = show(team, "arena")
     try:
         shown.wait_for(lambda rows: re.search("[12] of 2 robots driving", rows[-1]) is not None)
@@ -50,6 +51,7 @@ def test_a_pause_is_shown_and_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) 
         assert re.match(r"[\d.]+ s simulated, paused, ", shown.wait_for(lambda rows: "paused" in rows[-1])[-1])
         team.sim.resume()
         shown.wait_for(lambda rows: "x real time" in rows[-1])
+        team.wait_for(lambda: all(team.robot(i).commands > 5 for i in (0, 1)))
         shown.press(b"\x03")
         code, rows = shown.end()
     finally:
@@ -57,6 +59,8 @@ def test_a_pause_is_shown_and_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) 
     assert code == 0, rows
     assert rows[-1] == ""
     assert not any("simulated" in row or "^C" in row for row in rows), rows
+    team.wait_for(lambda: all(team.robot(i).command == Twist() for i in (0, 1)))
+    assert any(line.startswith("\033[") and "[robot_0]\033[0m " in line for line in shown.text.splitlines())
     # The monitor may still say so too.
     assert sum(row.startswith("[robot_") and row.endswith(" stopped") for row in rows) == 2, rows
 

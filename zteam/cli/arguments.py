@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
@@ -27,15 +28,10 @@ def whole(low: int, high: int, what: str) -> Callable[[str], int]:
     return option_type(lambda text: parse_whole(text, low, high, what))
 
 
-def one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    """The `type` of an option that is one of these words."""
-
-    def parse(text: str) -> str:
-        if text not in choices:
-            raise UsageError(f"{text!r}: give {', '.join(choices)}")
-        return text
-
-    return option_type(parse)
+def _one_of(text: str, choices: Sequence[str]) -> str:
+    if text not in choices:
+        raise UsageError(f"{text!r}: give {', '.join(choices)}")
+    return text
 
 
 def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
@@ -59,7 +55,7 @@ def add_option(
     """
     default, text = keywords.get("default"), keywords["help"]
     if "choices" in keywords:
-        keywords["type"] = one_of(keywords["choices"])
+        keywords["type"] = option_type(partial(_one_of, choices=keywords["choices"]))
     if typed is not None:
         keywords["type"] = (whole if isinstance(typed[0], int) else number)(*typed)
     if default and "default" not in text and not isinstance(default, bool):

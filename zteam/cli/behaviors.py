@@ -35,16 +35,16 @@ def build_parser() -> Parser:
     return parser
 
 
-def _show(args: argparse.Namespace) -> int:
+def _show(args: argparse.Namespace) -> None:
     look_in(folders_of(args))
     if args.name is None:
-        return _list(as_json=args.json)
+        _list(as_json=args.json)
+        return
     info = describe_behavior(args.name)
     print_json(info) if args.json else print_block(format_behavior(info))
-    return 0
 
 
-def _list(*, as_json: bool) -> int:
+def _list(*, as_json: bool) -> None:
     """List all behaviours; one that cannot be imported is an error, after the others."""
     found, broken = [], []
     for name in behavior_names():
@@ -60,7 +60,6 @@ def _list(*, as_json: bool) -> int:
         print_block("\nParameters: zteam behaviors NAME. A class of your own: zteam behaviors module:Class")
     if broken:
         raise UsageError("\n".join(broken))
-    return 0
 
 
 def format_behavior(info: BehaviorInfo) -> str:

@@ -170,9 +170,4 @@ def _explain(args: argparse.Namespace) -> None:
     print_block(format_table(("may", "key"), explain(rights[args.name]), width=terminal_width()))
 
 
-def _work(args: argparse.Namespace) -> int:
-    args.act(args)
-    return 0
-
-
-main = partial(run_tool, build_parser, _work)
+main = partial(run_tool, build_parser, None)

@@ -3,14 +3,13 @@ team recovers."""
 
 import argparse
 import sys
-from contextlib import closing
 from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
@@ -69,7 +68,7 @@ def _work(args: argparse.Namespace) -> int:
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
     from zteam.team.chaos.run import Watchdog, carry_out
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         status = find_status(bus)
         lockstep = status is not None and status.lockstep
         if args.fault is not None:

@@ -8,7 +8,7 @@ import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
@@ -16,7 +16,7 @@ from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
-from zteam.cli.live_line import has_live_line
+from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
@@ -91,7 +91,7 @@ def _read(args: argparse.Namespace) -> None:
 def _pause(args: argparse.Namespace) -> int:
     paused = args.resume is None
     robots = args.pause if paused else args.resume
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         done = pause_lists(bus, robots or None, paused=paused)
     absent = sorted(set(robots or ()) - set(done))
     if absent or not done:
@@ -126,27 +126,23 @@ def _send(args: argparse.Namespace) -> int:
 def open_display(dispatcher: Dispatcher, *, as_json: bool) -> Iterator[None]:
     """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
     closed, begin, told = threading.Event(), monotonic(), dict[int, str]()
-    live = None
-    if not as_json and has_live_line(sys.stdout):
-        from rich.live import Live
-        from rich.text import Text
-
-        live = Live(auto_refresh=False, transient=True)
-    with live or nullcontext():
+    has_live = not as_json and has_live_line(sys.stdout)
+    with LiveLine(sys.stdout) if has_live else nullcontext() as live:
+        say = print_line if live is None else live.print
 
         def show() -> None:
             for ended in dispatcher.take_ended():
                 client = dispatcher.errands[ended.robot].client
                 facts = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
                 text = f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})"
-                print_json(facts) if as_json else print_line(text)
+                say(text) if not as_json else print_json(facts)
             for robot_id, errand in dispatcher.errands.items():
                 waits = errand.client.waits_for
                 if waits and waits != told.get(robot_id) and monotonic() - begin > _TELL_AFTER:
                     told[robot_id] = waits
                     print_line(f"{errand.client.name}: waiting for {waits}", file=sys.stderr)
             if live is not None:
-                live.update(Text(table(dispatcher)), refresh=True)
+                live.show(table(dispatcher))
 
         def look() -> None:
             while not closed.wait(_PERIOD):

@@ -3,7 +3,6 @@
 import argparse
 import math
 import sys
-from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -13,12 +12,12 @@ from zteam.bus.presence import ProcessInfo
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import PERIOD, ProgressLine
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_tool
 from zteam.cli.output import print_json, print_line
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
 from zteam.cli.tool_clock import open_clock, still_text
-from zteam.clock import STILL, AutoClock, Every, monotonic, to_seconds, wait_until
+from zteam.clock import STILL, AutoClock, monotonic, to_seconds, wait_until
 from zteam.config.numbers import MAX_SECONDS, counted
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
@@ -29,7 +28,6 @@ from zteam.node.stopping import STOPPED
 from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of
 
-_USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
 _LOOK = 0.25
 """Host seconds between two looks at the robot."""
 _TELL_AFTER = 2.0
@@ -37,7 +35,7 @@ _TELL_AFTER = 2.0
 
 
 def build_parser() -> Parser:
-    parser = Parser(prog="zteam goto", description=__doc__, usage=_USAGE)
+    parser = Parser(prog="zteam goto", description=__doc__)
     parser.add_argument("robot", metavar="ID", help="robot id")
     parser.add_argument(
         "pose", nargs="*", default=[], metavar="X Y [YAW]", help="in map: metres, metres, radians (default: 0)"
@@ -65,7 +63,7 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _send(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         absence = absence_of(bus, args.robot)
         keys = navigation_query(args.robot, "info"), names.service_key(names.robot_name(args.robot), "info")
         if absence and not any(bus.query(key, ProcessInfo) for key in keys):
@@ -112,34 +110,37 @@ def _follow(
     progress: ProgressLine,
 ) -> None:
     """Wait for the end of the goal; with --no-wait until it is sent."""
-    begin, told, waited_for, stood = monotonic(), False, "", False
-    moved_at, now, nag = begin, clock.steady(), Every(math.inf)
+    begin, said = monotonic(), set[str]()
+    moved_at, now = begin, clock.steady()
 
     def is_over() -> bool:
         return watch.ended or (args.no_wait and not client.is_pending)
+
+    def say_once(text: str) -> None:
+        if text not in said:
+            said.add(text)
+            progress.say(text)
 
     while not is_over():
         with waiter.changed:
             wait_until(waiter.changed, is_over, _LOOK)
         client.look()
-        if client.waits_for and client.waits_for != waited_for and monotonic() - begin > _TELL_AFTER:
-            waited_for = client.waits_for
-            progress.say(f"waiting for {waited_for} (Ctrl+C to give up)")
-        if client.is_stopped and not stood:
-            progress.say(f"{client.name} is {STOPPED}: it goes on when it is released")
-        stood = client.is_stopped
-        if progress.is_live or (watch.status is not None and monotonic() - begin > PERIOD):
+        waited = monotonic() - begin
+        if client.waits_for and waited > _TELL_AFTER:
+            say_once(f"waiting for {client.waits_for} (Ctrl+C to give up)")
+        if client.is_stopped:
+            say_once(f"{client.name} is {STOPPED}: it goes on when it is released")
+        if client.taker == GO_TO:
+            say_once(f"{client.name} has no navigation: its behaviour go_to drives it, by its laser alone")
+        if progress.is_live or (watch.status is not None and waited > PERIOD):
             progress.show(f"{client.name}: {progress_text(client, watch)}")
-        if client.taker == GO_TO and not told:
-            told = True
-            progress.say(f"{client.name} has no navigation: its behaviour go_to drives it, by its laser alone")
         if clock.steady() != now:
             moved_at, now = monotonic(), clock.steady()
-        elif clock.simulated and monotonic() - moved_at > STILL and nag.due():
-            progress.say(still_text(clock))
-        if args.timeout is not None and monotonic() - begin >= args.timeout and not is_over():
-            waited = f" (waiting for {client.waits_for})" if client.is_pending else ""
-            _give_up(client, f"not reached within {args.timeout:g} s{waited}")
+        elif clock.simulated and monotonic() - moved_at > STILL:
+            say_once(still_text(clock))
+        if args.timeout is not None and waited >= args.timeout and not is_over():
+            lack = f" (waiting for {client.waits_for})" if client.is_pending else ""
+            _give_up(client, f"not reached within {args.timeout:g} s{lack}")
 
 
 def _give_up(client: NavigationClient, why: str) -> None:

@@ -3,13 +3,15 @@
 import argparse
 import sys
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import closing, contextmanager
 
-from zteam.bus import Bus, BusOptions, connect
+from zteam.bus import Bus, connect
 from zteam.bus.graph import SURVEY, find_graph, near_keys
 from zteam.bus.transport import problem_of
 from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import raise_from_now
+from zteam.cli.options import bus_options
 from zteam.cli.output import print_line
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
@@ -30,10 +32,12 @@ ONCE_LIMIT = 10.0
 """Host seconds for which a script waits for one message, or one transform."""
 
 
-def open_bus(options: BusOptions) -> Bus:
-    """Open a session for a tool; Ctrl+C closes it."""
+@contextmanager
+def open_bus(args: argparse.Namespace) -> Iterator[Bus]:
+    """Open the session of a tool; its end, or Ctrl+C, closes it."""
     raise_from_now()
-    return connect(options, patience=PATIENCE)
+    with closing(connect(bus_options(args), patience=PATIENCE)) as bus:
+        yield bus
 
 
 def check_key(text: str) -> str:

@@ -1,9 +1,8 @@
-"""The last line of a terminal, rewritten in place, while other lines scroll by above it."""
+"""The last lines of a terminal, rewritten in place, while other lines scroll by above them."""
 
 import os
 import sys
 import threading
-from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr
 from typing import Any, TextIO, cast
 
@@ -15,8 +14,8 @@ _MARGIN = 3
 """Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
 PERIOD = 5.0
 """Host seconds between two lines of progress where one cannot be rewritten."""
-_COLUMNS = 80
-"""Width of a terminal that does not tell its own."""
+_SIZE = os.terminal_size((80, 24))
+"""Columns and lines of a terminal that does not report its own."""
 
 
 def has_live_line(stream: TextIO) -> bool:
@@ -30,14 +29,15 @@ def has_color(stream: TextIO) -> bool:
 
 
 class LiveLine:
-    """The live line of a terminal. In its context standard error prints above it; leaving erases it."""
+    """The last lines of a terminal. In its context standard error prints above them; leaving erases them."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        # Reentrant: the report of a failed write is printed above the line too.
+        # Reentrant: the report of a failed write is printed above the lines too.
         self._lock = threading.RLock()
-        self._render: Callable[[int], str] = lambda columns: ""
-        self._drawn = 0
+        self._text = ""
+        self._drawn: list[int] = []
+        """The lengths of the lines that are on the terminal."""
         self._left = False
         self._bold = ("\033[1m", "\033[0m") if has_color(stream) else ("", "")
         self._redirection = ExitStack()
@@ -51,16 +51,17 @@ class LiveLine:
 
     def __exit__(self, *_how: object) -> None:
         self._redirection.close()
-        self.show(lambda columns: "")
+        self.show("")
 
-    def show(self, render: Callable[[int], str]) -> None:
-        """Show what `render(columns)` returns, from now on and after every resize of the terminal."""
+    def show(self, text: str) -> None:
+        """Show `text` from now on, in ASCII and as far as there is room."""
         with self._lock:
-            self._render = render
+            # Characters of two columns, or of none, would break the line.
+            self._text = text.encode("ascii", "backslashreplace").decode()
             self._write("", self._stream)
 
     def leave(self) -> None:
-        """Erase the line and draw it no more: the terminal belongs to a debugger from now on."""
+        """Erase the lines and draw no more: the terminal belongs to a debugger from now on."""
         with self._lock:
             self._left = True
             self._write("", self._stream)
@@ -71,34 +72,33 @@ class LiveLine:
             self._write(f"{text if isinstance(text, Clean) else printable(text)}\n", stream or self._stream)
 
     def _write(self, text: str, stream: TextIO) -> None:
-        columns = self._columns()
+        columns, height = self._size()
         is_ours = self._in_foreground()
         if not is_ours:
-            # The shell has the line now.
-            self._drawn = 0
-        if not is_ours or (self._left and not self._drawn):
-            if text:
-                stream.write(text)
-                stream.flush()
-            return
-        line = "" if self._left else printable(self._render(columns - _MARGIN))
-        # A terminal that was made narrower has wrapped the line.
-        rows = max(0, self._drawn - 1) // columns
-        erase = f"\r\033[{rows}A\033[J" if rows else "\r\033[J" if self._drawn else ""
-        shown = f"{self._bold[0]}{line}{self._bold[1]}" if line else ""
+            # The shell has the terminal now.
+            self._drawn = []
+        shown = "" if self._left or not is_ours else self._text
+        fitting = shown.split("\n")[: max(1, height - 1)] if shown else []
+        lines = [printable(line[: max(0, columns - _MARGIN)]) for line in fitting]
+        # A terminal that was made narrower has wrapped them.
+        rows = sum(1 + max(0, length - 1) // columns for length in self._drawn) - 1
+        erase = f"\r\033[{rows}A\033[J" if rows > 0 else "\r\033[J" if self._drawn else ""
         if stream is not self._stream:
             stream.write(erase + text)
             stream.flush()
             erase = text = ""
-        self._stream.write(erase + text + shown)
-        self._stream.flush()
-        self._drawn = len(line)
+        drawn = f"{self._bold[0]}{chr(10).join(lines)}{self._bold[1]}" if lines else ""
+        if erase or text or drawn:
+            self._stream.write(erase + text + drawn)
+            self._stream.flush()
+        self._drawn = list(map(len, lines))
 
-    def _columns(self) -> int:
+    def _size(self) -> os.terminal_size:
         try:
-            return os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+            found = os.get_terminal_size(self._stream.fileno())
         except (OSError, ValueError):
-            return _COLUMNS
+            return _SIZE
+        return found if all(found) else _SIZE
 
     def _in_foreground(self) -> bool:
         try:
@@ -108,23 +108,15 @@ class LiveLine:
             return True
 
 
-class ProgressLine:
-    """How far something is, on standard error: a live line, or a line now and then. A context manager."""
+class ProgressLine(ExitStack):
+    """How far something is, on standard error: a live line, or a line now and then."""
 
     def __init__(self) -> None:
-        self._live = LiveLine(sys.stderr) if has_live_line(sys.stderr) else None
-        self.is_live = self._live is not None
+        super().__init__()
+        self.is_live = has_live_line(sys.stderr)
         """Whether a line is rewritten."""
+        self._live = self.enter_context(LiveLine(sys.stderr)) if self.is_live else None
         self._due = Every(PERIOD)
-
-    def __enter__(self) -> "ProgressLine":
-        if self._live is not None:
-            self._live.__enter__()
-        return self
-
-    def __exit__(self, *how: Any) -> None:
-        if self._live is not None:
-            self._live.__exit__(*how)
 
     def say(self, text: str) -> None:
         if self._live is None:
@@ -135,7 +127,7 @@ class ProgressLine:
     def show(self, text: str) -> None:
         """Show `text` in place of what was shown before; where that cannot be, print it if it is time to."""
         if self._live is not None:
-            self._live.show(lambda columns: text[:columns])
+            self._live.show(text)
         elif self._due.due():
             self.say(text)
 

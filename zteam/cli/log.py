@@ -6,7 +6,6 @@ import logging
 import math
 import sys
 from collections.abc import Sequence
-from contextlib import closing
 from functools import partial
 
 import msgspec
@@ -16,7 +15,7 @@ from zteam.bus.graph import find_nodes
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, run_tool
 from zteam.cli.output import Clean, print_json, print_line
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError, printable
@@ -81,9 +80,9 @@ def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
         raise ZteamError(f"no process {', '.join(unknown)}; {living}")
 
 
-def _log(args: argparse.Namespace) -> int:
+def _log(args: argparse.Namespace) -> None:
     waiter = Waiter()
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         reader = LogReader(bus, args.names, waiter.notify, logging.getLevelName(args.level.upper()))
         if not args.once:
             reader.follow()
@@ -94,7 +93,6 @@ def _log(args: argparse.Namespace) -> int:
             _follow(reader, waiter, args.json, found)
         elif not found:
             print_line("no processes (start a team with 'zteam up')", file=sys.stderr)
-    return 0
 
 
 def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:

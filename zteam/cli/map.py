@@ -1,7 +1,6 @@
 """`zteam map save FILE`: write the map that is on the bus as files of map_server, as map_saver does."""
 
 import argparse
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -10,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, run_tool
 from zteam.cli.output import print_line
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
@@ -22,7 +21,7 @@ from zteam.navigation.planning.map_files import to_three_values, write_map
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam map", description=__doc__)
-    save = parser.add_verb("save", _save, "write the map that is on the bus to a file, as map_saver does")
+    save = parser.add_verb("save", _save, "write the map that is on the bus to a file", add_bus_options)
     save.add_argument("file", metavar="FILE", help="the YAML file, with or without .yaml; the picture is put beside it")
     share = (0.0, 1.0, "a share")
     add_option(save, "--free", typed=share, default=0.25, metavar="SHARE", help="free up to this occupancy")
@@ -35,7 +34,6 @@ def build_parser() -> Parser:
     )
     text = "give up without a map (default: wait)"
     add_option(save, "--timeout", typed=(1e-3, MAX_SECONDS, "host seconds"), metavar="SECONDS", help=text)
-    add_bus_options(save)
     return parser
 
 
@@ -47,18 +45,17 @@ def _read(args: argparse.Namespace) -> None:
         raise UsageError("--mode scale marks unknown cells by transparency: leave --fmt pgm out")
 
 
-def _save(args: argparse.Namespace) -> int:
+def _save(args: argparse.Namespace) -> None:
     key, path = check_key(args.topic), Path(args.file)
     if path.suffix not in (".yaml", ".yml"):
         path = path.with_name(f"{path.name}.yaml")
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         grid = map_grid(_wait_for_map(bus, key, args.timeout))
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
     frame = grid.frame
     print_line(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
-    return 0
 
 
 def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
@@ -74,4 +71,4 @@ def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
     return found[-1]
 
 
-main = partial(run_tool, build_parser, run_verb, read=_read)
+main = partial(run_tool, build_parser, None, read=_read)

@@ -6,11 +6,10 @@ import re
 import string
 import sys
 from functools import partial
-from importlib.machinery import PathFinder
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.options import Parser, add_log_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError, ZteamError, printable
@@ -47,9 +46,8 @@ KINDS = {
 def build_parser() -> Parser:
     parser = Parser(prog="zteam new", description=__doc__)
     for word, (text, _) in KINDS.items():
-        sub = parser.add_verb(word, _run, text)
+        sub = parser.add_verb(word, _run, text, add_log_options)
         sub.add_argument("name", metavar="NAME", help="the module's name, such as my_robot; writes NAME.py")
-        add_log_options(sub)
     return parser
 
 
@@ -58,16 +56,16 @@ def class_name(module: str) -> str:
     return "".join(part[:1].upper() + part[1:] for part in module.split("_"))
 
 
-def _run(args: argparse.Namespace) -> int:
+def _run(args: argparse.Namespace) -> None:
     word, name = args.verb, args.name
     try:
         _check_name(word, name)
-        return _write(word, name)
+        _write(word, name)
     except OSError as error:
         raise ZteamError(f"cannot write {error.filename or name}: {error.strerror or error}") from None
 
 
-def _write(word: str, name: str) -> int:
+def _write(word: str, name: str) -> None:
     """Write both files, or none if one of them exists."""
     words = {"name": name, "kind": class_name(name)}
     contents = {
@@ -84,7 +82,6 @@ def _write(word: str, name: str) -> int:
     print_block(f"wrote {printable(' and '.join(map(str, contents)))}\n")
     rows = [(_fill(command, words), text) for command, text in KINDS[word][1]]
     print_block(format_table(("next", "does"), rows))
-    return 0
 
 
 def _fill(template: str, words: dict[str, str]) -> str:
@@ -97,8 +94,8 @@ def _check_name(word: str, name: str) -> None:
         near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
         hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
         raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
-    if _is_taken(name):
-        raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
+    if name in sys.stdlib_module_names:
+        raise UsageError(f"{name!r} is a module of Python: yours would hide it")
     if word == "node" and (problem := names.name_problem(name)):
         raise UsageError(problem)
     if word == "node" and (names.is_taken(name) or names.robot_id_of(name) is not None):
@@ -109,15 +106,4 @@ def _check_name(word: str, name: str) -> None:
         raise UsageError(f"{name!r}: the example cannot name its class {kind or name!r}; choose another name")
 
 
-def _is_taken(name: str) -> bool:
-    """Whether Python finds another module of this name than one in the current folder."""
-    if name in sys.stdlib_module_names:
-        return True
-    here = Path().resolve()
-    elsewhere = [folder for folder in sys.path if folder and Path(folder).resolve() != here]
-    found = PathFinder.find_spec(name, elsewhere)
-    # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
-    return found is not None and found.origin is not None
-
-
-main = partial(run_tool, build_parser, run_verb)
+main = partial(run_tool, build_parser, None)

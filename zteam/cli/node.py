@@ -1,13 +1,12 @@
 """`zteam node list`: list the processes that are alive, their hosts and their uptimes."""
 
 import argparse
-from contextlib import closing
 from functools import partial
 
 from zteam.bus.graph import find_nodes
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
 from zteam.cli.output import print_block, print_json
 from zteam.cli.progress_text import duration_text
 from zteam.cli.tables import format_table
@@ -15,18 +14,15 @@ from zteam.cli.tables import format_table
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam node", description=__doc__)
-    listing = parser.add_verb("list", _list, "list the processes that are alive")
-    listing.add_argument("--json", action="store_true", help="print JSON")
-    add_bus_options(listing)
+    parser.add_verb("list", _list, "list the processes that are alive", add_json, add_bus_options)
     return parser
 
 
-def _list(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+def _list(args: argparse.Namespace) -> None:
+    with open_bus(args) as bus:
         found = find_nodes(bus)
     table = format_table(("process", "host", "pid", "up", "zteam"), list(map(_cells, found)))
     print_json(found) if args.json else print_block(table if found else "no processes (start a team with 'zteam up')")
-    return 0
 
 
 def _cells(info: ProcessInfo) -> tuple[str, ...]:
@@ -34,4 +30,4 @@ def _cells(info: ProcessInfo) -> tuple[str, ...]:
     return info.name, info.host, *known
 
 
-main = partial(run_tool, build_parser, run_verb)
+main = partial(run_tool, build_parser, None)

@@ -42,12 +42,21 @@ class Parser(argparse.ArgumentParser):
         # argparse recognizes -1, but not -1e-3 and -inf.
         self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf$|nan$)")
 
-    def add_verb(self, name: str, act: Callable[..., object], text: str, usage: str | None = None) -> "Parser":
-        """Add a subcommand, whose `args.act` is `act`."""
+    def add_verb(
+        self,
+        name: str,
+        act: Callable[..., object],
+        text: str,
+        *shared: "Callable[[Parser], object]",
+        usage: str = "",
+    ) -> "Parser":
+        """Add a subcommand, whose `args.act` is `act`, with options that `shared` functions add."""
         if self._verbs is None:
             self._verbs = self.add_subparsers(dest="verb", required=True)
-        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage)
+        verb = self._verbs.add_parser(name, help=text, description=text, usage=usage or None)
         verb.set_defaults(act=act)
+        for add in shared:
+            add(verb)
         self._verbs.metavar = "|".join(self._verbs.choices)
         return verb
 
@@ -76,7 +85,7 @@ class Parser(argparse.ArgumentParser):
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
             # Its options are not known.
             self._words = ()
-            self.error(unknown_subcommand(value, action.choices))
+            self.error(unknown_subcommand(self, value, action.choices))
         super()._check_value(action, value)
 
 
@@ -97,6 +106,11 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         group.add_argument(f"--{name}", metavar=metavar, default=default, help=f"{text}${variable})")
     add_lease_option(group)
     add_log_options(group)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def add_lease_option(parser: argparse._ActionsContainer) -> None:
@@ -169,15 +183,9 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
     return guarded(name, reported, needs_output=needs_output)
 
 
-def run_verb(args: argparse.Namespace) -> int:
-    """Carry out a subcommand (`Parser.add_verb`); its exit code."""
-    code: int = args.act(args)
-    return code
-
-
 def run_tool(
     build_parser: Callable[[], Parser],
-    body: Callable[[argparse.Namespace], int],
+    body: Callable[[argparse.Namespace], int | None] | None = None,
     argv: Sequence[str] | None = None,
     *,
     name: str = "",
@@ -186,14 +194,14 @@ def run_tool(
 ) -> int:
     """Be a tool, which is called `name`, by default as its parser; its exit code.
 
-    Before `body` runs, `read` replaces words of the command line by what they say; a UsageError of it ends with 2, on
-    one line with the usage.
+    Without a `body` it carries out a subcommand. None as its result is exit code 0. Before it runs, `read` replaces
+    words of the command line by what they say; a UsageError of it ends with 2, on one line with the usage.
     """
     parser = build_parser()
     args = parser.parse_args(argv)
     if read is not None:
         checked(args, lambda: read(args))
-    return run(name or parser.prog, args, lambda: body(args), needs_output=needs_output)
+    return run(name or parser.prog, args, lambda: (body or args.act)(args) or 0, needs_output=needs_output)
 
 
 def run_process(

@@ -5,8 +5,6 @@ is useful without its output (`zteam up`, the monitor) says so once and goes on.
 escaped.
 """
 
-import errno
-import io
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -73,8 +71,8 @@ class Output:
 
     def __init__(self, stream: TextIO | None, on_failure: Callable[[OSError], None]) -> None:
         """A `stream` of None is one that was closed when the process started."""
-        self._stream = io.StringIO() if stream is None else stream
-        self._is_open = stream is not None
+        # What cannot be written to, as the descriptor that was closed.
+        self._stream = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w") if stream is None else stream
         self._drops = False
         self.on_failure = on_failure
         reconfigure = getattr(stream, "reconfigure", None)
@@ -91,15 +89,12 @@ class Output:
         return len(text)
 
     def flush(self) -> None:
-        if self._is_open:
-            self._attempt(self._stream.flush)
+        self._attempt(self._stream.flush)
 
     def _attempt(self, act: Callable[[], object]) -> None:
         if self._drops:
             return
         try:
-            if not self._is_open:
-                raise OSError(errno.EBADF, os.strerror(errno.EBADF))
             act()
         except OSError as error:
             self._drops = True

@@ -3,7 +3,6 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
@@ -13,7 +12,7 @@ import msgspec
 from zteam import names
 from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
@@ -29,11 +28,8 @@ _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 def build_parser() -> Parser:
     parser = Parser(prog="zteam param", description=__doc__)
 
-    def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = parser.add_verb(name, act, text)
-        sub.add_argument("--json", action="store_true", help="print JSON")
-        add_bus_options(sub)
-        return sub
+    def verb(name: str, act: Act, text: str) -> Parser:
+        return parser.add_verb(name, act, text, add_json, add_bus_options)
 
     verb("list", _list, "list the parameters of robots and their values").add_argument(
         "robots", nargs="?", default="*", metavar="NAME", help=f"{_ROBOTS} (default: all)"
@@ -57,7 +53,7 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _answer(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         client = ParametersClient(bus)
         code: int = args.act(args, client, find_robots(client, args.robots))
         return code

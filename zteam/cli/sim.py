@@ -1,9 +1,9 @@
 """`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: control the running simulator."""
 
 import argparse
+import sys
+import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from functools import partial
 from typing import TypeVar
 
@@ -11,10 +11,10 @@ import msgspec
 
 from zteam import names
 from zteam.cli.arguments import add_option, option_type, parse_speed
-from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.listening import open_bus
 from zteam.cli.live_line import ProgressLine
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
-from zteam.cli.output import print_block, print_json
+from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
+from zteam.cli.output import print_block, print_json, print_line
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
@@ -25,7 +25,7 @@ from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorCli
 T = TypeVar("T")
 
 PATIENCE = 2.0
-"""Host seconds after which a step reports its progress."""
+"""Host seconds after which a step reports its progress, and a change what it waits for."""
 
 Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
@@ -35,11 +35,8 @@ Act = Callable[[SimulatorClient, argparse.Namespace], Answer]
 def build_parser() -> Parser:
     parser = Parser(prog="zteam sim", description=__doc__)
 
-    def verb(name: str, act: Act, text: str) -> argparse.ArgumentParser:
-        sub = parser.add_verb(name, act, text)
-        sub.add_argument("--json", action="store_true", help="print the simulator's reply")
-        add_bus_options(sub)
-        return sub
+    def verb(name: str, act: Act, text: str) -> Parser:
+        return parser.add_verb(name, act, text, add_json, add_bus_options)
 
     verb("pause", _pause, "pause the world")
     verb("resume", _resume, "continue the world")
@@ -76,24 +73,26 @@ def _read(args: argparse.Namespace) -> None:
         args.pose = parse_pose(args.pose if args.verb == "spawn" else [args.x, args.y, args.yaw])
 
 
-def _answer(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+def _answer(args: argparse.Namespace) -> None:
+    with open_bus(args) as bus:
         reply, text = args.act(SimulatorClient(bus), args)
     print_json(reply) if args.json else print_block(text)
-    return 0
 
 
 def _change(make: Callable[[], T]) -> T:
     """Ask for a change to the world; report a long wait: a participant may be holding the current tick."""
-    waiter = Waiter()
-    pool = ThreadPoolExecutor(max_workers=1)
+    done = threading.Event()
+
+    def report() -> None:
+        if not done.wait(PATIENCE):
+            text = "the current tick to end; 'zteam sim status' names what it waits for (Ctrl+C to give up)"
+            print_line(f"waiting for {text}", file=sys.stderr)
+
+    threading.Thread(target=report, daemon=True).start()
     try:
-        reply = pool.submit(make)
-        reply.add_done_callback(lambda _: waiter.notify())
-        waiter.wait(reply.done, None, "the current tick to end; 'zteam sim status' names what it waits for")
-        return reply.result()
+        return make()
     finally:
-        pool.shutdown(wait=False)
+        done.set()
 
 
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:

@@ -2,11 +2,10 @@
 
 import argparse
 import sys
-from contextlib import closing
 from functools import partial
 
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, run_tool
 from zteam.cli.output import print_json, print_line
 from zteam.cli.usage import ENDS_TEAM
 from zteam.config.robot_ids import parse_robot_ids
@@ -36,7 +35,7 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _stop(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         client = StopClient(bus)
         results = (client.release if args.release else client.engage)(args.robots)
     print_json(results) if args.json else _print(results, release=args.release)

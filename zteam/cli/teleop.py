@@ -93,7 +93,7 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, Wheels], stop: Stop) -> in
             nonlocal shown
             line = describe(pilot, wheels[pilot.robot_id])
             if line != shown and has_live_line(sys.stdout):
-                live.show(lambda columns: line[:columns])
+                live.show(line)
             shown = line
 
         def presses() -> Iterator[tuple[list[str], float]]:

@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from zteam.bus import Bus
 from zteam.bus.graph import SURVEY, near_keys
 from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, checked, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -43,7 +43,8 @@ _MAX_STAMP = 4e9
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam tf", description=__doc__)
-    echo = parser.add_verb("echo", _echo, "print the pose of frame B in frame A")
+    shared = add_json, add_bus_options
+    echo = parser.add_verb("echo", _echo, "print the pose of frame B in frame A", *shared)
     echo.add_argument("target", metavar="A", help="target frame")
     echo.add_argument("source", metavar="B", help="source frame")
     echo.add_argument("--once", action="store_true", help="end after one transform")
@@ -52,13 +53,14 @@ def build_parser() -> Parser:
     text = "print the transform at S seconds of the team's clock, then end"
     add_option(echo, "--at", typed=(0.0, _MAX_STAMP, "seconds"), metavar="S", help=text)
     add_timeout(echo, "the transform")
-    tree = parser.add_verb("tree", _show_tree, "print or draw the tree: authority, rate and age of every frame")
+    text = "print or draw the tree: authority, rate and age of every frame"
+    tree = parser.add_verb("tree", _show_tree, text, *shared)
     tree.add_argument("-o", "--output", metavar="FILE.svg|png|pdf|dot", help="draw it; frames older than 1 s are red")
     text = "measure rate, delay and jitter of every frame, and list conflicts"
-    monitor, seconds = parser.add_verb("monitor", _show_figures, text), (0.01, MAX_SECONDS, "host seconds")
+    monitor, seconds = parser.add_verb("monitor", _show_figures, text, *shared), (0.01, MAX_SECONDS, "host seconds")
     text = "measure for S host seconds"
     add_option(monitor, "--for", dest="seconds", typed=seconds, default=5.0, metavar="S", help=text)
-    positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map")
+    positions = parser.add_verb("positions", _show_positions, "print every robot's pose in map", *shared)
     often = positions.add_mutually_exclusive_group()
     often.add_argument("--once", action="store_true", help="print once (the default)")
     rate = (1e-3, MAX_RATE, "positions a second")
@@ -67,30 +69,27 @@ def build_parser() -> Parser:
         "static",
         _hold_static,
         "hold a fixed transform until Ctrl+C",
-        "zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
+        add_bus_options,
+        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
     )
     static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
-    for sub in (echo, tree, monitor, positions):
-        sub.add_argument("--json", action="store_true", help="print JSON")
     for sub in (echo, positions):
         add_clock_option(sub)
-    for sub in (echo, tree, monitor, positions, static):
-        add_bus_options(sub)
     return parser
 
 
-def _echo(args: argparse.Namespace) -> int:
+def _echo(args: argparse.Namespace) -> None:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
     limit, quiet = limit_of(args)
 
     def show(transform: TransformStamped) -> None:
         print_json(to_json(transform)) if args.json else print_block(format_transform(transform))
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         if args.at is not None:
             # Ask the aggregator for the past: this process has received nothing of it.
             show(_ask_past(bus, target, source, args))
-            return 0
+            return
         waiter = Waiter()
         listener = TreeListener(bus, waiter.notify)
 
@@ -103,7 +102,7 @@ def _echo(args: argparse.Namespace) -> int:
             if isinstance(last, TransformStamped):
                 show(last)
                 if args.once:
-                    return 0
+                    return
                 last = "nothing newer has come"
             if not quiet and (limit is None or limit > SURVEY):
                 print_line(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr)
@@ -113,7 +112,7 @@ def _echo(args: argparse.Namespace) -> int:
         while True:
             show(listener.buffer.lookup_transform(target, source, 0))
             if wait is None:
-                return 0
+                return
             wait()
 
 
@@ -126,12 +125,12 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
         raise
 
 
-def _show_tree(args: argparse.Namespace) -> int:
+def _show_tree(args: argparse.Namespace) -> None:
     """Print the tree, as text or JSON, or draw it into a file."""
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)
         # Without an aggregator, use what was received.
@@ -148,13 +147,12 @@ def _show_tree(args: argparse.Namespace) -> int:
         print_line(_nothing(asked is not None, "no frames yet"))
     else:
         print_block(format_tree(frames, listener.now))
-    return 0
 
 
-def _show_figures(args: argparse.Namespace) -> int:
+def _show_figures(args: argparse.Namespace) -> None:
     """Print rates, delays and jitter of every moving frame, and conflicts."""
     watch = TransformWatch()
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         bus.subscribe(names.TF, TFMessage, lambda _, message: watch.take(message.transforms, listener.now))
         pause(args.seconds)
@@ -166,7 +164,7 @@ def _show_figures(args: argparse.Namespace) -> int:
     if args.json:
         found = [{**msgspec.to_builtins(figures), "authority": authority} for figures, authority in rows]
         print_json({"frames": found, "conflicts": conflicts})
-        return 0
+        return
     header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
     cells = [
         (f.child, authority, _hz(f.rate), _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)) for f, authority in rows
@@ -176,7 +174,6 @@ def _show_figures(args: argparse.Namespace) -> int:
     )
     for conflict in conflicts:
         print_line(f"conflict: {conflict}")
-    return 0
 
 
 def _hz(rate: float | None) -> str:
@@ -202,9 +199,9 @@ class _Position(msgspec.Struct):
     why: str = ""
 
 
-def _show_positions(args: argparse.Namespace) -> int:
+def _show_positions(args: argparse.Namespace) -> None:
     """Print every robot's pose in `map`, once or at a rate."""
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)
         wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
@@ -217,7 +214,7 @@ def _show_positions(args: argparse.Namespace) -> int:
             else:
                 print_line(_nothing(find_frames(bus) is not None, "no robots"))
             if wait is None:
-                return 0
+                return
             wait()
 
 
@@ -240,7 +237,7 @@ def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
     return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)
 
 
-def _hold_static(args: argparse.Namespace) -> int:
+def _hold_static(args: argparse.Namespace) -> None:
     """Hold a fixed transform for as long as the command runs.
 
     The request goes to every aggregator that appears: one that was restarted has lost earlier requests.
@@ -254,7 +251,7 @@ def _hold_static(args: argparse.Namespace) -> int:
             asked.discard(key)
         waiter.notify()
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         request.caller = bus.instance
         bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
         bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)
@@ -270,7 +267,7 @@ def _hold_static(args: argparse.Namespace) -> int:
                 print_line(f"{request.parent} -> {request.child} holds until Ctrl+C")
                 _warn_of_an_unknown_parent(bus, request)
         except KeyboardInterrupt:
-            return 0
+            return
 
 
 def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
@@ -313,4 +310,4 @@ def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
         print_line(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr)
 
 
-main = partial(run_tool, build_parser, run_verb)
+main = partial(run_tool, build_parser, None)

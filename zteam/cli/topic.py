@@ -29,7 +29,7 @@ from zteam.cli.listening import (
     wait_for_message,
     where_to_look,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool, run_verb
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
@@ -78,7 +78,7 @@ class _Audience:
             self.show(f"on {self._key}", find_graph(self._bus))
 
 
-def publish(args: argparse.Namespace) -> int:
+def publish(args: argparse.Namespace) -> None:
     """Publish once, a number of times or until Ctrl+C."""
     key, kind = check_key(args.key), message_type(args.type)
     if names.is_wildcard(key):
@@ -93,7 +93,7 @@ def publish(args: argparse.Namespace) -> int:
 
     message = from_words(kind, args.values, now)
     times = 1 if args.once else args.times
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         bus.check_right(key)
         # Before the question: when that is answered, the publisher knows whether it has a subscriber.
         publisher = bus.publisher(key, kind)
@@ -113,13 +113,12 @@ def publish(args: argparse.Namespace) -> int:
 
         send()
         if clock is None or times == 1:
-            return 0
+            return
         wait = ticker(clock, 1.0 / args.rate)
         for _ in itertools.count() if times is None else range(times - 1):
             wait()
             send()
             audience.look()
-    return 0
 
 
 def _say(text: str) -> None:
@@ -159,11 +158,13 @@ def _heard_encoding(bus: Bus, key: str) -> str:
 def build_parser() -> Parser:
     parser = Parser(prog="zteam topic", description=__doc__)
     text = "list the keys with type, rate, and numbers of publishers and subscribers"
-    listing = parser.add_verb("list", _list, text)
-    echo = parser.add_verb("echo", _echo, "print messages")
-    rate = parser.add_verb("hz", _hz, "measure the publish rate")
-    info = parser.add_verb("info", _info, "print type, rate, size, publishers and subscribers of a key")
-    pub = parser.add_verb("pub", publish, "publish messages until Ctrl+C")
+    shared = add_json, add_bus_options
+    parser.add_verb("list", _list, text, *shared)
+    echo = parser.add_verb("echo", _echo, "print messages", *shared)
+    rate = parser.add_verb("hz", _hz, "measure the publish rate", *shared)
+    text = "print type, rate, size, publishers and subscribers of a key"
+    info = parser.add_verb("info", _info, text, *shared)
+    pub = parser.add_verb("pub", publish, "publish messages until Ctrl+C", add_bus_options)
     for sub in (echo, rate, info, pub):
         sub.add_argument("key", metavar="KEY", help="key expression, e.g. robot_0/odom")
     echo.add_argument("--once", action="store_true", help="end after one message")
@@ -174,13 +175,9 @@ def build_parser() -> Parser:
     add_option(rate, "--window", typed=(2, 1_000_000, "messages"), default=100, help=text)
     rate.add_argument("--once", action="store_true", help="end after the first line")
     add_timeout(rate, "two messages")
-    for sub in (listing, echo, rate, info):
-        sub.add_argument("--json", action="store_true", help="print JSON, one object per line")
     _add_pub_options(pub)
     add_clock_option(rate, "wall")
     add_clock_option(pub)
-    for sub in (listing, echo, rate, info, pub):
-        add_bus_options(sub)
     return parser
 
 
@@ -195,7 +192,7 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     until.add_argument("-1", "--once", action="store_true", help="end after one message")
 
 
-def _echo(args: argparse.Namespace) -> int:
+def _echo(args: argparse.Namespace) -> None:
     key, given = check_key(args.key), message_type(args.type) if args.type else None
     (limit, quiet), waiter = limit_of(args), Waiter()
     queue: deque[RawSample] = deque(maxlen=1000)
@@ -204,7 +201,7 @@ def _echo(args: argparse.Namespace) -> int:
         queue.append(sample)
         waiter.notify()
 
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         bus.subscribe_raw(key, take, latched=True)
         wait: Callable[[Callable[[], bool]], bool] = partial(
             wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
@@ -213,7 +210,7 @@ def _echo(args: argparse.Namespace) -> int:
             if not wait(lambda: bool(queue)):
                 raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
             if _print_sample(queue.popleft(), given, args) and args.once:
-                return 0
+                return
             wait = partial(waiter.wait, timeout=limit, what=f"a message on {key}")
 
 
@@ -233,11 +230,11 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
     return True
 
 
-def _hz(args: argparse.Namespace) -> int:
+def _hz(args: argparse.Namespace) -> None:
     key, waiter = check_key(args.key), Waiter()
     times: deque[float] = deque(maxlen=args.window)
     total = 0
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         clock = open_clock(bus, args.clock)
 
         def take(_sample: RawSample) -> None:
@@ -261,7 +258,7 @@ def _hz(args: argparse.Namespace) -> int:
                 continue
             print_block(_format_rate(stamps, clock.simulated, args.json))
             if args.once:
-                return 0
+                return
             enough = total + 2
             waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
 
@@ -290,22 +287,21 @@ def _rate(row: KeyRow) -> str:
     return {0: "-", 1: "~1 Hz"}.get(row.count) or format_rate(row.rate)
 
 
-def _list(args: argparse.Namespace) -> int:
-    with closing(open_bus(bus_options(args))) as bus:
+def _list(args: argparse.Namespace) -> None:
+    with open_bus(args) as bus:
         rows, _ = find_rows(bus, "**")
     table = format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2)
     print_json(rows) if args.json else print_block(table if rows else NO_KEYS)
-    return 0
 
 
 def _cells(row: KeyRow) -> tuple[str, ...]:
     return row.key, row.type or "?", _rate(row), str(len(row.publishers)), str(len(row.subscribers))
 
 
-def _info(args: argparse.Namespace) -> int:
+def _info(args: argparse.Namespace) -> None:
     """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
-    with closing(open_bus(bus_options(args))) as bus:
+    with open_bus(args) as bus:
         rows, graph = find_rows(bus, key)
         # Those that do not answer have a name too.
         named = Graph((), find_nodes(bus))
@@ -327,7 +323,6 @@ def _info(args: argparse.Namespace) -> int:
             "subscribers": row.subscribers,
         }
         print_json(info) if args.json else print_block(_format_info(row, heard, stats))
-    return 0
 
 
 def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount]) -> str:
@@ -346,4 +341,4 @@ def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount
     return "\n".join(map(printable, lines))
 
 
-main = partial(run_tool, build_parser, run_verb)
+main = partial(run_tool, build_parser, None)

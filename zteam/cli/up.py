@@ -36,6 +36,21 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
+_NEEDS = {
+    "--expect": ("--lockstep",),
+    "--report": ("--for", "--until"),
+    "--bus": ("--in-process",),
+    "--no-browser": ("--view",),
+    "--only": ("--connect",),
+}
+"""By option: one of those that it needs."""
+_EXCLUDES = {
+    "--only": ("--in-process", "--secure", "--chaos", "--report"),
+    "--listen": ("--in-process", "--connect"),
+    "--secure": ("--in-process",),
+}
+"""By option: those that it cannot be given with."""
+
 
 def build_parser() -> Parser:
     """The command line."""
@@ -131,49 +146,35 @@ def _check_options(args: argparse.Namespace) -> None:
         parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
-    if args.expected and not args.lockstep:
-        raise UsageError("--expect needs --lockstep")
-    if args.report and args.run_for is None and args.until is None:
-        raise UsageError("--report needs --for SECONDS or --until TICK: only a run with an end has a report")
-    if args.bus and not args.in_process:
-        raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
-    if args.no_browser and not args.view:
-        raise UsageError("--no-browser needs --view")
-    if args.only is not None:
-        if args.in_process or args.secure or args.chaos is not None or args.report:
-            raise UsageError("--only starts one process: leave --in-process, --secure, --chaos and --report out")
-        if not args.connect:
-            raise UsageError("--only needs --connect ENDPOINT: where the team's router listens")
+    flags = {action.dest: action.option_strings[-1] for action in args.parser._actions if action.option_strings}
+    given = {flag for name, flag in flags.items() if getattr(args, name, None) not in (None, False, (), [])}
+    for flag, others in _NEEDS.items():
+        if flag in given and not given.intersection(others):
+            raise UsageError(f"{flag} needs {' or '.join(others)}")
+    for flag, others in _EXCLUDES.items():
+        if flag in given and (unwanted := [other for other in others if other in given]):
+            raise UsageError(f"{flag}: leave {', '.join(unwanted)} out")
     if args.listen:
-        if args.in_process or args.connect:
-            raise UsageError("--listen is for the team's own router: leave --in-process and --connect out")
         check_endpoint(args.listen)
     if args.secure is not None:
-        _check_secure(args)
+        if args.connect and not args.connect.startswith("tls/"):
+            raise UsageError(f"--connect {args.connect}: with --secure the router is at tls/HOST:PORT")
+        if args.secure.is_file() or (not args.secure.exists() and shipped_team(str(args.secure))):
+            team = args.secure
+            raise UsageError(f"--secure {team}: a folder of certificates follows here: say 'zteam up {team} --secure'")
     if args.in_process and not args.bus:
         # A view is another process, which joins over a router.
         args.bus = args.view
-    if not args.in_process or args.bus:
-        return
-    if args.expected:
-        raise UsageError("--expect needs processes, or --bus: no other process can join a team with --in-process")
-    if args.connect is not None and args.connect != os.environ.get("ZTEAM_CONNECT"):
-        raise UsageError("--connect needs processes, or --bus: a team with --in-process has no router")
-
-
-def _check_secure(args: argparse.Namespace) -> None:
-    if args.in_process:
-        raise UsageError("--secure needs processes: leave --in-process out")
-    if args.connect and not args.connect.startswith("tls/"):
-        raise UsageError(f"--connect {args.connect}: with --secure the router is at tls/HOST:PORT")
-    if args.secure.is_file() or (not args.secure.exists() and shipped_team(str(args.secure))):
-        team = args.secure
-        raise UsageError(f"--secure {team}: a folder of certificates follows here: say 'zteam up {team} --secure'")
+    if args.in_process and not args.bus and (args.expected or args.connect != os.environ.get("ZTEAM_CONNECT")):
+        raise UsageError(
+            "--expect and --connect need processes, or --bus: no process can join a team with --in-process"
+        )
 
 
 def _up(args: argparse.Namespace) -> int:
     if args.help_args:
-        return _print_arguments(args)
+        _print_arguments(args)
+        return 0
     if args.compose:
         from zteam.team.launch.apart import compose_file
 
@@ -202,23 +203,21 @@ def _is_shipped(team: str) -> bool:
     return find_team(team).parent == teams_folder()
 
 
-def _print_arguments(args: argparse.Namespace) -> int:
+def _print_arguments(args: argparse.Namespace) -> None:
     from zteam.cli.tables import format_table
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import describe_arguments
 
     rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
     print_block(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
-    return 0
 
 
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.node.process_options import ViewOptions
-    from zteam.simulator.world import load_world
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
-    from zteam.team.launch.check import check_team, random_parts, refuse_nodes
+    from zteam.team.launch.check import check_team, refuse_nodes
     from zteam.team.launch.team_launch import Pace, TeamLaunch
     from zteam.team.run.report import check_writable
 
@@ -228,13 +227,10 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     world = check_team(file, find_world(args.world) if args.world else None)
     if args.in_process and not args.bus:
         refuse_nodes(file, "say --bus too, or leave --in-process out")
-    if world is None:
-        _refuse_without_simulator(args)
-    if args.seed is not None and not random_parts(file.team, load_world(world) if world else None):
-        log.info(
-            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
-            "the behaviour wander, behaviours of your own)",
-            args.seed,
+    ends_or_paces = (args.run_for, args.until, args.speed) != (None, None, None)
+    if world is None and (ends_or_paces or args.in_process or args.lockstep):
+        raise UsageError(
+            'world = "none" has no simulator: leave --for, --until, --speed, --lockstep and --in-process out'
         )
     resolved = world.resolve() if world else None
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
@@ -250,19 +246,6 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     launch = with_faults(launch, args.chaos, here=args.in_process)
     log.info("%s", describe(launch.faults))
     return launch
-
-
-def _refuse_without_simulator(args: argparse.Namespace) -> None:
-    given = {
-        "--for": args.run_for is not None,
-        "--until": args.until is not None,
-        "--in-process": args.in_process,
-        "--lockstep": args.lockstep,
-        "--speed": args.speed is not None,
-    }
-    for flag, is_given in given.items():
-        if is_given:
-            raise UsageError(f'{flag} needs a simulator: this team has none (world = "none")')
 
 
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:

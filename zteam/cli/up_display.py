@@ -5,14 +5,11 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import partial
+from contextlib import contextmanager
 
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.output import Clean, painted, print_line
-from zteam.cli.progress_text import duration_text, progress_line
-from zteam.clock import Every
-from zteam.config.numbers import format_factor
+from zteam.cli.progress_text import bar, progress_line
 from zteam.errors import printable
 from zteam.team.launch.progress import Overview, TeamOverview
 
@@ -22,12 +19,12 @@ _TAB = "\t"
 _OWN_COLORS = re.compile(r"\033\[[0-9;]*m")
 """Of a child that colours its lines although its output is a pipe: they are left out."""
 _COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
+_BAR = 13
+"""Columns of the bar."""
 _LIVE_PERIOD = 0.5
 """Host seconds between two looks at the team for the live line."""
-_LOG_PERIOD = 2.0
+_LOG_PERIOD = 10.0
 """Host seconds between two looks at the team for the log."""
-_LOG_PAUSE = 10.0
-"""Host seconds between two log lines on the progress of a run, at least."""
 
 
 class Printer:
@@ -50,15 +47,12 @@ class Printer:
 
 
 class RunDisplay:
-    """Prints the lines of the processes and tells how the team does: on a live line below them, or without one in a
-    log line on every tenth of a run with an end, but not too often. `run_for` is simulated seconds from GO."""
+    """Prints the lines of the processes, and reports how the team does: on a live line below them, or without one, of a
+    run with an end, in a log line now and then. `run_for` is simulated seconds from GO."""
 
     def __init__(self, run_for: float | None, live: LiveLine | None = None) -> None:
         self._run_for, self._live = run_for, live
         self.line = Printer(self.print).line
-        self._tenth = 0
-        self._pause = Every(_LOG_PAUSE)
-        self._pause.due()
 
     def print(self, line: str) -> None:
         (print_line if self._live is None else self._live.print)(line)
@@ -66,33 +60,44 @@ class RunDisplay:
     def say(self, text: str) -> None:
         """Show what the launcher does, on a live line alone."""
         if self._live is not None:
-            self._live.show(lambda columns: text[:columns])
+            self._live.show(text)
 
-    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
-        """Tell about the team in this context."""
-        if self._live is not None:
-            return _looking(watch(), partial(self._show, self._live), _LIVE_PERIOD)
-        return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
+    @contextmanager
+    def following(self, watch: Callable[[], TeamOverview]) -> Iterator[None]:
+        """In this context look at the team now and then, on a thread of its own."""
+        if self._live is None and self._run_for is None:
+            yield
+            return
+        team, closed, lock = watch(), threading.Event(), threading.Lock()
+        period = _LOG_PERIOD if self._live is None else _LIVE_PERIOD
+
+        def look() -> None:
+            while not closed.wait(period):
+                seen = team.look()
+                with lock:
+                    if not closed.is_set():
+                        self._show(seen)
+
+        threading.Thread(target=look, name="progress", daemon=True).start()
+        try:
+            yield
+        finally:
+            with lock:
+                closed.set()
 
     def leave_terminal(self) -> None:
         """From now on only print lines: a debugger has the terminal."""
         if self._live is not None:
             self._live.leave()
 
-    def _show(self, live: LiveLine, seen: Overview) -> None:
-        live.show(lambda columns: progress_line(seen, self._run_for, columns))
-
-    def _tell(self, seen: Overview) -> None:
-        simulator, elapsed = seen.simulator, seen.elapsed
-        if simulator is None or elapsed is None or self._run_for is None:
-            return
-        tenth = min(9, int(10.0 * elapsed / self._run_for))
-        if tenth > self._tenth and self._pause.due():
-            self._tenth = tenth
-            factor = simulator.real_time_factor
-            left = f", {duration_text((self._run_for - elapsed) / factor)} left" if factor > 0.0 else ""
-            pace = f"{format_factor(factor)} x real time{left}"
-            log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
+    def _show(self, seen: Overview) -> None:
+        text = progress_line(seen, self._run_for)
+        if self._live is None:
+            log.info("%s", text)
+        elif self._run_for and seen.elapsed is not None:
+            self._live.show(f"{bar(seen.elapsed / self._run_for, _BAR)} {text}")
+        else:
+            self._live.show(text)
 
 
 @contextmanager
@@ -102,24 +107,3 @@ def open_display(log_format: str, run_for: float | None) -> Iterator[RunDisplay]
             yield RunDisplay(run_for, line)
     else:
         yield RunDisplay(run_for)
-
-
-@contextmanager
-def _looking(watch: TeamOverview, show: Callable[[Overview], None], period: float) -> Iterator[None]:
-    """Pass a look at the team to `show` every `period` host seconds, on a thread of its own."""
-    closed, lock = threading.Event(), threading.Lock()
-
-    def look() -> None:
-        while not closed.is_set():
-            seen = watch.look()
-            with lock:
-                if not closed.is_set():
-                    show(seen)
-            closed.wait(period)
-
-    threading.Thread(target=look, name="progress", daemon=True).start()
-    try:
-        yield
-    finally:
-        with lock:
-            closed.set()

@@ -59,11 +59,11 @@ def _run(args: argparse.Namespace) -> int:
     return code
 
 
-def _check(args: argparse.Namespace, world: World) -> int:
+def _check(args: argparse.Namespace, world: World) -> None:
     summary = _summary(world)
     if args.json:
         print_json(summary)
-        return 0
+        return
     print_line(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
     for plan in summary["floorplans"]:
         (w, h), (columns, rows) = plan["extent"], plan["cells"]
@@ -88,7 +88,6 @@ def _check(args: argparse.Namespace, world: World) -> int:
         for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
     ]
     print_line(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
-    return 0
 
 
 def _place(x: float, y: float, yaw_deg: float) -> str:
@@ -170,7 +169,7 @@ def _degrees(pose: Pose2) -> list[float]:
     return [pose.x, pose.y, math.degrees(pose.yaw)]
 
 
-def _show(args: argparse.Namespace, world: World) -> int:
+def _show(args: argparse.Namespace, world: World) -> None:
     from zteam.simulator.world.drawing import draw_world
 
     fans: dict[int, list[Fan]] = {}
@@ -180,7 +179,6 @@ def _show(args: argparse.Namespace, world: World) -> int:
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
     draw_world(world, Path(args.output), width=args.width, fans=fans)
     print_line(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
-    return 0
 
 
 def _fans(seen: "RobotObservation") -> "list[Fan]":
@@ -197,7 +195,7 @@ def _fans(seen: "RobotObservation") -> "list[Fan]":
     return found
 
 
-def _scan(args: argparse.Namespace, world: World) -> int:
+def _scan(args: argparse.Namespace, world: World) -> None:
     from zteam.simulator.core import Engine
 
     if not 0 <= args.robot < len(world.robots):
@@ -214,7 +212,7 @@ def _scan(args: argparse.Namespace, world: World) -> int:
     lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
     if args.json:
         print_json({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers})
-        return 0
+        return
     for laser in lasers:
         ranges = laser["ranges"]
         hits = sum(r < laser["range_max"] for r in ranges)
@@ -222,7 +220,6 @@ def _scan(args: argparse.Namespace, world: World) -> int:
             f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
             f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}"
         )
-    return 0
 
 
 def _rangers(args: argparse.Namespace, robot: Robot) -> tuple[Ranger, ...]:

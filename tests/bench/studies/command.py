@@ -74,7 +74,7 @@ def _live() -> Iterator[Callable[[str], None]]:
         yield lambda _text: None
         return
     with LiveLine(sys.stderr) as live:
-        yield lambda text: live.show(lambda _columns: text)
+        yield live.show
 
 
 def _add_rows(parser: argparse.ArgumentParser, option: str, rows: Sequence[str]) -> None:

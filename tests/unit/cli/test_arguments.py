@@ -1,4 +1,4 @@
-"""The numeric options of every command, and the values that several commands share."""
+"""Options: those that a struct declares, those that all commands share, and values that several commands take."""
 
 import argparse
 from pathlib import Path
@@ -8,115 +8,81 @@ import msgspec
 import pytest
 
 from support.commands import exit_code
-from zteam.cli import bench, sim, tf, topic, up, world, zteam_robot, zteam_router, zteam_sim, zteam_tf
+from zteam.cli import bench, node, teleop, topic, up, zteam_sim
 from zteam.cli.arguments import add_options, parse_speed, read_options
+from zteam.cli.main import COMMANDS, main
 from zteam.cli.options import Parser
+from zteam.cli.zteam_monitor import parse_team
 from zteam.config.option import option
 from zteam.config.simulation_options import LockStepOptions, Options
-from zteam.errors import UsageError
 from zteam.node.process_options import AggregatorOptions, ViewOptions
 
-BAD = ("nan", "inf", "-inf", "1e308", "-1e308", "word", "", "1e-300x", "9" * 5000)
-"""Values that every numeric option refuses."""
 
-REAL = [
-    (zteam_sim, ["arena"], "--map-resolution"),
-    (zteam_sim, ["arena"], "--for"),
-    (zteam_sim, ["arena"], "--lockstep-timeout"),
-    (zteam_sim, ["arena"], "--lease"),
-    (up, ["line"], "--for"),
-    (up, ["line"], "--lockstep-timeout"),
-    (zteam_tf, [], "--rate"),
-    (topic, ["echo", "clock"], "--timeout"),
-    (topic, ["pub", "flag", "Bool"], "--rate"),
-    (tf, ["echo", "a", "b"], "--rate"),
-    (tf, ["echo", "a", "b"], "--at"),
-    (tf, ["echo", "a", "b"], "--timeout"),
-    (tf, ["monitor"], "--for"),
-    (tf, ["positions"], "--rate"),
-    (world, ["scan", "arena", "--robot", "0"], "--fov-deg"),
-    (world, ["scan", "arena", "--robot", "0"], "--range"),
-    (bench, ["sim", "arena"], "--fov-deg"),
-    (bench, ["sim", "arena"], "--range"),
-    (bench, ["sim", "arena"], "--seconds"),
-    (bench, ["team"], "--seconds"),
-]
-"""(command, the words it needs, its option)"""
-WHOLE = [
-    (zteam_sim, ["arena"], "--seed"),
-    (up, ["line"], "--seed"),
-    (zteam_robot, ["--id", "0"], "--seed"),
-    (topic, ["hz", "clock"], "--window"),
-    (topic, ["pub", "flag", "Bool"], "--times"),
-    (world, ["scan", "arena"], "--robot"),
-    (world, ["scan", "arena", "--robot", "0"], "--beams"),
-    (world, ["show", "arena", "-o", "x.svg"], "--width"),
-    (bench, ["sim", "arena"], "--robots"),
-    (bench, ["sim", "arena"], "--beams"),
-    (bench, ["team"], "--robots"),
-    (bench, ["team"], "--beams"),
-]
-
-
-@pytest.mark.few(99)
-@pytest.mark.parametrize("text", BAD)
-@pytest.mark.parametrize(("command", "words", "option"), [*REAL, *WHOLE])
-def test_an_option_refuses_a_number_out_of_its_range(
-    command: object, words: list[str], option: str, text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A command line with a wrong number ends with 2 and one short line that names the option and its range."""
-    assert exit_code(command.main, [*words, f"{option}={text}"]) == 2  # type: ignore[attr-defined]
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{option}: " in line
-    assert ": give " in line
-    assert len(line) < 200
+def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    """`zteam --help` has a line for each command, and no line is longer than 80 columns."""
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert set(COMMANDS) <= {line.split()[0] for line in lines if line.startswith("  ")}
+    assert max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "text"),
+    ("command", "words", "defaults"),
     [
-        (
-            zteam_sim,
-            ["arena", "--speed", "1e-300"],
-            "speed '1e-300': give simulated seconds a second from 1e-06 to 1e+06",
-        ),
-        (up, ["line", "--speed", "inf"], "speed 'inf': give simulated seconds a second"),
-        (zteam_sim, ["arena", "--add", "7:erratic:1e308:0:0"], "'1e308': give metres and radians from"),
-        (zteam_sim, ["arena", "--add", "7:erratic:nan:0:0"], "'nan': give metres and radians from"),
-        (zteam_sim, ["arena", "--gaussian-noise", "1e308"], "gaussian_noise must be from 0 to 1000"),
-        (zteam_sim, ["arena", "--odom-alphas", "0,0,0,nan"], "odom_alphas must be from 0 to 1000"),
-        (zteam_sim, ["arena", "--dazzle-angle", "inf"], "dazzle_angle must be from 0 to"),
-        (sim, ["speed", "1e-11"], "speed '1e-11': give simulated seconds a second"),
-        (sim, ["move", "0", "1e308", "0", "0"], "pose '1e308 0 0': give X Y YAW"),
-        (
-            topic,
-            ["list", "--connect", "tcp/127.0.0.1:99999"],
-            "'tcp/127.0.0.1:99999': port '99999': give a port",
-        ),
-        (topic, ["list", "--connect", "tcp/127.0.0.1:²"], "port '²': give a port from 0 to 65535"),
-        (topic, ["list", "--connect", "7447"], "give PROTOCOL/ADDRESS, such as tcp/127.0.0.1:"),
-        (zteam_router, ["--listen", "tcp/127.0.0.1:99999"], "port '99999': give a port from 0 to 65535"),
-        (tf, ["static", "1e308", "0", "0", "0", "0", "0", "map", "table"], "give X Y Z YAW PITCH ROLL"),
+        (up, "", {"team": "line", "seed": None, "run_for": None, "speed": None}),
+        (teleop, "--id 0", {"speed": 0.5, "turn": 1.0}),
+        (topic, "pub key Bool", {"rate": 1.0, "times": None, "clock": "auto"}),
+        (topic, "hz key", {"window": 100, "clock": "wall"}),
+        (bench, "team", {"robots": 4, "beams": 1081, "seconds": 60.0, "world": "office", "log_level": "warning"}),
+        (bench, "sim arena", {"robots": 20, "fov_deg": 270.0, "range": 30.0}),
+        (zteam_sim, "arena", {"log_level": "info", "log_format": "text"}),
     ],
 )
-def test_numbers_within_other_arguments_have_bounds(
-    command: object, words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+def test_what_is_not_typed_has_a_default(
+    command: Any, words: str, defaults: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wrong speed, pose, noise or port ends with 2 and one line that names the bounds."""
-    assert exit_code(command.main, words) == 2  # type: ignore[attr-defined]
-    (line,) = capsys.readouterr().err.splitlines()
-    assert text in line
+    """Those that the pages tell of."""
+    for name in ("LOG_LEVEL", "LOG_FORMAT"):
+        monkeypatch.delenv(f"ZTEAM_{name}", raising=False)
+    found = vars(command.build_parser().parse_args(words.split()))
+    assert {name: found[name] for name in defaults} == defaults
+
+
+def test_the_environment_sets_the_log(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """It replaces the defaults of every command, an option replaces it, and a wrong value is a usage error."""
+    parse = node.build_parser().parse_args
+    monkeypatch.setenv("ZTEAM_LOG_LEVEL", "error")
+    monkeypatch.setenv("ZTEAM_LOG_FORMAT", "json")
+    for build, words in ((node.build_parser, ["list"]), (bench.build_parser, ["team"])):
+        args = build().parse_args(words)
+        assert (args.log_level, args.log_format) == ("error", "json")
+    for name, flag in (("LEVEL", "--log-level"), ("FORMAT", "--log-format")):
+        with monkeypatch.context() as patch:
+            patch.setenv(f"ZTEAM_LOG_{name}", "loud")
+            parse = node.build_parser().parse_args
+            assert exit_code(parse, ["list"]) == 2  # type: ignore[arg-type]
+            assert f": {flag}: 'loud': give " in capsys.readouterr().err
+            if name == "LEVEL":
+                assert parse(["list", flag, "debug"]).log_level == "debug"
+
+
+@pytest.mark.parametrize(
+    ("size", "ids", "team"),
+    [
+        (4, None, (4, None)),
+        (None, ["0", "2", "7"], (3, (0, 2, 7))),
+        (4, ["0,2-4"], (4, (0, 2, 3, 4))),
+        (None, None, (0, None)),
+    ],
+)
+def test_the_team_that_a_monitor_waits_for(size: int | None, ids: list[str] | None, team: tuple[int, Any]) -> None:
+    """A number, a list, or both if they agree; size 0, to look at the monitor that runs, without either."""
+    assert parse_team(size, ids) == team
 
 
 def test_a_speed_is_a_number_or_max() -> None:
     """`max` is None: as fast as possible."""
     assert [parse_speed(text) for text in ("0.5", "1e3", "max")] == [0.5, 1000.0, None]
-
-
-def test_a_wrong_speed_names_max_too() -> None:
-    """The error names the bounds and the word `max`."""
-    with pytest.raises(UsageError, match=r"^speed 'fast': give simulated seconds a second from .* to .*, or max$"):
-        parse_speed("fast")
 
 
 @pytest.mark.parametrize("number", ["-1", "-1e-3", "-.5", "-inf", "-1_000.5"])

@@ -25,43 +25,25 @@ FINDINGS = [
 
 def test_findings_are_columns() -> None:
     """Level, subject and text are aligned, a next step stands below its text, and the last line counts the problems."""
-    assert format_findings(FINDINGS).splitlines() == [
+    plain = format_findings(FINDINGS)
+    assert plain.splitlines() == [
         "ok       data        data on 7 keys",
         "problem  transforms  no process tf",
         "                     -> zteam-tf",
         "note     refusals    none within 60 s",
         "1 problem",
     ]
-
-
-def test_the_last_line_is_right_for_any_number() -> None:
-    """None, one and more."""
     assert format_findings([FINDINGS[0], FINDINGS[2]]).splitlines()[-1] == "no problems"
     assert format_findings([FINDINGS[1], FINDINGS[1]]).splitlines()[-1] == "2 problems"
-
-
-def test_only_the_level_is_coloured() -> None:
-    """Colour adds escape codes around the level and moves nothing."""
-    plain, coloured = format_findings(FINDINGS), format_findings(FINDINGS, color=True)
+    assert [finding.good for finding in FINDINGS] == [True, False, True]
+    coloured = format_findings(FINDINGS, color=True)
     assert coloured.count("\033[") == 6
     assert "\033[31mproblem\033[0m  transforms" in coloured
     for code in ("\033[0m", "\033[31m", "\033[32m", "\033[33m"):
         coloured = coloured.replace(code, "")
     assert coloured == plain
-
-
-def test_long_lines_are_wrapped_in_a_terminal() -> None:
-    """A long text goes on below itself, and is whole where there is no terminal."""
-    long = [ok("data", "word " * 30), problem("world", "short", "step " * 30)]
-    wrapped = format_findings(long, columns=60).splitlines()
-    assert max(map(len, wrapped)) <= 60
-    assert wrapped[1].startswith(" " * 16 + "word")
-    assert len(format_findings(long).splitlines()) == 4
-
-
-def test_a_level_is_good_or_not() -> None:
-    """Notes are good: only a problem of now makes the exit code 1."""
-    assert [finding.good for finding in FINDINGS] == [True, False, True]
+    wrapped = format_findings([ok("data", "word " * 30), problem("world", "short", "step " * 30)], columns=60)
+    assert max(map(len, wrapped.splitlines())) <= 60
 
 
 def test_the_end_of_the_certificate_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

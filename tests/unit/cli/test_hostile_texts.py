@@ -4,7 +4,6 @@ import io
 import json
 import logging
 import re
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -12,19 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import zteam.cli
-from support.commands import exit_code
+from support.commands import run_here
 from support.examples import examples
 from support.named_sessions import open_named
 from support.transforms import stamped
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest, graph
-from zteam.cli import log, node, param, sim, tf, topic
+from zteam.bus import MemoryHub, NoRequest
 from zteam.cli.doctor import format_findings
-from zteam.cli.live_line import LiveLine
 from zteam.cli.options import fail
 from zteam.cli.output import Clean, print_block, print_json, print_line
 from zteam.cli.up_display import Printer
-from zteam.config.toml_values import toml_text
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
 from zteam.monitor.doctor.facts import problem
@@ -53,9 +49,9 @@ def find_parameter(key: str) -> DescribeReply:
 
 
 @pytest.fixture
-def hostile(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
+def hostile(tools: MemoryHub) -> None:
     """A team that lies in every name and every text; all commands look at it."""
-    bus = open_named(hub, "robot_0")
+    bus = open_named(tools, "robot_0")
     goal = PoseStamped(Header(frame_id=EVIL))
     bus.publisher(f"robot_0/{EVIL}/x", PoseStamped, latched=True).put(goal)
     bus.publisher("tf_static", TFMessage, latched=True).put(TFMessage([stamped("map", EVIL, 0), stamped(EVIL, "b", 0)]))
@@ -73,45 +69,24 @@ def hostile(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     }
     for key, answer in answers.items():
         bus.serve(key, NoRequest, lambda _, answer=answer: answer)
-    for module in (log, node, param, sim, tf, topic):
-        monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
-    for module in (graph, tf):
-        monkeypatch.setattr(module, "SURVEY", 0.02)
-    return hub
 
 
-@pytest.mark.parametrize("form", [(), ("--json",)])
+@pytest.mark.parametrize("form", ["", " --json"])
 @pytest.mark.parametrize(
-    ("main", "words"),
+    "command",
     [
-        (node.main, ["list"]),
-        (topic.main, ["list"]),
-        (topic.main, ["info", "**"]),
-        (topic.main, ["echo", "robot_0/**", "--once"]),
-        (topic.main, ["hz", f"robot_0/{EVIL}/x", "--timeout", "0.05"]),
-        (tf.main, ["tree"]),
-        (tf.main, ["monitor", "--for", "0.02"]),
-        (tf.main, ["positions"]),
-        (tf.main, ["echo", "map", "b", "--once"]),
-        (tf.main, ["echo", "map", "c", "--timeout", "0.05"]),
-        (param.main, ["list"]),
-        (param.main, ["get", "0", "speed"]),
-        (param.main, ["get", "0", "sped"]),
-        (param.main, ["dump", "0"]),
-        (sim.main, ["status"]),
-        (log.main, ["--once"]),
-        (log.main, ["robot_9", "--once"]),
+        "node list", "topic list", "topic info **", "topic echo robot_0/** --once", "tf tree", "tf monitor --for 0.02",
+        f"topic hz 'robot_0/{EVIL}/x' --timeout 0.05", "tf positions", "tf echo map b --once", "param list",
+        "tf echo map c --timeout 0.05", "param get 0 speed", "param get 0 sped", "param dump 0", "sim status",
+        "log --once", "log robot_9 --once",
     ],
-)
+)  # fmt: skip
 @pytest.mark.usefixtures("hostile")
 def test_no_text_of_a_team_reaches_the_terminal_as_it_is(
-    main: Callable[[Sequence[str]], int],
-    words: list[str],
-    form: tuple[str, ...],
-    capsys: pytest.CaptureFixture[str],
+    command: str, form: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every command, as text and as JSON, which has the very text."""
-    exit_code(main, [*words, *form])
+    run_here(f"zteam {command}{form}")
     output, errors = capsys.readouterr()
     assert output or errors
     assert_harmless(output + errors)
@@ -156,16 +131,6 @@ def test_what_children_and_nodes_print_is_shown_line_by_line() -> None:
     assert shown[-1].endswith("\tend")
 
 
-def test_a_live_line_is_harmless() -> None:
-    """The line, and what is printed above it."""
-    out = io.StringIO()
-    with LiveLine(out) as live:
-        live.show(lambda _columns: EVIL)
-        live.print(EVIL)
-    own = re.compile(r"\r\033\[(?:\d+A\033\[)?J")
-    assert_harmless(own.sub("", out.getvalue()))
-
-
 def test_errors_findings_events_and_logs_are_harmless(capsys: pytest.CaptureFixture[str]) -> None:
     """An error that a peer has sent, what doctor finds, what the monitor sees, and what a process logs."""
     fail("zteam topic", ZteamError(EVIL))
@@ -182,17 +147,6 @@ def test_errors_findings_events_and_logs_are_harmless(capsys: pytest.CaptureFixt
     output, errors = capsys.readouterr()
     assert "[tf] warning: frame" in errors and "zteam topic: " in errors
     assert_harmless(output + errors)
-
-
-@examples(300)
-@given(texts)
-def test_a_parameter_on_a_line_is_the_same_value(text: str) -> None:
-    """As `zteam param dump` prints it: TOML with escapes."""
-    import tomllib
-
-    if text.isprintable() or text.encode("utf-8", "ignore").decode() == text:
-        line = f"value = {toml_text(text)}"
-        assert line.isprintable() and tomllib.loads(line) == {"value": text}
 
 
 def test_commands_print_in_no_other_way() -> None:

@@ -1,27 +1,23 @@
 """A live line on a pseudo-terminal, as a reader sees it."""
 
-import errno
 import fcntl
-import io
 import logging
 import os
 import pty
 import struct
 import sys
 import termios
-import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TextIO, cast
+from typing import TextIO
 
 import pytest
 
-from support.limits import LIMIT
 from support.terminal import Screen
 from zteam.cli.doctor import format_findings
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.log import format_line
-from zteam.cli.output import Output
+from zteam.cli.output import Clean
 from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
@@ -77,47 +73,46 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[PseudoTerminal]:
     made.close()
 
 
-def test_the_line_is_rewritten_in_place(terminal: PseudoTerminal) -> None:
-    """A new text replaces the old one, also where it is shorter, and leaving the context erases it."""
+def test_the_lines_are_rewritten_in_place(terminal: PseudoTerminal) -> None:
+    """New lines replace the old ones, also where they are fewer or shorter; what is printed above stays whole."""
     with LiveLine(terminal.stream) as live:
-        live.show(lambda columns: "a long text")
-        assert terminal.rows() == ["a long text"]
-        live.show(lambda columns: "short")
-        assert terminal.rows() == ["short"]
-    assert terminal.rows() == [""]
+        live.show("a long text\nand a second line")
+        assert terminal.rows() == ["a long text", "and a second line"]
+        live.print("x" * 300)
+        live.show("sh\u5c71\x1b[2Jort")
+        assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, "sh\\u5c71\ufffd[2Jort"]
+        live.show("\n".join(map(str, range(40))))
+        assert terminal.rows()[-23:] == [str(i) for i in range(23)]
+    assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, ""]
 
 
-@pytest.mark.ci
-def test_lines_scroll_by_above(terminal: PseudoTerminal) -> None:
-    """Printed lines stay whole, many and long ones too, and the live line is below them."""
-    lines = [f"line {i} " + "x" * (300 if i % 7 == 0 else 5) for i in range(200)]
+def test_what_is_printed_above_is_harmless(terminal: PseudoTerminal) -> None:
+    """A text of the bus commands no terminal; what is ready for one comes as it is."""
     with LiveLine(terminal.stream) as live:
-        live.show(lambda columns: "live")
-        for line in lines:
-            live.print(line)
-            assert terminal.rows()[-1] == "live"
-        assert "live" not in terminal.rows()[:-1]
-    assert "".join(terminal.rows()) == "".join(lines)
+        live.show("live")
+        live.print("a\x1b[2Jb\nc")
+        live.print(Clean("\033[31mred\033[0m"))
+        assert terminal.rows() == ["a\ufffd[2Jb\ufffdc", "red", "live"]
 
 
 def test_a_resized_terminal_keeps_its_lines(terminal: PseudoTerminal) -> None:
     """On a terminal made narrower the wrapped live line is erased as a whole, nothing else is, and the text fits."""
     with LiveLine(terminal.stream) as live:
         live.print("above")
-        live.show(lambda columns: "#" * columns)
+        live.show("#" * 200)
         assert len(terminal.rows()[-1]) == 77
         terminal.resize(30)
         live.print("more")
         assert terminal.rows() == ["above", "more", "#" * 27]
         terminal.resize(100)
-        live.show(lambda columns: "#" * columns)
+        live.show("#" * 200)
         assert terminal.rows() == ["above", "more", "#" * 97]
 
 
 def test_an_echoed_ctrl_c_is_erased(terminal: PseudoTerminal) -> None:
     """The terminal writes ^C behind the line, which has room for it, and the next text erases both."""
     with LiveLine(terminal.stream) as live:
-        live.show(lambda columns: "#" * columns)
+        live.show("#" * 200)
         terminal.rows()
         terminal.screen.feed("^C")
         live.print("stopped")
@@ -133,7 +128,7 @@ def test_standard_error_prints_above(terminal: PseudoTerminal, monkeypatch: pyte
     try:
         start_logging("up")
         with LiveLine(terminal.stream) as live:
-            live.show(lambda columns: "live")
+            live.show("live")
             logger.warning("a log line")
             sys.stderr.write("in ")
             sys.stderr.write("parts\n")
@@ -145,55 +140,6 @@ def test_standard_error_prints_above(terminal: PseudoTerminal, monkeypatch: pyte
         logger.handlers[:], logger.level, logger.propagate = before
     assert terminal.rows()[1:] == ["in parts", "no end", ""]
     assert sys.stderr is terminal.stream
-
-
-def test_a_terminal_that_is_gone_is_reported_once(monkeypatch: pytest.MonkeyPatch, terminal: PseudoTerminal) -> None:
-    """The report of a failed write is itself a line on standard error, above the live line."""
-    told: list[str] = []
-
-    class Gone(io.StringIO):
-        """A terminal whose window was closed."""
-
-        def write(self, text: str) -> int:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-        def isatty(self) -> bool:
-            return True
-
-    def tell(error: OSError) -> None:
-        told.append(str(error))
-        sys.stderr.write("cannot write\n")
-
-    monkeypatch.setattr(sys, "stderr", terminal.stream)
-    stream = cast(TextIO, Output(Gone(), tell))
-
-    def run() -> None:
-        with LiveLine(stream) as live:
-            live.show(lambda columns: "live")
-            live.print("line")
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    thread.join(LIMIT)
-    assert not thread.is_alive()
-    assert len(told) == 1
-    assert terminal.rows() == ["cannot write", ""]
-
-
-@pytest.mark.parametrize("setting", ["", "1"])
-def test_no_color_leaves_the_text_plain(
-    setting: str, terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With NO_COLOR set, even to nothing, no attribute is written."""
-    monkeypatch.setenv("NO_COLOR", setting)
-    written: list[str] = []
-    monkeypatch.setattr(terminal.screen, "feed", lambda text: written.append(text) or terminal.screen)
-    with LiveLine(terminal.stream) as live:
-        live.show(lambda columns: "live")
-        live.print("line")
-    terminal.rows()
-    assert "live" in "".join(written)
-    assert "m" not in "".join(written)
 
 
 def test_only_a_terminal_that_can_erase_has_a_live_line(
@@ -214,11 +160,11 @@ def test_a_process_in_the_background_draws_nothing(terminal: PseudoTerminal, mon
     monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp() + 1)
     with LiveLine(terminal.stream) as live:
         terminal.screen.feed("$ ")
-        live.show(lambda columns: "live")
+        live.show("live")
         live.print("line")
         assert terminal.rows() == ["$ line", ""]
         monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
-        live.show(lambda columns: "live")
+        live.show("live")
         assert terminal.rows() == ["$ line", "live"]
 
 

@@ -6,33 +6,26 @@ from pathlib import Path
 
 import pytest
 
-from support.commands import IMPORTED_FROM, exit_code
+from support.commands import IMPORTED_FROM
 from support.limits import LIMIT
 from zteam.cli import main as zteam
 from zteam.cli import new
 from zteam.testing import find_faults
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder in which the test stands."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def written(folder: Path) -> list[str]:
+def written(empty_folder: Path) -> list[str]:
     """The names of all files in the folder."""
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in empty_folder.iterdir())
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize(("kind", "name"), [("behavior", "my_robot"), ("node", "crowd_watch")])
 def test_the_example_and_its_test_work(
-    kind: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    kind: str, name: str, empty_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In an empty folder the written test passes under pytest, in an interpreter of its own."""
     assert zteam.main(["new", kind, name]) == 0
-    assert written(folder) == [f"{name}.py", f"test_{name}.py"]
+    assert written(empty_folder) == [f"{name}.py", f"test_{name}.py"]
     assert capsys.readouterr().out.startswith(f"wrote {name}.py and test_{name}.py\n")
     monkeypatch.setenv("PYTHONPATH", IMPORTED_FROM)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"test_{name}.py"]
@@ -42,16 +35,16 @@ def test_the_example_and_its_test_work(
 
 
 @pytest.mark.ci
-def test_the_example_passes_the_check(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_passes_the_check(empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam check` finds nothing wrong with the written behaviour."""
     assert zteam.main(["new", "behavior", "my_checked"]) == 0
-    monkeypatch.syspath_prepend(folder)
+    monkeypatch.syspath_prepend(empty_folder)
     assert find_faults("my_checked:MyChecked") == []
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("kind", new.KINDS)
-def test_the_examples_are_tidy(kind: str, folder: Path) -> None:
+def test_the_examples_are_tidy(kind: str, empty_folder: Path) -> None:
     """ruff has nothing to say of them with its own settings, nor mypy with its strict ones."""
     ruff, mypy = pytest.importorskip("ruff"), pytest.importorskip("mypy")
     assert zteam.main(["new", kind, "my_example"]) == 0
@@ -65,7 +58,7 @@ def test_the_examples_are_tidy(kind: str, folder: Path) -> None:
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_lines_say_what_to_do_next(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_lines_say_what_to_do_next(empty_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The module and the class are the written ones."""
     assert zteam.main(["new", "behavior", "my_robot"]) == 0
     lines = capsys.readouterr().out
@@ -75,44 +68,22 @@ def test_the_lines_say_what_to_do_next(folder: Path, capsys: pytest.CaptureFixtu
         "zteam-robot --id 0 --behavior my_robot:MyRobot ",
     ):
         assert f"\n{command}" in lines
-    assert "class MyRobot(Behavior):" in (folder / "my_robot.py").read_text()
+    assert "class MyRobot(Behavior):" in (empty_folder / "my_robot.py").read_text()
 
 
 @pytest.mark.parametrize("taken", ["my_robot.py", "test_my_robot.py"])
-def test_nothing_is_overwritten(taken: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_overwritten(taken: str, empty_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """If one of the two files exists, neither is written."""
-    (folder / taken).write_text("mine")
+    (empty_folder / taken).write_text("mine")
     assert zteam.main(["new", "behavior", "my_robot"]) == 2
     assert capsys.readouterr().err == (f"zteam new: {taken} exists already; choose another name, or remove the file\n")
-    assert written(folder) == [taken]
-    assert (folder / taken).read_text() == "mine"
+    assert written(empty_folder) == [taken]
+    assert (empty_folder / taken).read_text() == "mine"
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("behavior my-robot", "'my-robot' cannot be the name of a Python module; did you mean my_robot?"),
-        ("behavior my_robot.py", "'my_robot.py' cannot be the name of a Python module; did you mean my_robot?"),
-        ("behavior ../robot", "'../robot' cannot be the name of a Python module; did you mean robot?"),
-        ("node 2robots", "'2robots' cannot be the name of a Python module"),
-        ("node class", "'class' cannot be the name of a Python module"),
-        ("node random", "'random' is a module of Python or of an installed package: yours would hide it"),
-        ("behavior numpy", "'numpy' is a module of Python or of an installed package: yours would hide it"),
-        ("node robot_0", "'robot_0' is the name of a process of every team; choose another one"),
-        ("node monitor", "'monitor' is the name of a process of every team; choose another one"),
-        ("behavior view", "'view': the example cannot name its class 'View'; choose another name"),
-        ("behavior _", "'_': the example cannot name its class '_'; choose another name"),
-    ],
-)
-def test_a_bad_name_is_refused(words: str, line: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line says why, the exit code is 2, and nothing is written."""
-    assert exit_code(zteam.main, ["new", *words.split()]) == 2
-    assert capsys.readouterr().err == f"zteam new: {line}\n"
-    assert not written(folder)
-
-
-def test_a_folder_that_is_gone_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_is_gone_is_said(empty_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing can be written there: one line, and exit code 1."""
-    folder.rmdir()
+    empty_folder.rmdir()
     assert zteam.main(["new", "node", "watch"]) == 1
-    assert capsys.readouterr().err == "zteam new: cannot write watch: No such file or directory\n"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("zteam new: cannot write watch") and line.endswith(": No such file or directory")

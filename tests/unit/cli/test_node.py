@@ -2,25 +2,20 @@
 
 import os
 
-import pytest
-
+from support.commands import Run
 from support.named_sessions import open_named
 from zteam import __version__, names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.graph import find_nodes
 from zteam.bus.presence import own_info
-from zteam.cli import node
 
 
-def test_the_list_is_a_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_is_a_table(tools: MemoryHub, run: Run) -> None:
     """It has a heading and a row a process, also with a long name; a process that does not answer says so."""
-    hub = MemoryHub()
-    open_named(hub, "a_process_with_a_long_name")
-    silent = hub.bus()
+    open_named(tools, "a_process_with_a_long_name")
+    silent = tools.bus()
     silent.declare_token(names.token_key("robot_0", silent.instance))
-    monkeypatch.setattr(node, "open_bus", lambda _options: hub.bus())
-    assert node.main(["list"]) == 0
-    heading, long, hung = capsys.readouterr().out.splitlines()
+    heading, long, hung = run("zteam node list").out.splitlines()
     assert heading.split() == ["process", "host", "pid", "up", "zteam"]
     assert str(os.getpid()) in long
     assert long.endswith(f"  {__version__}")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.cli import up, zteam_view
+from zteam.cli import zteam_view
 from zteam.errors import UsageError
 from zteam.node.process_options import ViewOptions
 from zteam.view.node import address_of, has_browser, own_address, page_url, qr_code, read_layout
@@ -70,22 +70,6 @@ def test_a_layout_is_checked_before_anything_starts(tmp_path: Path) -> None:
         read_layout(path)
     path.write_text('{"theme": "dark"}')
     assert (read_layout(path), read_layout(None)) == (b'{"theme":"dark"}', b"")
-
-
-@pytest.mark.parametrize("words", [["--port", "70000"], ["--port", "x"], ["--hos"]])
-def test_wrong_options_end_with_2(words: list[str]) -> None:
-    """On one line, before a session is opened."""
-    with pytest.raises(SystemExit) as ended:
-        zteam_view.main(words)
-    assert ended.value.code == 2
-
-
-def test_no_browser_needs_a_view(capsys: pytest.CaptureFixture[str]) -> None:
-    """`zteam up --no-browser` alone is a mistake."""
-    with pytest.raises(SystemExit) as ended:
-        up.main(["line", "--no-browser"])
-    assert ended.value.code == 2
-    assert "--no-browser needs --view" in capsys.readouterr().err
 
 
 @pytest.mark.gate

@@ -10,8 +10,8 @@ import pytest
 from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam.bus import MemoryHub
+from zteam.cli import listening
 from zteam.cli import main as zteam
-from zteam.cli import map as map_command
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import OccupancyGrid, decode, encode
@@ -43,7 +43,7 @@ Save = Callable[..., int]
 @pytest.fixture
 def save(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Save:
     """Runs `zteam map save WORDS` on the bus of the test."""
-    monkeypatch.setattr(map_command, "open_bus", lambda _options: hub.bus())
+    monkeypatch.setattr(listening, "connect", lambda *_, **__: hub.bus())
     return lambda *words: zteam.main(["map", "save", *map(str, words)])
 
 

@@ -17,12 +17,12 @@ from zteam.config.problems import Problem
 from zteam.config.resources import existing_file, is_folder
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import ConfigError, UsageError, WorldError
-from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
+from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import Robot, World
 from zteam.simulator.world.placing import find_hindrance
-from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of
+from zteam.team.file.entries import RobotEntry, behavior_of, navigation_of
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
@@ -209,24 +209,3 @@ def _sensor_problems(
                 text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
                 way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
                 yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
-
-
-def random_parts(team: Team, world: World | None) -> list[str]:
-    """What draws random numbers in a team, in words; empty if every seed gives the same run.
-
-    A behaviour of the user's own counts, because it may.
-    """
-    own = {behavior_of(entry)[0] for entry in team.robots} - DETERMINISTIC
-    if world is None:
-        return sorted(own)
-    robots = list(world.robots) if team.team.world_robots else []
-    for entry in team.robots:
-        if entry.model is not None and entry.pose is not None:
-            robots.append(add_robot(world, entry.model, entry.pose, names.robot_name(entry.id)))
-    options, lasers = team.simulation, [ranger for robot in robots for ranger in robot.rangers]
-    found = {
-        "noise of lasers": options.gaussian_noise or options.proportional_noise or any(any(r.noise) for r in lasers),
-        "noise of odometry": any(any(options.odom_alphas or robot.odom_alphas) for robot in robots),
-        "dazzle": options.dazzle != "off",
-    }
-    return [name for name, is_there in found.items() if is_there] + sorted(own)

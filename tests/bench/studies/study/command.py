@@ -129,7 +129,7 @@ def _run(tasks: "Sequence[Task]", args: argparse.Namespace) -> "list[Row]":
             known, ready = done if task is None else known, done
             if live is not None:
                 line = progress_line(done, total, known, monotonic() - begin)
-                live.show(lambda columns: line[:columns])
+                live.show(line)
 
         try:
             return run_study(tasks, args.results, args.jobs, show)
