@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from studies.chains.tables import format_robots
 from studies.formations import (
     RMS,
     SETTLE,
     FormationFigures,
     errors_of,
+    format_formations,
     run_passage,
     run_slalom,
     starts_of,
@@ -71,7 +71,7 @@ def test_starts_are_random_and_apart() -> None:
 def test_the_table_judges() -> None:
     """A row says whether its shape holds as it must; a contact or a slow start misses it."""
     rows = [FIGURES, replace(FIGURES, contacts=1)]
-    lines = format_robots(rows).splitlines()
+    lines = format_formations(rows).splitlines()
     assert lines[0] == "5 robots 0.8 m apart behind a leader at 0.4 m/s, from 12 starts"
     assert [line.split()[-1] for line in lines[2:4]] == ["reached", "MISSED"]
     assert not replace(FIGURES, settle_s=8.1).reached

@@ -45,8 +45,13 @@ def _cost(call: Callable[[], object]) -> float:
     return round(1e6 * best / _TIMES, 2)
 
 
-def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
-    """Microseconds of each step, for a team of `robots` robots like `robot` with lasers of `beams` beams."""
+def measure_hops(world: Path, robots: int, beams: int) -> dict[str, float]:
+    """Microseconds of each step, for a team of so many robots with lasers of so many beams.
+
+    The robots are like the world's first one, or erratics.
+    """
+    loaded = load_world(world)
+    robot = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
     far = np.full(beams, 5.0, np.float32)
     scan = LaserScan(
         Header(time_from_ns(_TICK), names.robot_frame(1, names.BASE_LASER_LINK)),
@@ -78,13 +83,6 @@ def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
         "look_up": _cost(lambda: bundle.look(names.MAP_FRAME, names.robot_frame(1, names.BASE_FOOTPRINT))),
         "behavior_and_safety": round(_cost(act) - _cost(lambda: decode(LaserScan, payloads[LaserScan])), 2),
     }
-
-
-def measure_hops_in(world: Path, robots: int, beams: int) -> dict[str, float]:
-    """Of the world's first robot, or of an erratic."""
-    loaded = load_world(world)
-    model = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
-    return measure_hops(model, robots, beams)
 
 
 def format_hops(found: dict[str, float]) -> str:
