@@ -19,7 +19,7 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
 from zteam.view import frames
 from zteam.view.commands import spread
-from zteam.view.plots import number_at, parse_path
+from zteam.view.composing import number_at, parse_path
 from zteam.view.requests import decode_request
 
 coordinates = st.floats(-300.0, 300.0)

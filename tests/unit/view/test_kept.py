@@ -10,8 +10,8 @@ import pytest
 from support.transforms import stamped
 from zteam.messages import LaserScan, Log, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of, time_from_ns
 from zteam.node.logs import LogLine
+from zteam.view.composing import MOST, samples_since
 from zteam.view.documents import RATE_SPAN, Documents, LogTail, rate_of
-from zteam.view.plots import MOST, samples_since
 from zteam.view.received import KEPT, KEPT_BYTES, Received
 from zteam.view.team_view import Places
 

