@@ -74,15 +74,6 @@ def test_any_ranges_become_a_scan(ranges: list[float], beams: int, range_max: fl
             assert abs(told * step - value) <= 0.51 * step + 1e-5
 
 
-@given(st.binary(max_size=300))
-def test_what_is_no_frame_is_refused(data: bytes) -> None:
-    """Reading anything gives a frame or a ValueError."""
-    try:
-        decode_frame(data)
-    except ValueError:
-        pass
-
-
 @examples(1000)
 @given(st.text() | json_values.map(lambda value: msgspec.json.encode(value).decode()))
 def test_any_text_is_a_request_or_is_refused(text: str) -> None:

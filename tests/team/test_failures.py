@@ -1,7 +1,5 @@
 """A process of the team that ends or hangs unasked fails the test of the `team` fixture."""
 
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -164,36 +162,3 @@ def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester, monkeypatc
     reason = r"robot_0 ended \(exit code 2\): .*no behaviour 'dance'"
     # Alone, and in the short summary.
     result.stdout.re_match_lines([f"^{reason}", "^FAILED .*test_forgotten - robot_0 ended"])
-
-
-class Alarm(Exception):  # noqa: N818 - it is no error
-    """What pytest-timeout raises in the main thread."""
-
-
-def test_a_time_out_of_pytest_ends_a_loop(team: Team, folder: Path) -> None:
-    """An error that a signal raises in a test whose behaviour loops ends the loop, and the next team runs."""
-
-    def fail(*_: object) -> None:
-        raise Alarm
-
-    def interrupt() -> None:
-        while not (folder / "looping").exists():
-            wait_for_change.wait(0.05)
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
-
-    wait_for_change = threading.Event()
-    before = signal.signal(signal.SIGUSR1, fail)
-    looping = Team()
-    try:
-        looping.start("arena", 1, behavior="bad_ways:Loops", in_process=True, lockstep_timeout=600.0)
-        looping.wait_for_go()
-        threading.Thread(target=interrupt, daemon=True).start()
-        with pytest.raises(Alarm):
-            looping.run(3)
-    finally:
-        looping.close()
-        signal.signal(signal.SIGUSR1, before)
-    assert looping.exit_code("robot_0") is not None
-    team.start("arena", 1, in_process=True)
-    team.wait_for_go()
-    team.run(1)

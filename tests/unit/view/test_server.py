@@ -1,7 +1,6 @@
 """The web server on a bus in memory: what it serves, what it refuses, and what no page can do to another one."""
 
 import gzip
-import random
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -9,9 +8,8 @@ from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 
-from support.examples import SHARE
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import wait_until_true
@@ -228,61 +226,6 @@ def test_a_later_message_that_is_not_understood_closes_the_socket(view: View) ->
             page.say_raw('{"op":"token","token":"' + "x" * MAX_BYTES + '"}')
             assert page.end()[0] in (1008, 1009)
         other.wait(lambda: other.docs.get("team", {}).get("viewers") == 1)
-
-
-@pytest.mark.gate
-def test_fuzzed_messages_do_no_harm(view: View) -> None:
-    """Each page that sends nonsense is refused, and a page beside them is served as before."""
-    draw = random.Random(5)
-    words = ['"op"', '"look"', '"drive"', '"robot"', '"seq"', *':,{}[]"', "1e999", "-1", "NaN", "\\u0000"]
-    with open_page(view.port) as watcher:
-        sent = 0
-        while sent < 10_000 * SHARE:
-            with open_page(view.port, hello=draw.random() < 0.5) as page:
-                try:
-                    for _ in range(100):
-                        page.say_raw(_nonsense(draw, words))
-                        sent += 1
-                except ConnectionClosed:
-                    pass
-        frames = len(watcher.frames)
-        watcher.wait(lambda: len(watcher.frames) > frames + 2)
-        assert not watcher.refused
-
-
-def _nonsense(draw: random.Random, words: list[str]) -> str | bytes:
-    kind = draw.randrange(3)
-    if kind == 0:
-        return draw.randbytes(draw.randrange(200))
-    if kind == 1:
-        return "".join(draw.choices(words, k=draw.randrange(1, 30)))
-    return "".join(chr(draw.randrange(1, 0x2000)) for _ in range(draw.randrange(50)))
-
-
-@pytest.mark.ci
-def test_a_flooding_page_does_not_hurt_another_one(view: View) -> None:
-    """While one page sends as fast as it can, another one gets its frames."""
-    with open_page(view.port) as watcher, open_page(view.port, acknowledges=False) as flood:
-        floods, over = threading.Event(), threading.Event()
-
-        def send() -> None:
-            try:
-                while not over.is_set():
-                    flood.say(op="ack", frame=0)
-                    floods.set()
-            except ConnectionClosed:
-                # A send that waits for room ends with the page.
-                assert over.is_set()
-
-        flooding = threading.Thread(target=send, daemon=True)
-        flooding.start()
-        assert floods.wait(LIMIT)
-        frames = len(watcher.frames)
-        watcher.wait(lambda: len(watcher.frames) >= frames + 3)
-        assert flooding.is_alive()
-        over.set()
-    flooding.join(LIMIT)
-    assert not flooding.is_alive()
 
 
 def test_a_page_that_may_only_watch_sees_the_doctor_and_cannot_call_it(view: View) -> None:
