@@ -5,6 +5,7 @@ import secrets
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.testing.team import TeamFixture
-from zteam.view.requests import DOCS, LAYERS
+from zteam.view.requests import Doc, Layer
 
 pytestmark = pytest.mark.team
 
@@ -170,7 +171,7 @@ class Calm:
         self.team.launch(folder / "team.toml", in_process=True)
         self.team.wait_for_go()
         self.page = self._ends.enter_context(open_page(self._ends.enter_context(open_view(self.team.bus)).port))
-        self.page.say(op="look", layers=sorted(LAYERS), docs=sorted(DOCS), beams=90, selected=[0, 1, 2, 3, 4])
+        self.page.say(op="look", layers=get_args(Layer), docs=get_args(Doc), beams=90, selected=[0, 1, 2, 3, 4])
         self.heard: dict[str, RawSample] = {}
         self.team.bus.subscribe_raw("**", lambda sample: self.heard.setdefault(sample.key, sample), latched=True)
         self.give_goals()
