@@ -191,12 +191,10 @@ def _add_navigation(parser: argparse.ArgumentParser) -> None:
     _add_rows(parser, "--rows", (*NAVIGATION, *TEAM_ROWS))
     text = "number of tours; two thirds as many random starts"
     add_option(parser, "--tours", typed=(1, 1000, "tours"), default=30, metavar="N", help=text)
-    text = "folder of MovingAI's .map and .scen files: check all lengths"
-    parser.add_argument("--scenarios", type=Path, metavar="DIR", help=text)
 
 
 def _navigation(args: argparse.Namespace, say: Say) -> Shown:
-    found = list(measure_navigation(find_world(args.world), args.rows, args.tours, args.scenarios, _rows(say)))
+    found = list(measure_navigation(find_world(args.world), args.rows, args.tours, _rows(say)))
     return found, format_navigation(found)
 
 

@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 
@@ -27,8 +27,8 @@ from zteam.team.file.reading import read_team_file
 from zteam.team.launch.process import PROC, Process
 from zteam.team.run.report import RunReport
 
-_EARLY, _LOOKS = 2, 20
-"""What the processes hold is looked at so often, at equal distances; this look counts as early."""
+_EARLY, _LATE = 0.1, 0.95
+"""Shares of the run after which it is looked at what the processes hold."""
 _PATIENCE = 120.0
 """Host seconds without progress after which the run is given up."""
 SLOW = 1.5
@@ -155,13 +155,12 @@ def measure_faults(team: str, seed: int, seconds: float, speed: str | None, say:
 def _watch(
     up: Process, options: BusOptions, processes: Iterable[str], seconds: float, *, lockstep: bool,
     say: Callable[[str], None],
-) -> tuple[dict[str, Footprint], dict[str, Footprint]]:  # fmt: skip
-    """What the processes hold early in the run, and at its end."""
+) -> Iterator[dict[str, Footprint]]:  # fmt: skip
+    """What the processes hold early in the run, and before its end; not of one that is being started again."""
     with closing(connect(options, patience=_PATIENCE)) as bus:
         watchdog = Watchdog(TeamObserver(bus), lockstep=lockstep)
-        found: list[dict[str, Footprint]] = []
-        for look in range(1, _LOOKS):
-            while (seen := watchdog.elapsed) < look * seconds / _LOOKS and up.running:
+        for share in (_EARLY, _LATE):
+            while (seen := watchdog.elapsed) < share * seconds and up.running:
                 say(f"{seen:.0f} of {seconds:.0f} simulated seconds")
                 deadline = monotonic() + _PATIENCE
                 with watchdog.team.changed:
@@ -170,10 +169,7 @@ def _watch(
                             raise ZteamError(f"simulated time stands still at {seen:.1f} s: {list(up.lines)[-1:]}")
                         # The end of the run is no news on the bus.
                         watchdog.team.changed.wait_for(lambda: watchdog.elapsed > seen, 1.0)
-            found.append(_footprints(_pids(bus, options), [*processes, names.LAUNCHER]))
-    # A process that is being started again in the last look is that of the one before.
-    early, late = found[:_EARLY], found[_EARLY:]
-    return {k: v for each in early for k, v in each.items()}, {k: v for each in late for k, v in each.items()}
+            yield _footprints(_pids(bus, options), [*processes, names.LAUNCHER])
 
 
 def _pids(bus: Bus, options: BusOptions) -> dict[str, int]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.navigation.scenarios import measure_scenarios
 from studies.navigation.scene import (
     NavFigure,
     Progress,
@@ -41,21 +40,14 @@ _LOST_FOR = 60.0
 """Simulated seconds in which it must be found, and stay so."""
 
 
-def measure_navigation(
-    path: Path, rows: list[str], tours: int, scenarios: Path | None, progress: Progress
-) -> Iterator[NavFigure]:
-    """The rows of ROWS and TEAM_ROWS that are asked for, and MovingAI's scenarios in a folder, if one is given."""
+def measure_navigation(path: Path, rows: list[str], tours: int, progress: Progress) -> Iterator[NavFigure]:
+    """The rows of ROWS and TEAM_ROWS that are asked for."""
     world = load_world(path)
     for row in rows:
         if row in TEAM_ROWS:
             yield from TEAM_ROWS[row](path, world, tours, progress)
         else:
             yield from ROWS[row](world, tours, progress)
-    if scenarios is not None:
-        yield from (
-            NavFigure(f"{name}: lines whose length is the optimal one", share, "share", 1.0, detail)
-            for name, share, detail in measure_scenarios(scenarios)
-        )
 
 
 def reference_ms() -> float:
