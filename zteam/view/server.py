@@ -11,13 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
@@ -315,8 +315,8 @@ class WebServer:
             guarded(make_app(pages, self._layout), self._gate, connections),
             http=http, ws=ws, ws_max_size=requests.MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
             ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
-            server_header=False, date_header=False, proxy_headers=False, h11_max_incomplete_event_size=MAX_HEAD,
-            backlog=BACKLOG,
+            server_header=False, date_header=False, headers=[*HEADERS.items()], proxy_headers=False,
+            h11_max_incomplete_event_size=MAX_HEAD, backlog=BACKLOG,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         if self._state.node.stopping:
@@ -329,7 +329,7 @@ class WebServer:
 
 
 def guarded(app: ASGIApp, gate: Gatekeeper, connections: Connections) -> ASGIApp:
-    """An application behind the checks of `Host` and `Origin`; the page's headers go out with every answer."""
+    """An application behind the checks of `Host` and `Origin`."""
 
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
         connection = connections.find(scope["client"])
@@ -353,17 +353,7 @@ def guarded(app: ASGIApp, gate: Gatekeeper, connections: Connections) -> ASGIApp
         elif problem:
             await PlainTextResponse(problem, 421)(scope, receive, send)
         else:
-            await app(scope, receive, send_with_headers(send))
-
-    def send_with_headers(send: Send) -> Send:
-        async def send_message(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                said = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
-                    said.setdefault(name, value)
-            await send(message)
-
-        return send_message
+            await app(scope, receive, send)
 
     return answer
 
@@ -400,13 +390,12 @@ def listen(host: str, port: int) -> tuple[socket.socket, int]:
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
     for chosen in (*range(port, port + 21), 0) if port else (0,):
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind((address[0], chosen))
-            listener.listen(BACKLOG)
+            # `::` is every address of either version.
+            listener = socket.create_server(
+                (address[0], chosen), family=family, backlog=BACKLOG, dualstack_ipv6=family == socket.AF_INET6
+            )
         except OSError as error:
-            listener.close()
             last = error
         else:
             return listener, int(listener.getsockname()[1])
