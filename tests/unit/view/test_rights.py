@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from zteam.view.rights import Gatekeeper, is_token, make_token
+from zteam.view.rights import Gatekeeper, is_loopback, is_token, make_token
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,7 @@ def test_in_a_network_addresses_are_taken_and_foreign_names_are_not() -> None:
     assert gate.takes_host("192.168.1.9:8765")
     assert gate.takes_host(f"{socket.gethostname()}:8765")
     assert not gate.takes_host("evil.example")
+    assert [is_loopback(host) for host in ("localhost", "::1", "10.0.0.1", "robot")] == [True, True, False, False]
 
 
 @pytest.mark.parametrize(
