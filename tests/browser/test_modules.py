@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from support.browser import Screen
 from zteam.geometry import Pose2
@@ -17,22 +16,6 @@ from zteam.view import frames
 
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}
 
-SIGHT = {
-    "normal": np.eye(3),
-    "protanopia": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    ),
-    "deuteranopia": np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
-    ),
-}
-"""What linear RGB is seen as: Machado, Oliveira and Fernandes (2009), severity 1."""
-TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-"""From linear sRGB; its white is D65."""
-
-Color = NDArray[np.float64]
 
 DECODED = """async (data) => {
   const {decodeFrame, unpack} = await import('/page/js/wire.js');
@@ -351,76 +334,6 @@ def test_outlines_are_filled_whole(modules: Screen) -> None:
         area = abs(np.dot(xs, np.roll(ys, -1)) - np.dot(ys, np.roll(xs, -1))) / 2
         for way in (polygon, polygon[::-1]):
             assert modules.ask(ask, way) == pytest.approx(area)
-
-
-def linear(color: str) -> Color:
-    """Linear RGB of #rrggbb."""
-    part = np.array([int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    return np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
-
-
-def lab(color: Color) -> Color:
-    """CIELAB of linear RGB."""
-    part = TO_XYZ @ np.clip(color, 0, 1) / TO_XYZ.sum(axis=1)
-    x, y, z = np.where(part > 216 / 24389, np.cbrt(part), (24389 / 27 * part + 16) / 116)
-    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
-
-
-def ciede2000(one: Color, other: Color) -> float:
-    """The difference of two colours in CIELAB (Sharma, Wu and Dalal 2005)."""
-    (l1, a1, b1), (l2, a2, b2) = one.tolist(), other.tolist()
-    seventh = ((math.hypot(a1, b1) + math.hypot(a2, b2)) / 2) ** 7
-    wider = 1.5 - 0.5 * math.sqrt(seventh / (seventh + 25**7))
-    c1, c2 = math.hypot(a1 * wider, b1), math.hypot(a2 * wider, b2)
-    h1, h2 = math.degrees(math.atan2(b1, a1 * wider)), math.degrees(math.atan2(b2, a2 * wider))
-    turn = (h2 - h1 + 180) % 360 - 180
-    light, chroma, hue = (l1 + l2) / 2, (c1 + c2) / 2, h1 + turn / 2
-    waves = ((0.17, 1, 150), (0.24, 2, 0), (0.32, 3, 6), (0.20, 4, 117))
-    t = 1 + sum(size * math.cos(math.radians(times * hue + shift)) for size, times, shift in waves)
-    dl = (l2 - l1) / (1 + 0.015 * (light - 50) ** 2 / math.sqrt(20 + (light - 50) ** 2))
-    dc = (c2 - c1) / (1 + 0.045 * chroma)
-    dh = 2 * math.sqrt(c1 * c2) * math.sin(math.radians(turn / 2)) / (1 + 0.015 * chroma * t)
-    blue = math.radians(60 * math.exp(-((((hue - 275 + 180) % 360 - 180) / 25) ** 2)))
-    rotation = -2 * math.sqrt(chroma**7 / (chroma**7 + 25**7)) * math.sin(blue)
-    return math.sqrt(dl**2 + dc**2 + dh**2 + rotation * dc * dh)
-
-
-def difference(one: str, other: str, sight: Color) -> float:
-    """How much two colours differ for an eye."""
-    return ciede2000(lab(sight @ linear(one)), lab(sight @ linear(other)))
-
-
-def contrast(one: str, other: str) -> float:
-    """WCAG's ratio of the luminances of two colours."""
-    dark, light = sorted(float(TO_XYZ[1] @ linear(color)) for color in (one, other))
-    return (light + 0.05) / (dark + 0.05)
-
-
-def test_the_measure_of_colours_is_the_published_one() -> None:
-    """Pairs 1, 10, 17 and 20 of Sharma, Wu and Dalal, and two colours that protanopia shows nearly alike."""
-    pairs = [
-        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
-        ((50, 2.49, -0.001), (50, -2.49, 0.0011), 7.2195),
-        ((50, 2.5, 0), (73, 25, -18), 27.1492),
-        ((50, 2.5, 0), (58, 24, 15), 19.4535),
-    ]
-    for one, other, published in pairs:
-        assert ciede2000(np.array(one), np.array(other)) == pytest.approx(published, abs=1e-4)
-    assert difference("#d55e00", "#8c7a00", SIGHT["protanopia"]) < 3
-
-
-def test_eight_robots_are_told_apart_by_colour_blind_eyes(modules: Screen) -> None:
-    """Each two of the first eight differ by 10 (CIEDE2000) for each eye, and stand out from the map and the panels."""
-    ask = """async (dark) => {
-      const {robotColor} = await import('/page/js/robot_colors.js');
-      return [...Array(8).keys()].map((id) => robotColor(id, dark));
-    }"""
-    for dark, grounds in ((False, ("#ffffff", "#eceff1")), (True, ("#1d2328", "#14181b", "#171b1f"))):
-        colors = modules.ask(ask, dark)
-        for name, sight in SIGHT.items():
-            for one, other in itertools.combinations(colors, 2):
-                assert difference(one, other, sight) >= 10, (name, one, other)
-        assert min(contrast(color, ground) for color in colors for ground in grounds) >= 3
 
 
 def test_robots_have_colours_that_differ(modules: Screen) -> None:

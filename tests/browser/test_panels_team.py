@@ -104,34 +104,6 @@ def test_without_a_team_the_page_says_so_and_sees_it_come_and_go(team: TeamFixtu
     screen.page.wait_for_selector("#notice :text('The team is gone')")
 
 
-def test_a_server_that_is_gone_is_said_and_found_again(team: TeamFixture, screen: Screen) -> None:
-    """The page says that the view's server is gone, disables the controls, and goes on when it is back."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
-    url = start_view(team)
-    screen.open(url, 1)
-    team.kill(VIEW)
-    screen.page.wait_for_selector("#notice .bad strong:text('server is gone')")
-    assert screen.page.locator("button[aria-label=Pause]").is_disabled()
-    port = url.rpartition(":")[2].partition("/")[0]
-    token = url.partition("token=")[2]
-    again = team.spawn(
-        "zteam-view", "--no-browser", "--port", port, "--token", token, "--name", VIEW, name="view_again"
-    )
-    team.wait_for_line(again, "the view is at")
-    screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
-    screen.wait("document.querySelector('#notice [role=status]').childElementCount === 0")
-
-
-def test_a_lost_simulator_is_said(team: TeamFixture, screen: Screen) -> None:
-    """When the simulator's process is gone, the page says so and names the command that starts it."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
-    screen.wait("zteam.app.store.team?.sim.present")
-    team.kill("sim")
-    screen.page.wait_for_selector("#notice :text('The simulator is gone')")
-    assert screen.page.locator("button[aria-label=Pause]").is_disabled()
-
-
 def test_a_hung_server_is_noticed(team: TeamFixture, screen: Screen) -> None:
     """A server that stands still is said in the footer: what the page shows is old."""
     team.start("arena", robots=1, behavior="idle", lockstep=False)

@@ -1,12 +1,9 @@
-"""The simulator by mouse: robots are moved, refused into walls, and the world stands while it is paused."""
+"""The simulator by mouse: robots are moved, and refused into walls."""
 
 import pytest
 
 from support.browser import Screen, start_view
 from zteam.team.testing.team import TeamFixture
-
-LIMIT = 10.0
-"""Host seconds for the world to stand."""
 
 
 def start_arena(team: TeamFixture, screen: Screen) -> None:
@@ -45,32 +42,3 @@ def test_a_drag_into_a_wall_is_refused(team: TeamFixture, screen: Screen) -> Non
     tick = team.tick
     team.wait_for(lambda: team.tick > tick + 2)
     assert team.robot(0).pose == before
-
-
-def test_the_world_stands_while_it_is_paused(team: TeamFixture, screen: Screen) -> None:
-    """A click on Pause stops the ticks, one on Step makes a single one, and one on Resume lets them go on."""
-    start_arena(team, screen)
-    screen.page.click("#sim [aria-label=Pause]")
-    screen.wait("zteam.app.store.team.sim.state === 'paused'")
-    team.sim.stand(LIMIT)
-    stood = team.sim_status.tick
-    assert team.sim_status.paused
-    screen.page.locator("#sim button").nth(1).click()
-    team.wait_for(lambda: team.sim_status.tick > stood)
-    team.sim.stand(LIMIT)
-    assert team.sim_status.tick == stood + 1
-    screen.page.click("#sim [aria-label=Resume]")
-    team.wait_for(lambda: team.sim_status.tick > stood + 3)
-
-
-def test_no_key_pauses_the_world(team: TeamFixture, screen: Screen) -> None:
-    """After a click on Step and Resume, space and Enter do nothing to the world: pausing needs a click."""
-    start_arena(team, screen)
-    screen.page.click("#sim [aria-label=Pause]")
-    screen.page.click("#sim [aria-label=Resume]")
-    screen.wait("zteam.app.store.team.sim.state === 'running'")
-    for key in ("Space", "Enter"):
-        screen.page.keyboard.press(key)
-    tick = team.sim_status.tick
-    team.wait_for(lambda: team.sim_status.tick > tick + 5)
-    assert not team.sim_status.paused

@@ -10,7 +10,7 @@ from studies.navigation.ways import length_of, plain_field
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "planning" / "movingai"
 SCENARIOS = sorted(FOLDER.glob("*.scen.xz"))
 EVERY = 31
-"""Of the lines of a scenario, which are sorted by length, each so many-th; the study `nav --scenarios` does all."""
+"""Of the lines of a scenario, which are sorted by length, each so many-th."""
 
 
 @pytest.mark.few(1)

@@ -3,7 +3,6 @@
 import shlex
 from pathlib import Path
 
-import pytest
 import yaml
 
 from zteam.testing import Team
@@ -54,16 +53,3 @@ def test_each_process_of_a_team_file_runs_alone(team: Team, tmp_path: Path) -> N
     team.wait_for_processes(*services)
     team.wait_for_go()
     team.until(lambda: team.robot(1).distance_travelled > 0.3, within=60)
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (["line", "--only", "robot_4"], "--only robot_4: the team has sim, tf, monitor, robot_0"),
-    ],
-)
-def test_a_mistake_names_the_way_out(team: Team, words: list[str], error: str) -> None:
-    """In one line, with 2."""
-    made = team.command("up", *words)
-    assert (made.returncode, made.stdout) == (2, "")
-    assert error in made.stderr

@@ -1,8 +1,5 @@
 """A process of the team that ends or hangs unasked fails the test of the `team` fixture."""
 
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -97,8 +94,8 @@ WAITS: dict[str, Callable[[Team], object]] = {
     "until": lambda team: team.until(lambda: False, within=600),
     "wait_for": lambda team: team.wait_for(lambda: False),
 }
-WAYS = [("run", "Loops", True), ("run", "Sleeps", True)]
-WAYS_IN_REAL_TIME = [("run", "Sleeps", False), ("until", "Loops", False), ("wait_for", "Sleeps", False)]
+WAYS = [("run", "Loops", True)]
+WAYS_IN_REAL_TIME = [("until", "Loops", False), ("wait_for", "Sleeps", False)]
 
 
 @pytest.mark.parametrize(
@@ -128,30 +125,6 @@ def test_a_process_that_hangs_is_named_in_time(team: Team, folder: Path, wait: s
     if lockstep:
         team.run(0.5)
     assert team.alive("robot_1")
-
-
-def test_a_call_that_sleeps_in_one_process_is_named_in_time(next_team: Team, folder: Path) -> None:
-    """It cannot be ended, and holds up neither the failure nor the end of the team."""
-    next_team.start("arena", 1, behavior="bad_ways:Sleeps", in_process=True, lockstep_timeout=LIMIT)
-    next_team.wait_for_go()
-    began = monotonic()
-    with pytest.raises(AssertionError, match=r"^robot_0 hangs: after .* s step has not returned .*bad_ways") as told:
-        next_team.run(600)
-    assert str(told.value).count("Traceback") == 1
-    assert told.value.__cause__ is None
-    next_team.close()
-    assert monotonic() - began < LIMIT + 5.0 * HOST_FACTOR
-
-
-def test_a_frozen_process_has_no_line(team: Team) -> None:
-    """One that is frozen from outside writes nothing: its last lines are shown."""
-    team.start("arena", 1, lockstep_timeout=LIMIT)
-    team.wait_for_go()
-    os.kill(team.pid("robot_0"), signal.SIGSTOP)
-    with pytest.raises(AssertionError, match=r"^robot_0 hangs: lock-step left it behind.*; its last lines:\n"):
-        team.run(3)
-    team.expect_end("robot_0")
-    team.kill("robot_0")
 
 
 def test_what_is_started_again_is_no_failure_if_it_comes_back(team: Team, folder: Path) -> None:
@@ -189,36 +162,3 @@ def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester, monkeypatc
     reason = r"robot_0 ended \(exit code 2\): .*no behaviour 'dance'"
     # Alone, and in the short summary.
     result.stdout.re_match_lines([f"^{reason}", "^FAILED .*test_forgotten - robot_0 ended"])
-
-
-class Alarm(Exception):  # noqa: N818 - it is no error
-    """What pytest-timeout raises in the main thread."""
-
-
-def test_a_time_out_of_pytest_ends_a_loop(team: Team, folder: Path) -> None:
-    """An error that a signal raises in a test whose behaviour loops ends the loop, and the next team runs."""
-
-    def fail(*_: object) -> None:
-        raise Alarm
-
-    def interrupt() -> None:
-        while not (folder / "looping").exists():
-            wait_for_change.wait(0.05)
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
-
-    wait_for_change = threading.Event()
-    before = signal.signal(signal.SIGUSR1, fail)
-    looping = Team()
-    try:
-        looping.start("arena", 1, behavior="bad_ways:Loops", in_process=True, lockstep_timeout=600.0)
-        looping.wait_for_go()
-        threading.Thread(target=interrupt, daemon=True).start()
-        with pytest.raises(Alarm):
-            looping.run(3)
-    finally:
-        looping.close()
-        signal.signal(signal.SIGUSR1, before)
-    assert looping.exit_code("robot_0") is not None
-    team.start("arena", 1, in_process=True)
-    team.wait_for_go()
-    team.run(1)

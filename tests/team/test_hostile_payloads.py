@@ -2,10 +2,10 @@
 
 import logging
 import secrets
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,9 +19,8 @@ from support.web_view import open_page, open_view
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.bus.presence import ProcessInfo
-from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.errors import BusError, DecodeError
+from zteam.errors import BusError
 from zteam.messages import Header, Point, Pose, PoseStamped, RobotStatus, decode, encode
 from zteam.messages.message import encoding_of
 from zteam.messages.topics import type_of_key
@@ -29,7 +28,7 @@ from zteam.navigation.planning.grid import make_map
 from zteam.navigation.planning.map_files import write_map
 from zteam.simulator.client import SimStatus, StepRequest
 from zteam.team.testing.team import TeamFixture
-from zteam.view.requests import DOCS, LAYERS
+from zteam.view.requests import Doc, Layer
 
 pytestmark = pytest.mark.team
 
@@ -48,20 +47,10 @@ navigation = {localizer = "fake"}
 PROCESSES = ["sim", "map", "tf", "monitor", "robot_0", "robot_1", "nav_1", "view"]
 ROBOTS = [0, 1, 9]
 """One of them is not there."""
-GROWTH = 40
-"""MB by which a process may grow."""
-_COMMANDS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
 _SEARCH = secrets.randbits(32) if SHARE > 1.0 else 0
 """A search draws new payloads in each run."""
-_ROUNDS = 2
-"""The first one lets each process have whatever it keeps of a hostile sender."""
 _CHUNK = 20
 """Payloads between two questions to all processes."""
-
-
-def memory(pid: int) -> int:
-    """MB of a process."""
-    return int(Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0]) // 1024
 
 
 class Sender:
@@ -69,26 +58,21 @@ class Sender:
 
     def __init__(self, team: TeamFixture, session: zenoh.Session) -> None:
         self.team, self._session = team, session
-        self.sent, self.undecodable = Counter[str](), Counter[str]()
+        self.sent = 0
 
     def put(self, key: str, payload: bytes) -> None:
         """Publish it."""
         self._session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
-        kind = type_of_key(key)
-        try:
-            decode(kind, payload) if kind else None
-        except DecodeError:
-            self.undecodable[key] += 1
-        self._count(key)
+        self._count()
 
     def ask(self, key: str, payload: bytes) -> None:
         """Ask with it. An answer may take its time, and is not waited for."""
         self._session.get(key, lambda _: None, payload=payload, timeout=5.0)
-        self._count(key)
+        self._count()
 
-    def _count(self, key: str) -> None:
-        self.sent[key] += 1
-        if self.sent.total() % _CHUNK == 0:
+    def _count(self) -> None:
+        self.sent += 1
+        if self.sent % _CHUNK == 0:
             self.check()
 
     def subscribed(self) -> list[str]:
@@ -115,11 +99,6 @@ class Sender:
             log.info("%s", error)
             return False
         return True
-
-    def refused(self, name: str) -> dict[str, int]:
-        """The payloads that a process has refused, by key."""
-        stats = self.team.bus.ask(names.stats_key(name), dict[str, KeyCount], timeout=20.0)
-        return {key: count.dropped for key, count in stats.items()}
 
 
 @pytest.fixture
@@ -192,7 +171,7 @@ class Calm:
         self.team.launch(folder / "team.toml", in_process=True)
         self.team.wait_for_go()
         self.page = self._ends.enter_context(open_page(self._ends.enter_context(open_view(self.team.bus)).port))
-        self.page.say(op="look", layers=sorted(LAYERS), docs=sorted(DOCS), beams=90, selected=[0, 1, 2, 3, 4])
+        self.page.say(op="look", layers=get_args(Layer), docs=get_args(Doc), beams=90, selected=[0, 1, 2, 3, 4])
         self.heard: dict[str, RawSample] = {}
         self.team.bus.subscribe_raw("**", lambda sample: self.heard.setdefault(sample.key, sample), latched=True)
         self.give_goals()
@@ -257,29 +236,15 @@ def test_no_number_in_a_message_ends_a_process(
 
 
 def test_hostile_payloads_do_no_harm(sender: Sender) -> None:
-    """On every key and query: all processes live, answer, count what they refuse, keep their size, and still drive."""
+    """On every key and query: all processes live and answer, and the robots still drive."""
     team = sender.team
-    subscribed = sender.subscribed()
-    keys = expanded([*listed("Keys"), *subscribed], PROCESSES, ROBOTS)
+    keys = expanded([*listed("Keys"), *sender.subscribed()], PROCESSES, ROBOTS)
     queries = [*expanded(listed("Queries"), [*PROCESSES, names.LAUNCHER], ROBOTS), "**"]
     floods = [(sender.put, key, payloads_of(key)) for key in keys] + [(sender.ask, key, requests()) for key in queries]
-    pids, sizes = {name: team.pid(name) for name in PROCESSES}, dict[str, int]()
-    for number, flood_of_key in enumerate(_ROUNDS * floods):
-        if number == len(floods):
-            sizes = {name: memory(pid) for name, pid in pids.items()}
+    for number, flood_of_key in enumerate(floods):
         flood(*flood_of_key, number)
-    grown = {name: memory(pid) - sizes[name] for name, pid in pids.items()}
-    refused = {name: sender.refused(name) for name in PROCESSES}
-    counts = sender.sent.total(), len(keys), len(queries), _SEARCH
-    log.info("%d payloads on %d keys and %d queries, drawn from %d", *counts)
-    log.info("refused: %s", {name: sum(counts.values()) for name, counts in refused.items()})
-    log.info("grown by MB: %s", grown)
+    log.info("%d payloads, drawn from %d", sender.sent, _SEARCH)
     sender.check()
-    assert max(grown.values()) < GROWTH
-    counted = {key for counts in refused.values() for key, count in counts.items() if count}
-    missed = sender.undecodable.keys() & {*subscribed} & {*sender.subscribed()} - counted
-    # The simulator counts which session commands robots, and does not decode what is said.
-    assert all(key.endswith(_COMMANDS) for key in missed), missed
     team.wait_for(sender.restores)
     # Not `team.robot`: what it saw of the robots was forged as well.
     team.until(lambda: team.report.robots[0].distance_m > 0.5, within=20)

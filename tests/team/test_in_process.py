@@ -5,13 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from support.recordings import SHARED
-from zteam.errors import UsageError
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-WILLOW = SHARED / "worlds" / "stage_ros" / "willow-four-erratics.world"
 
 OWN = """
 from zteam import Behavior
@@ -64,19 +61,6 @@ def same_team() -> Iterator[TeamFixture]:
     team.close()
 
 
-@pytest.mark.skipif(not WILLOW.exists(), reason="the lectures' world is not here")
-def test_the_lectures_team_gives_the_same_run(team: TeamFixture, same_team: TeamFixture) -> None:
-    """The hash is the same with processes and in one process."""
-    found = []
-    for one, in_process in ((team, False), (same_team, True)):
-        one.launch("willow", world=WILLOW, in_process=in_process)
-        one.wait_for_go()
-        one.run(10)
-        found.append(one.report.trajectory_sha256)
-        assert one.robot(1).distance_travelled > 0.2
-    assert found[0] == found[1]
-
-
 def test_noise_own_behaviors_and_changes_give_the_same_run(
     team: TeamFixture, same_team: TeamFixture, empty_folder: Path
 ) -> None:
@@ -98,18 +82,3 @@ def test_noise_own_behaviors_and_changes_give_the_same_run(
         assert one.sim_status.participants == ["robot_0", "robot_1", "tf"]
         found.append([one.report.trajectory_sha256, one.robot(0).pose, one.robot(2).pose, one.robot(7).pose])
     assert found[0] == found[1]
-
-
-def test_what_needs_processes_is_refused(same_team: TeamFixture) -> None:
-    """Killing and freezing a node of this process, its process id and commands are refused with one line."""
-    same_team.start("arena", in_process=True)
-    for call in (
-        lambda: same_team.kill("robot_0"),
-        lambda: same_team.pause_process("robot_0"),
-        lambda: same_team.pid("robot_0"),
-        lambda: same_team.spawn("zteam-robot", "--id", "1"),
-        lambda: same_team.command("node", "list"),
-        lambda: same_team.endpoint,
-    ):
-        with pytest.raises(UsageError, match=r"^team\.\w+ needs processes: leave in_process out$"):
-            call()

@@ -1,15 +1,8 @@
 """A lab's own project, whose modules only pytest finds: what passes there, what fails, and with which words."""
 
-import os
-import subprocess
-import sys
-from functools import partial
 from pathlib import Path
 
 import pytest
-
-from support.limits import LIMIT
-from zteam.testing import Team
 
 pytest_plugins = "pytester"
 pytestmark = [pytest.mark.team, pytest.mark.gate]
@@ -138,16 +131,6 @@ def test_a_node_by_its_name(team):
 """
 
 
-REFUSED = """
-from zteam.errors import ZteamError
-
-def test_shadowed(team):
-    with pytest.raises(ZteamError, match=r"^team.start: robots.0..behavior: .* module lab is .*src.* import .*away"):
-        team.start("arena", 1, behavior="lab.guard:Guard")
-    with pytest.raises(ZteamError, match=r"^node 'crowd': .* module lab is .*src.* import .*away"):
-        team.start("arena", 1, nodes={"crowd": "lab.counter:main"})
-    assert team._watch.log == []
-"""
 OWN_CLASS = """
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
@@ -198,19 +181,6 @@ def test_a_behavior_may_stand_in_the_test(pytester: pytest.Pytester, importmode:
     result.assert_outcomes(passed=2)
 
 
-def test_a_module_of_another_file_is_refused(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The children would take another package of this name from PYTHONPATH: one line names both files, and nothing
-    starts."""
-    make_lab(pytester.path, REFUSED)
-    away = pytester.path / "away" / "lab"
-    away.mkdir(parents=True)
-    for name in ("__init__", "guard", "counter"):
-        (away / f"{name}.py").touch()
-    monkeypatch.setenv("PYTHONPATH", str(away.parent))
-    result = pytester.runpytest_subprocess("hw1", "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=1)
-
-
 @pytest.mark.real_time
 def test_what_takes_part_fails_the_test_when_it_ends(pytester: pytest.Pytester) -> None:
     """An error (with its text and line), an end without one and a hang fail the test, in both paces."""
@@ -223,26 +193,3 @@ def test_what_takes_part_fails_the_test_when_it_ends(pytester: pytest.Pytester) 
     assert sum(line.startswith("hangs") for line in told) == 1, told
     result.stdout.re_match_lines([r"E .*counter: expected, and not there; process \d+, .* ended \(exit code 1\)"])
     result.stdout.re_match_lines([r"E +File .*counter.py\", line \d+, in step"])
-
-
-def test_a_node_that_is_left_behind_ends_by_itself(tmp_path: Path) -> None:
-    """Its fixture's router has gone for good: one that was in the team ends, and one that comes too late."""
-    (tmp_path / "node.py").write_text(COUNTER.replace("from lab.speeds import SPEED", ""))
-    team = Team()
-    assert float(team.environment["ZTEAM_GIVE_UP"]) > 0.0
-    start = partial(
-        subprocess.Popen,
-        [sys.executable, str(tmp_path / "node.py")],
-        env={**os.environ, **team.environment, "ZTEAM_GIVE_UP": "1"},
-    )
-    with start() as left:
-        try:
-            team.wait_for(lambda: team.alive("counter"))
-            team.close()
-            with start() as late:
-                try:
-                    assert (left.wait(LIMIT), late.wait(LIMIT)) == (0, 1)
-                finally:
-                    late.kill()
-        finally:
-            left.kill()

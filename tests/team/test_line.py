@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.chains.figures import measure_tour
-from studies.chains.run import Chain
+from studies.chains.figures import Chain, measure_tour
 from zteam.config.resources import find_world
 
 pytestmark = pytest.mark.team

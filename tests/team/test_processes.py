@@ -2,13 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 import zenoh
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo
-from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
 from zteam.team.testing.team import TeamFixture
 from zteam.transforms.client import TransformClient
@@ -49,42 +47,6 @@ def test_a_bare_twist_moves_its_robot(team: TeamFixture, outsider: zenoh.Session
 
     team.wait_for(turned)
     assert team.robot(0).pose == here
-
-
-GARBAGE = [b"", b"\0", b"\0\1\0\0", b"garbage on the wire", b"\0\1\0\0" + b"\xff" * 64, bytes(range(256)) * 8]
-KEYS = [
-    "robot_0/cmd_vel", "robot_0/cmd_vel_teleop", "robot_0/base_scan", "robot_0/odom", "robot_0/base_pose_ground_truth",
-    "robot_0/stall", "robot_0/tf", "robot_0/tf_static", "robot_0/base_info", "robot_0/status", "team_status", "tf",
-    "tf_static", "clock", "map", "sim/tick", "robot_0/done", "robot_99/cmd_vel", "robot_01/cmd_vel",
-    "robot_$*/cmd_vel", "**",
-]  # fmt: skip
-
-
-def test_garbage_changes_nothing_but_the_counters(team: TeamFixture, outsider: zenoh.Session) -> None:
-    """After garbage on every key all processes run, the robot stands still, and the drops are counted."""
-    team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.0}})
-    team.wait_for_go()
-    before = team.robot(0).pose
-    for key in KEYS:
-        for payload in GARBAGE:
-            # Blocking, so that Zenoh drops no message of the burst.
-            outsider.put(f"{team.namespace}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
-    nan = Twist(Vector3(math.nan))
-    outsider.put(f"{team.namespace}/robot_0/cmd_vel", np.frombuffer(encode(nan), np.uint8).tobytes())
-    team.run(1.0)
-    assert team.robot(0).pose == before
-    assert [name for name in ("sim", "tf", "monitor", "robot_0") if team.exit_code(name) is not None] == []
-    dropped = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
-    assert dropped["robot_0/cmd_vel"].dropped >= len(GARBAGE)
-
-
-@pytest.mark.real_time
-def test_a_robot_without_gate_drives_at_once(team: TeamFixture) -> None:
-    """With --no-gate, a behaviour without look-ups needs neither monitor nor aggregator."""
-    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
-    team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", "--no-gate", name="robot_0")
-    team.wait_for_processes(names.SIMULATOR, "robot_0")
-    team.wait_for(lambda: team.robot(0).speed > 0.05)
 
 
 def test_a_lost_router_is_no_lost_robot(team: TeamFixture) -> None:

@@ -1,23 +1,17 @@
 """A team whose processes are killed one after the other, and what was commanded while a part of it was away."""
 
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 
 import pytest
-import zenoh
 
-from support.freezing import wait_until_frozen
 from support.limits import LIMIT
-from support.transports import Inbox
-from support.web_view import open_page
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.presence import ProcessInfo
-from zteam.clock import monotonic, pause
+from zteam.clock import monotonic
 from zteam.config.resources import find_team
-from zteam.messages import OccupancyGrid, Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
+from zteam.messages import Odometry, RobotState, TeamState, ns_from_time
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
@@ -32,17 +26,12 @@ from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import TeamRun
 from zteam.team.testing.team import WARM_PARENT
 from zteam.team.testing.watch import OBSERVED
-from zteam.view.frames import GRID, POSES, TEAM
 
 pytestmark = [pytest.mark.team, pytest.mark.gate]
 
 ROBOTS = [0, 1, 2, 3]
 KILLED = (ROUTER, "robot_1", names.AGGREGATOR, names.MONITOR, names.VIEW, names.SIMULATOR)
 """The router first: then every process has seen it go and come."""
-FREEZE = 5.0
-"""Host seconds of the simulator."""
-OLD = 1.0
-"""Host seconds after which no command in the queue is new."""
 LEASE = 30.0
 """Host seconds: on a crowded machine no process looks dead that lives."""
 MOVES = 0.01
@@ -197,50 +186,6 @@ def test_robots_that_are_stopped_stand_whatever_is_killed(monkeypatch: pytest.Mo
         line.wait_until_all_drive()
 
 
-def seen_by_a_page(port: int) -> None:
-    """Load a page, wait until it has the map and all robots' poses, and leave."""
-    with open_page(port, "") as page:
-        page.wait(lambda: {(GRID, TEAM), (POSES, TEAM)} <= page.blocks.keys())
-
-
-@pytest.mark.real_time
-def test_readers_that_have_come_and_gone_cut_nobody_off(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """After 100 loads of a page and 100 readers of the map in one session, simulator, robots and view are back after
-    each of five restarts of the router, and no session that reads the map asks for it twice."""
-    # Not longer after each restart.
-    monkeypatch.setattr(supervising, "DELAYS", 5 * (0.1,))
-    with started(monkeypatch, Pace()) as line:
-        port = int(line.said(names.VIEW, "the view is at")[0].partition("127.0.0.1:")[2].partition("/")[0])
-        bus, maps, asked = line.bus, Inbox(), Inbox()
-        for _ in range(100):
-            seen_by_a_page(port)
-            bus.subscribe(names.MAP, OccupancyGrid, Inbox(), latched=True).close()
-        bus.subscribe(names.MAP, OccupancyGrid, maps, latched=True)
-        maps.wait_count(1)
-        # The simulator's publisher answers; this sees the questions, but those that pass a router before it is back.
-        callback = zenoh.handlers.Callback(lambda query: asked(str(query.key_expr)), indirect=False)
-        beside = bus.transport._session.declare_queryable(names.latched_tokens_key(names.MAP), callback)
-        with open_page(port, "") as page:
-            page.wait(lambda: (GRID, TEAM) in page.blocks)
-            before = len(asked.items)
-            times = []
-            for restart in range(1, 6):
-                begin = monotonic()
-                line.kill(ROUTER)
-                line.wait_for(lambda restart=restart: line.run.supervisor.restarts.counts.get(ROUTER) == restart)  # type: ignore[misc]
-                line.wait_for(lambda: bool(bus.find(names.info_key(names.SIMULATOR), ProcessInfo)))
-                line.wait_until_all_drive()
-                seen_by_a_page(port)
-                times.append(round(monotonic() - begin, 1))
-                assert len(asked.items) <= before + 2 * restart
-        beside.undeclare()
-        assert len(maps.items) == 1
-        with capsys.disabled():
-            sys.stdout.write(f"\nall back after {times} s\n")
-
-
 @pytest.mark.real_time
 def test_the_others_drive_on_while_a_process_is_away(monkeypatch: pytest.MonkeyPatch) -> None:
     """While monitor, view or the last robot is away all other robots drive on by the ground truth; when the aggregator
@@ -255,51 +200,3 @@ def test_the_others_drive_on_while_a_process_is_away(monkeypatch: pytest.MonkeyP
         since = line.kill(names.AGGREGATOR)
         line.wait_for(lambda: any(line.moved[i] > since for i in ROBOTS[:3]))
         assert line.run.supervisor.restarts.counts == {}
-
-
-@pytest.mark.real_time
-@pytest.mark.parametrize("fault", [ROUTER, names.SIMULATOR])
-def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
-    """While the router is away or the simulator is frozen for 5 s, another process commands a robot. Afterwards nothing
-    moves as long as the robots themselves are frozen, time has stood still, and no tick is made up for. Then they
-    drive."""
-    with started(monkeypatch, Pace()) as line:
-        processes, bus, seen = line.run.supervisor.processes, line.run.members.bus, line.seen
-        assert bus is not None
-        robots, faulty = [processes[names.robot_name(i)] for i in ROBOTS], processes[fault]
-        commands = bus.publisher(names.robot_key(0, names.CMD_VEL), Twist)
-        monkeypatch.setattr(supervising, "DELAYS", (1.5,))
-        # How old the messages of a session are is known from an earlier one.
-        commands.put(Twist())
-        line.wait_for(lambda: SimulatorClient(bus).report().external_commands > 0)
-        for robot in robots:
-            robot.signal(signal.SIGSTOP)
-        since = seen.now + 2 * TICK
-        faulty.signal(signal.SIGKILL if fault == ROUTER else signal.SIGSTOP)
-        if fault == names.SIMULATOR:
-            wait_until_frozen(faulty.pid)
-        for _ in range(12 if fault == ROUTER else round(10 * (FREEZE - OLD))):
-            commands.put(Twist(Vector3(-0.4)))
-            pause(0.1)
-        if fault == ROUTER:
-            line.wait_for(lambda: bool(line.said(names.SIMULATOR, "router is back")))
-        else:
-            pause(OLD)
-        stamp, begin = seen.now, monotonic()
-        faulty.signal(signal.SIGCONT)
-        line.wait_for(lambda: seen.now > stamp)
-        if fault == names.SIMULATOR:
-            assert seen.now - stamp <= 2 * TICK
-        speeds = line.wait_for_ticks(TICKS)
-        if fault == names.SIMULATOR:
-            assert monotonic() - begin > 0.05 * TICKS
-            assert speeds[0][0] > -0.05, speeds
-            # A robot's own last command holds for 0.2 s of this time.
-            del speeds[:4]
-            assert all(abs(speed) <= MOVES for at_once in speeds for speed in at_once), speeds
-        else:
-            # The clock may come before the first truth: `speeds` may begin with one of before the fault.
-            assert max(line.moved.values()) <= since, (line.moved, since)
-        for robot in robots:
-            robot.signal(signal.SIGCONT)
-        line.wait_until_all_drive()

@@ -8,7 +8,6 @@ import pytest
 
 from support.terminal import TerminalCommand
 from zteam import names
-from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3
 from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
@@ -28,14 +27,6 @@ from zteam.cli.teleop import main
 sys.exit(main(sys.argv[1:]))
 """
 """The command with a fault: it ends by an exception at the key y."""
-PATIENT = """
-import sys
-from zteam.robot import teleop
-teleop.FIRST = 1e4
-from zteam.cli.teleop import main
-sys.exit(main(sys.argv[1:]))
-"""
-"""The command, whose keys count for hours."""
 
 
 STILL = Twist()
@@ -106,18 +97,6 @@ def test_keys_drive_a_robot_without_a_process(team: TeamFixture) -> None:
     assert rows[-1] == ""
 
 
-def test_the_loss_of_the_focus_stops(team: TeamFixture) -> None:
-    """The terminal is asked to tell of it, and the zero follows while the key still counts: in this test, for hours."""
-    start_world(team)
-    hands = Hands(team, "--id", "0", command=[sys.executable, "-c", PATIENT])
-    try:
-        assert "\x1b[?1004h" in hands.terminal.text
-        hands.press(b"i", ahead())
-        hands.press(b"\x1b[O", still())
-    finally:
-        hands.terminal.close()
-
-
 ENDS = {"ctrl-c": b"\x03", "error": b"y", "sigterm": b"", "hang-up": b""}
 
 
@@ -145,19 +124,6 @@ def test_every_end_stops_the_robot(end: str, team: TeamFixture) -> None:
     assert code == (1 if end == "error" else 0)
     team.wait_for(lambda: not team.alive("robot_0"))
     assert hands.commands[-1] == still()
-
-
-def test_a_robot_that_comes_later_is_refused(team: TeamFixture) -> None:
-    """Its process ends and says which process holds the name; teleop goes on."""
-    start_world(team)
-    hands = Hands(team, "--id", "0")
-    try:
-        robot = team.spawn("zteam-robot", "--id", "0")
-        assert team.wait_for_exit(robot) == 1
-        assert f"robot_0 is taken by process {hands.terminal.process.pid} on" in "\n".join(team.lines(robot))
-        hands.press(b"i", ahead())
-    finally:
-        hands.terminal.close()
 
 
 def test_a_robot_with_a_process_is_driven_through_it(team: TeamFixture) -> None:
@@ -214,31 +180,6 @@ def test_a_script_is_sent_press_by_press(team: TeamFixture) -> None:
     assert ended.returncode == 0, ended.stderr
     team.wait_for(lambda: len(commands) >= 16)
     assert commands == [ahead()[1]] * 10 + [STILL] * 6
-
-
-def test_a_script_drives_the_base(team: TeamFixture) -> None:
-    """A tick that finds a command of 0.5 m/s drives 5 cm; the script is a minute long, and ended after that tick."""
-    team.spawn("zteam-sim", "arena", "--paused", name=names.SIMULATOR)
-    team.wait_for_processes(names.SIMULATOR)
-    robot = team.robot(0)
-
-    def stands() -> bool:
-        # The first tick may have left before its subscriber was known.
-        return robot.speed == 0.0 or bool(team.sim.repeat() and robot.speed == 0.0)
-
-    team.wait_for(stands)
-    team.spawn("zteam", "teleop", "--id", "0", "--script", "i*600", name="teleop")
-    team.wait_for(lambda: heard(team) >= 1)
-    team.sim.step()
-    team.wait_for(lambda: robot.speed > 0.0)
-    assert robot.distance_travelled == pytest.approx(0.05)
-
-
-def heard(team: TeamFixture) -> int:
-    """How many commands of robot 0 the simulator has received."""
-    return (
-        team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount]).get("robot_0/cmd_vel", KeyCount()).received
-    )
 
 
 def test_scripts_that_reach_nobody_fail(team: TeamFixture) -> None:

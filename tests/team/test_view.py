@@ -3,8 +3,7 @@
 import math
 import resource
 import socket
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 
 import pytest
 from websockets.sync.client import connect
@@ -13,7 +12,7 @@ from websockets.typing import Subprotocol
 from support.limits import LIMIT
 from support.web_view import TOKEN, Page, open_page
 from zteam import names
-from zteam.messages import PoseStamped, Twist, Vector3
+from zteam.messages import PoseStamped, Twist
 from zteam.team.testing.team import TeamFixture
 from zteam.view.frames import DOC, GRID, POSES, SCAN, TEAM
 
@@ -115,39 +114,8 @@ def test_one_page_drives_a_robot_and_all_see_which(team: TeamFixture) -> None:
 
 
 @pytest.mark.real_time
-def test_a_robot_that_was_driven_is_heard_when_it_is_out_of_sight(team: TeamFixture) -> None:
-    """The page lets it go and looks elsewhere: whoever drives it then, the page still has the robot's newest status."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    teleop, scans = team.bus.publisher("robot_1/cmd_vel_teleop", Twist), "robot_1/base_scan$*"
-
-    def view_hears(key: str) -> bool:
-        return key in {each.key for each in team.bus.declarations() if not each.publishes}
-
-    with open_page(start_view(team)) as page:
-
-        def driver() -> object:
-            return robots(page).get(1, {}).get("driver")
-
-        look(page, "scans")
-        page.wait(lambda: (SCAN, 1) in page.blocks)
-        assert page.command(op="take", robot=1) == ""
-        page.say(op="drive", robot=1, linear=0.0, angular=0.5)
-        page.wait(lambda: driver() == "teleop")
-        assert page.command(op="release", robot=1) == ""
-        page.wait(lambda: driver() != "teleop")
-        page.say(op="look", layers=["scans"], docs=[], beams=90, viewport=[900.0, 900.0, 901.0, 901.0])
-        team.wait_for(lambda: not view_hears(scans))
-
-        def driven_again() -> bool:
-            teleop.put(Twist(angular=Vector3(z=0.5)))
-            return driver() == "teleop"
-
-        page.wait(driven_again)
-
-
-@contextmanager
-def driven(team: TeamFixture) -> Iterator[tuple[Page, list[float]]]:
-    """A page that drives robot 0, which turns; and the turn rates that its process commands."""
+def test_a_page_that_is_closed_stops_its_robot(team: TeamFixture) -> None:
+    """The robot turns as the page says, until the socket ends."""
     team.start("arena", 1, behavior="idle", lockstep=False)
     rates: list[float] = []
     team.bus.subscribe("robot_0/cmd_vel", Twist, lambda _, command: rates.append(command.angular.z))
@@ -160,30 +128,7 @@ def driven(team: TeamFixture) -> Iterator[tuple[Page, list[float]]]:
             return bool(rates) and rates[-1] == 0.5
 
         team.wait_for(turns)
-        yield page, rates
-
-
-@pytest.mark.real_time
-def test_a_page_that_falls_silent_stops_its_robot(team: TeamFixture) -> None:
-    """The wheels are told to stand, though the page still has the lease."""
-    with driven(team) as (page, rates):
-        team.wait_for(lambda: rates[-1] == 0.0)
-        page.wait(lambda: robots(page).get(0, {}).get("lease") == page.welcome["viewer"])
-
-
-@pytest.mark.real_time
-def test_a_page_that_is_closed_stops_its_robot(team: TeamFixture) -> None:
-    """Another page may drive at once."""
-    with driven(team) as (page, rates):
         page.close()
-        team.wait_for(lambda: rates[-1] == 0.0)
-
-
-@pytest.mark.real_time
-def test_a_view_that_is_killed_stops_the_robot_too(team: TeamFixture) -> None:
-    """The robot's own time-out for teleop counts then."""
-    with driven(team) as (_, rates):
-        team.kill(names.VIEW)
         team.wait_for(lambda: rates[-1] == 0.0)
 
 
@@ -207,19 +152,6 @@ def test_the_world_is_controlled_by_pages_with_the_token(team: TeamFixture) -> N
         assert page.command(op="speed", factor=2.0) == ""
         assert page.command(op="resume") == ""
         page.wait(lambda: page.docs["team"]["sim"]["speed"] == 2.0)
-
-
-def test_commands_in_lock_step_count_as_external(team: TeamFixture) -> None:
-    """A goal and a drag after GO: the report tells that this run does not repeat."""
-    team.start("arena", 1, behavior="go_to")
-    team.run(2.0)
-    with open_page(start_view(team)) as page:
-        before = team.report.external_commands
-        page.wait(lambda: robots(page))
-        assert page.command(op="goal", robots=[0], x=0.5, y=0.5, yaw=0.0) == ""
-        assert page.command(op="move", robot=0, x=1.0, y=1.0, yaw=0.0) == ""
-        team.run(1.0)
-        team.wait_for(lambda: team.report.external_commands == before + 2)
 
 
 @pytest.mark.real_time
@@ -270,26 +202,6 @@ def test_a_run_repeats_with_and_without_a_view(team: TeamFixture) -> None:
     assert team.report.external_commands == 0
 
 
-@pytest.mark.real_time
-def test_ten_viewers_at_once_in_two_views(team: TeamFixture) -> None:
-    """All get poses and scans, beside one that takes no frame at all."""
-    team.start("arena", 2, lockstep=False)
-    ports = [start_view(team, name=name) for name in (names.VIEW, "view_two")]
-    with open_page(ports[0], acknowledges=False) as stuck:
-        look(stuck, "scans")
-
-        def watch(left: int) -> None:
-            if left == 0:
-                return
-            with open_page(ports[left % 2]) as page:
-                look(page, "scans")
-                watch(left - 1)
-                page.wait(lambda: {(POSES, TEAM), (SCAN, 0), (SCAN, 1)} <= page.blocks.keys())
-
-        watch(9)
-        stuck.wait(lambda: stuck.frames)
-
-
 def test_a_view_ends_in_order(team: TeamFixture) -> None:
     """On SIGTERM, with a page open, with exit code 0; its socket is closed."""
     team.start("arena", 1)
@@ -316,15 +228,12 @@ def test_a_page_comes_before_the_team_and_stays_after_it(team: TeamFixture) -> N
         page.wait(lambda: page.docs["team"]["sim"]["present"] is False)
 
 
-@pytest.mark.parametrize("descriptors", [1024, 200])
-def test_a_page_opens_beside_more_connections_than_a_process_can_have(team: TeamFixture, descriptors: int) -> None:
-    """1150 that say nothing at the page's port, then at Foxglove's: pages still open, and the log has a line at most;
-    also where the process has fewer descriptors than it knows."""
+def test_a_page_opens_beside_more_connections_than_a_process_can_have(team: TeamFixture) -> None:
+    """1150 that say nothing at the page's port, then at Foxglove's: pages still open, and the log stays short."""
     port = start_view(team, "--foxglove", "--foxglove-port", "0")
     team.wait_for_line(names.VIEW, "find the team at ws://")
     line = next(line for line in team.lines(names.VIEW) if "find the team at ws://" in line)
-    other, pid, before = int(line.rpartition(":")[2]), team.pid(names.VIEW), len(team.lines(names.VIEW))
-    resource.prlimit(pid, resource.RLIMIT_NOFILE, (descriptors, 4096))
+    other, before = int(line.rpartition(":")[2]), len(team.lines(names.VIEW))
     own = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, own[1]), own[1]))
     try:

@@ -1,20 +1,23 @@
 """The next frame of one page: what it looks at and does not have yet."""
 
+import re
 import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
-from zteam.messages import Path, PoseArray
+from zteam.messages import LaserScan, Message, Path, PoseArray
 from zteam.messages.planar import pose2_of
+from zteam.node.tick_messages import stamp_of
 from zteam.view import frames
 from zteam.view.documents import Documents
-from zteam.view.plots import samples_since
-from zteam.view.received import Viewer, robots_in_sight
+from zteam.view.received import Received, Viewer, robots_in_sight
 from zteam.view.scene import Scene
 from zteam.view.team_view import TeamView
 
@@ -151,3 +154,83 @@ class Composer:
                 if arrival is not None and arrival.number != number:
                     viewer.watches[watch] = arrival.number
                     yield frames.encode_doc("echo", self._documents.echo(arrival))
+
+
+_PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)
+
+
+def parse_path(path: str) -> list[str | int] | None:
+    """The names and positions of a field, such as `twist.twist.linear.x` or `ranges[3]`; None for what is no path."""
+    steps: list[str | int] = []
+    for part in path.split("."):
+        match = _PART.fullmatch(part)
+        if match is None:
+            return None
+        steps.append(match[1])
+        steps += [int(index) for index in re.findall(r"[0-9]+", match[2])]
+    return steps
+
+
+_LEAST = re.compile(r"min\((.+)\)")
+
+
+def number_at(message: Message, path: list[str | int]) -> float | None:
+    """The number of a message at a path; None where there is none."""
+    value = _value_at(message, path)
+    try:
+        return None if value is None or isinstance(value, Message | str | bytes | list) else float(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def least_at(message: Message, path: list[str | int]) -> float | None:
+    """The least number of a list; of a scan's ranges the least that is a distance. None where there is none."""
+    try:
+        values = np.asarray(_value_at(message, path), np.float64).ravel()
+    except (TypeError, ValueError):
+        return None
+    lowest, highest = (message.range_min, message.range_max) if isinstance(message, LaserScan) else (-np.inf, np.inf)
+    values = values[np.isfinite(values) & (values >= lowest) & (values < highest)]
+    return float(values.min()) if values.size else None
+
+
+def _value_at(message: Message, path: list[str | int]) -> Any:
+    value: Any = message
+    try:
+        for step in path:
+            if isinstance(step, int):
+                value = value[step]
+            elif isinstance(value, Message) and step in value.__struct_fields__:
+                value = getattr(value, step)
+            else:
+                return None
+        return value
+    except (IndexError, TypeError, KeyError, ValueError):
+        return None
+
+
+MOST = 100
+"""Samples of one field in a frame; of more, evenly spaced ones are taken."""
+
+
+def samples_since(
+    received: Received, topic: str, field: str, number: int, team_from_host: float
+) -> tuple[int, NDArray[np.float64]]:
+    """The number of the newest message, and pairs (n, 2) of time in s and value of those after `number`.
+
+    The time is that of the message's header. For a type without one it is the host's time at which the message came,
+    with `team_from_host` (s) added.
+    """
+    events = received.since(topic, number)
+    least = _LEAST.fullmatch(field)
+    path, read = parse_path(least[1] if least else field), least_at if least else number_at
+    if not events or path is None:
+        return (events[-1].number if events else number), np.zeros((0, 2))
+    stride = max(1, -(-len(events) // MOST))
+    pairs = []
+    for event in events[::-stride][::-1]:
+        message = event.read(event.kind) if event.kind else None
+        value = None if message is None else read(message, path)
+        if message is not None and value is not None:
+            pairs.append((to_seconds(stamp_of(message)) or event.time + team_from_host, value))
+    return events[-1].number, np.array(pairs, np.float64).reshape(-1, 2)

@@ -1,22 +1,20 @@
-"""The TCP connections of a server of the view: their number is bounded, and those that bring no request are closed.
+"""The TCP connections of the view's servers: their number is bounded, and those that bring no request are closed.
 
-All of it runs on the thread of that server.
+All of it runs on the thread of a server.
 """
 
 import asyncio
-import errno
-import logging
+import contextlib
 import resource
-from typing import Any
+import socket
+import threading
+from collections.abc import Callable
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-log = logging.getLogger("zteam")
-
 PATIENCE = 10.0
 """Host seconds for a connection to bring a whole request, the first or the next."""
-_SHORTAGE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 Address = tuple[str, int]
 
@@ -42,7 +40,6 @@ class Connections:
         self._kept: dict[asyncio.Transport, bool] = {}
         """Whether each is trusted."""
         self._by_address: dict[Address, asyncio.Transport] = {}
-        self._told = False
 
     def find(self, address: Address | None) -> asyncio.Transport | None:
         return None if address is None else self._by_address.get(address)
@@ -54,18 +51,9 @@ class Connections:
         self._by_address[_address(transport)] = transport
         self._wait(transport)
 
-    def _wait(self, transport: asyncio.Transport, unsent: int = 0) -> None:
+    def _wait(self, transport: asyncio.Transport) -> None:
         # Host time: a client's silence.
-        loop = asyncio.get_running_loop()
-        self._timers[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
-
-    def _look_at(self, transport: asyncio.Transport, unsent: int) -> None:
-        """End it, unless it takes the answer to its last request still."""
-        left = transport.get_write_buffer_size()
-        if left > 0 and (left < unsent or not unsent):
-            self._wait(transport, left)
-        else:
-            self.end(transport)
+        self._timers[transport] = asyncio.get_running_loop().call_later(PATIENCE, self.end, transport)
 
     def begin(self, transport: asyncio.Transport | None) -> None:
         if transport is not None and (timer := self._timers.pop(transport, None)) is not None:
@@ -89,19 +77,20 @@ class Connections:
             if stranger is None:
                 return False
             self.end(stranger)
-        if timer := self._timers.pop(transport, None):
-            timer.cancel()
-        self._busy.pop(transport, None)
+        self._forget(transport)
         self._kept[transport] = trusted
         return True
 
     def close(self, transport: asyncio.Transport) -> None:
-        if timer := self._timers.pop(transport, None):
-            timer.cancel()
-        self._busy.pop(transport, None)
+        self._forget(transport)
         self._kept.pop(transport, None)
         if self._by_address.get(address := _address(transport)) is transport:
             del self._by_address[address]
+
+    def _forget(self, transport: asyncio.Transport) -> None:
+        if timer := self._timers.pop(transport, None):
+            timer.cancel()
+        self._busy.pop(transport, None)
 
     def end_all(self) -> None:
         for transport in [*self._timers, *self._busy, *self._kept]:
@@ -110,18 +99,6 @@ class Connections:
     def end(self, transport: asyncio.Transport) -> None:
         transport.abort()
         self.close(transport)
-
-    def on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """An error on the thread of the server: where no descriptor is left, say so once and end what waits."""
-        error = context.get("exception")
-        if not (isinstance(error, OSError) and error.errno in _SHORTAGE):
-            loop.default_exception_handler(context)
-            return
-        for transport in [*self._timers, *self._busy]:
-            self.end(transport)
-        if not self._told:
-            self._told = True
-            log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)
 
 
 def _address(transport: asyncio.Transport) -> Address:
@@ -147,3 +124,80 @@ def protocols_of(connections: Connections) -> tuple[type[asyncio.Protocol], type
             super().connection_lost(exc)
 
     return Http, WebSocket
+
+
+MAX_HEAD = 1 << 14
+"""Bytes of the first request."""
+MOST_CLIENTS = 64
+"""Connections; each takes three descriptors of the process."""
+_CHUNK = 1 << 16
+
+
+class Front:
+    """A door before a server that bounds no connections, on a thread of its own, from `start` until `close`.
+
+    A connection passes when its first request is whole. It is kept once the server has answered; until then it may be
+    ended as those of the page are. The door neither reads nor changes what passes.
+    """
+
+    def __init__(self, listener: socket.socket, target: tuple[str, int], fail: Callable[[BaseException], None]) -> None:
+        """Clients come to `listener` and go to `target`; `fail(error)` is called if the thread fails."""
+        self._listener, self._target, self._fail = listener, target, fail
+        self._loop = asyncio.new_event_loop()
+        self._closing = asyncio.Event()
+        self._connections = Connections(share_of_descriptors(16, MOST_CLIENTS))
+        self._thread = threading.Thread(target=self._run, name="front", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._closing.set)
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        try:
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self._serve())
+        except BaseException as error:
+            self._fail(error)
+
+    async def _serve(self) -> None:
+        server = await asyncio.start_server(self._let_in, sock=self._listener, backlog=MOST_CLIENTS, limit=MAX_HEAD)
+        await self._closing.wait()
+        server.close()
+        self._connections.end_all()
+
+    async def _let_in(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass the bytes of one client to the server and back until either side ends."""
+        client = writer.transport
+        assert isinstance(client, asyncio.Transport)
+        self._connections.open(client)
+        try:
+            head = await reader.readuntil(b"\r\n\r\n")
+            self._connections.begin(client)
+            from_server, to_server = await asyncio.open_connection(*self._target)
+            with contextlib.closing(to_server):
+                to_server.write(head)
+                sending = asyncio.create_task(_pass_on(reader, to_server))
+                answer = await from_server.read(_CHUNK)
+                if answer and self._connections.keep(client, trusted=False):
+                    writer.write(answer)
+                    await _pass_on(from_server, writer)
+                else:
+                    client.abort()
+                await sending
+        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+            pass
+        finally:
+            self._connections.end(client)
+
+
+async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Write what is read until the end, which ends the other side too."""
+    with contextlib.suppress(OSError):
+        while data := await reader.read(_CHUNK):
+            writer.write(data)
+            await writer.drain()
+    writer.close()

@@ -33,15 +33,16 @@ class Lease(msgspec.Struct):
     wheels: Wheels | None = None
     """None until the way to them is found."""
     command: Twist = msgspec.field(default_factory=Twist)
-    until: float = float("-inf")
-    """Host time until which that command counts."""
     heard: float = msgspec.field(default_factory=monotonic)
-    """Host time of the page's last word."""
+    """Host time of the page's last word: the command counts for DEAD_MAN from then."""
+
+    def is_silent(self, now: float) -> bool:
+        return now - self.heard >= DEAD_MAN
 
     def send(self, now: float) -> None:
         """Command the robot at host time `now`."""
         if self.wheels is not None:
-            self.wheels.drive(self.command if now < self.until else Twist())
+            self.wheels.drive(Twist() if self.is_silent(now) else self.command)
 
 
 class Driving:
@@ -65,7 +66,7 @@ class Driving:
         if holder == viewer:
             return ""
         if holder is not None:
-            if monotonic() - self._leases[robot_id].heard < DEAD_MAN:
+            if not self._leases[robot_id].is_silent(monotonic()):
                 return f"viewer {holder} drives this robot"
             await self.release(robot_id, holder)
         lease = self._leases[robot_id] = Lease(viewer)
@@ -125,9 +126,9 @@ class Driving:
         lease, now = self._leases.get(robot_id), monotonic()
         if lease is None or lease.viewer != viewer:
             return False
-        if lease.wheels is not None and command != Twist() and (now >= lease.until or lease.command == Twist()):
+        if lease.wheels is not None and command != Twist() and (lease.is_silent(now) or lease.command == Twist()):
             lease.wheels.press()
-        lease.command, lease.until, lease.heard = command, now + DEAD_MAN, now
+        lease.command, lease.heard = command, now
         lease.send(now)
         return True
 

@@ -21,7 +21,7 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-cache",
 }
-"""Of every answer, unless it says otherwise."""
+"""Of every answer."""
 SCRIPTS = {
     "js/main.js": "export const modules = {};\n",
     "js/panels/main.js": 'import { modules } from "../main.js";\n',

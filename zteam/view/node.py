@@ -19,8 +19,7 @@ from zteam.node.launcher import Page, report
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import ViewOptions
 from zteam.view import rights
-from zteam.view.foxglove import serve_foxglove
-from zteam.view.foxglove_layout import write_layout
+from zteam.view.foxglove import serve_foxglove, write_layout
 from zteam.view.server import WebServer, listen
 from zteam.view.team_view import TeamView
 

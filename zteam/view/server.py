@@ -11,42 +11,25 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.types import Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import Twist, Vector3
-from zteam.view import rights
+from zteam.view import requests, rights
 from zteam.view.commands import Commands
 from zteam.view.composing import Composer
 from zteam.view.connections import Connections, protocols_of, share_of_descriptors
 from zteam.view.driving import Driving
 from zteam.view.files import FOLDER, HEADERS, PageFiles
 from zteam.view.received import Viewer
-from zteam.view.requests import (
-    MAX_BYTES,
-    VERSION,
-    Ack,
-    AnyRequest,
-    Command,
-    Drive,
-    Hello,
-    Look,
-    Release,
-    StopRobots,
-    Take,
-    Token,
-    Unwatch,
-    Watch,
-    decode_request,
-)
 from zteam.view.rights import Gatekeeper
 from zteam.view.team_view import TeamView
 
@@ -105,7 +88,7 @@ class Page:
         self._ready, self._news = asyncio.Event(), asyncio.Event()
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
-        self._commands: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
+        self._commands: asyncio.Queue[requests.Command] = asyncio.Queue(MAX_WAITING)
         self._stops: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
@@ -141,15 +124,15 @@ class Page:
             hello = await asyncio.wait_for(self._read(), HELLO_LIMIT)  # noqa: TID251
         except TimeoutError:
             raise DecodeError(f"no hello within {HELLO_LIMIT:g} s") from None
-        if not isinstance(hello, Hello):
+        if not isinstance(hello, requests.Hello):
             raise DecodeError("the first message has to be hello")
-        if hello.version != VERSION:
-            raise DecodeError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
+        if hello.version != requests.VERSION:
+            raise DecodeError(f"the page speaks version {hello.version}, this server {requests.VERSION}: load it again")
         viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
         if not self._keep(viewer):
             raise DecodeError("too many pages are open: close one of them")
         welcome = {
-            "op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command,
+            "op": "welcome", "version": requests.VERSION, "viewer": viewer.number, "may_command": viewer.may_command,
             "namespace": self._state.namespace,
         }  # fmt: skip
         await self._socket.send_text(msgspec.json.encode(welcome).decode())
@@ -160,14 +143,14 @@ class Page:
         connections = self._pages.connections
         return connections.keep(connections.find(self._socket.client), trusted=viewer.may_command)
 
-    async def _read(self) -> AnyRequest:
+    async def _read(self) -> requests.AnyRequest:
         message = await self._socket.receive()
         if message["type"] != "websocket.receive":
             raise WebSocketDisconnect(message.get("code", 1005))
         text = message.get("text")
         if text is None:
             raise DecodeError("messages are text")
-        return decode_request(text)
+        return requests.decode_request(text)
 
     async def _receive(self, viewer: Viewer) -> None:
         left, counted = BURST, monotonic()
@@ -179,33 +162,33 @@ class Page:
                 # Host time: a page that says too much is read later.
                 await asyncio.sleep(-left / RATE)  # noqa: TID251
 
-    def _take(self, viewer: Viewer, request: AnyRequest) -> None:
+    def _take(self, viewer: Viewer, request: requests.AnyRequest) -> None:
         match request:
-            case Ack():
+            case requests.Ack():
                 viewer.take_ack(request)
                 self._ready.set()
-            case Look():
+            case requests.Look():
                 viewer.look = request
                 self._state.changed()
-            case Watch():
+            case requests.Watch():
                 viewer.take_watch(request)
                 self._state.changed()
-            case Unwatch():
-                viewer.watches.pop(Watch(request.topic, request.field), None)
+            case requests.Unwatch():
+                viewer.watches.pop(requests.Watch(request.topic, request.field), None)
                 self._state.changed()
-            case Hello():
+            case requests.Hello():
                 raise DecodeError("hello comes once")
-            case Token():
+            case requests.Token():
                 viewer.may_command |= rights.is_token(request.token, self._pages.token)
                 self._keep(viewer)
                 self._say({"op": "rights", "may_command": viewer.may_command})
-            case Drive():
+            case requests.Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
                 if not self._pages.driving.drive(request.robot, viewer.number, command):
                     self._say({"op": "lost", "robot": request.robot})
-            case StopRobots():
+            case requests.StopRobots():
                 self._stop_robots(request.seq)
-            case Command():
+            case requests.Command():
                 self._queue(viewer, request)
 
     def _stop_robots(self, seq: int) -> None:
@@ -223,7 +206,7 @@ class Page:
         self._reply(seq, error)
         pages.state.on_news()
 
-    def _queue(self, viewer: Viewer, command: Command) -> None:
+    def _queue(self, viewer: Viewer, command: requests.Command) -> None:
         if not viewer.may_command:
             self._reply(command.seq, "this page may only watch: open it with its token")
         elif self._commands.full():
@@ -236,9 +219,9 @@ class Page:
         while True:
             command = await self._commands.get()
             match command:
-                case Take():
+                case requests.Take():
                     error = await pages.driving.take(command.robot, viewer)
-                case Release():
+                case requests.Release():
                     error = await pages.driving.release(command.robot, viewer)
                 case _:
                     error = await asyncio.to_thread(pages.commands.carry_out, command)
@@ -325,17 +308,15 @@ class WebServer:
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
-        loop = asyncio.get_running_loop()
-        loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS, "command"))
         connections = Connections(share_of_descriptors(4, MOST_CONNECTIONS))
-        loop.set_exception_handler(connections.on_loop_error)
         pages, (http, ws) = Pages(self._state, self._token, connections), protocols_of(connections)
         config = uvicorn.Config(
-            Guarded(make_app(pages, self._layout), self._gate, connections),
-            http=http, ws=ws, ws_max_size=MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
+            guarded(make_app(pages, self._layout), self._gate, connections),
+            http=http, ws=ws, ws_max_size=requests.MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
             ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
-            server_header=False, date_header=False, proxy_headers=False, h11_max_incomplete_event_size=MAX_HEAD,
-            backlog=BACKLOG,
+            server_header=False, date_header=False, headers=[*HEADERS.items()], proxy_headers=False,
+            h11_max_incomplete_event_size=MAX_HEAD, backlog=BACKLOG,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         if self._state.node.stopping:
@@ -347,46 +328,34 @@ class WebServer:
             pages.stopper.shutdown(wait=False)
 
 
-class Guarded:
-    """An ASGI application behind the checks of `Host` and `Origin`; the page's headers go out with every answer."""
+def guarded(app: ASGIApp, gate: Gatekeeper, connections: Connections) -> ASGIApp:
+    """An application behind the checks of `Host` and `Origin`."""
 
-    def __init__(self, app: Starlette, gate: Gatekeeper, connections: Connections) -> None:
-        self._app, self._gate, self._connections = app, gate, connections
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        connection = self._connections.find(scope["client"])
-        self._connections.begin(connection)
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        connection = connections.find(scope["client"])
+        connections.begin(connection)
         try:
-            await self._answer(scope, receive, send)
+            await check(scope, receive, send)
         finally:
-            self._connections.rest(connection)
+            connections.rest(connection)
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def check(scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
-        host, is_socket = headers.get("host", ""), scope["type"] == "websocket"
-        if not self._gate.takes_host(host):
+        host, is_socket, problem = headers.get("host", ""), scope["type"] == "websocket", ""
+        if not gate.takes_host(host):
             problem = f"this server is not known as {host!r:.80}"
-        elif is_socket and not self._gate.takes_origin(headers.get("origin"), host):
+        elif is_socket and not gate.takes_origin(headers.get("origin"), host):
             problem = f"a page of {headers['origin']!r:.80} may not open it"
-        else:
-            problem = ""
         if problem and is_socket:
             log.info("a socket is refused: %s", problem)
             # Before it is accepted this is the answer 403.
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
-            return
-        if problem:
+        elif problem:
             await PlainTextResponse(problem, 421)(scope, receive, send)
-            return
+        else:
+            await app(scope, receive, send)
 
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                said = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
-                    said.setdefault(name, value)
-            await send(message)
-
-        await self._app(scope, receive, send_with_headers)
+    return answer
 
 
 def make_app(pages: Pages, layout: bytes) -> Starlette:
@@ -421,13 +390,12 @@ def listen(host: str, port: int) -> tuple[socket.socket, int]:
     except OSError as error:
         raise UsageError(f"--host {host}: {error.strerror or error}") from None
     for chosen in (*range(port, port + 21), 0) if port else (0,):
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind((address[0], chosen))
-            listener.listen(BACKLOG)
+            # `::` is every address of either version.
+            listener = socket.create_server(
+                (address[0], chosen), family=family, backlog=BACKLOG, dualstack_ipv6=family == socket.AF_INET6
+            )
         except OSError as error:
-            listener.close()
             last = error
         else:
             return listener, int(listener.getsockname()[1])

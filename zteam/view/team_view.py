@@ -22,8 +22,7 @@ from zteam.node.process_node import ProcessNode
 from zteam.simulator.client import SimStatus
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.lasers import LaserMounts, LevelScan
-from zteam.view.diagnosis import Diagnosis
-from zteam.view.queries import ASK_PERIOD, TeamQueries
+from zteam.view.queries import ASK_PERIOD, Diagnosis, TeamQueries
 from zteam.view.received import (
     FAST_PERIOD,
     PERIOD,

@@ -1,16 +1,15 @@
 """A team of processes under random faults for a long time: how it recovers, and whether anything leaks or grows."""
 
 import os
-import subprocess
 import tempfile
-import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 
 import msgspec
 
+from studies.launching import launch
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import find_processes
@@ -25,11 +24,11 @@ from zteam.node.kinds import ROUTER
 from zteam.team.chaos.plan import plan_text, random_plan
 from zteam.team.chaos.run import Outcome, Violation, Watchdog
 from zteam.team.file.reading import read_team_file
-from zteam.team.launch.process import PROC, zteam_command
+from zteam.team.launch.process import PROC, Process
 from zteam.team.run.report import RunReport
 
-_EARLY, _LOOKS = 2, 20
-"""What the processes hold is looked at so often, at equal distances; this look counts as early."""
+_EARLY, _LATE = 0.1, 0.95
+"""Shares of the run after which it is looked at what the processes hold."""
 _PATIENCE = 120.0
 """Host seconds without progress after which the run is given up."""
 SLOW = 1.5
@@ -52,6 +51,12 @@ class Held(msgspec.Struct):
     mb: tuple[float, float]
     descriptors: tuple[int, int]
 
+    @classmethod
+    def of(cls, early: Footprint, late: Footprint) -> "Held":
+        """Both looks at a process."""
+        mb = (round(early.mb, 2), round(late.mb, 2))
+        return cls(early.pid == late.pid, mb, (early.descriptors, late.descriptors))
+
 
 class FaultFigures(msgspec.Struct):
     """One run under random faults."""
@@ -61,7 +66,7 @@ class FaultFigures(msgspec.Struct):
     lockstep: bool
     sim_seconds: float
     wall_seconds: float
-    exit_code: int
+    exit_code: int | None
     faults: dict[str, int]
     """Carried out, by kind."""
     problems: dict[str, int]
@@ -94,99 +99,77 @@ def measure_faults(team: str, seed: int, seconds: float, speed: str | None, say:
     ]  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="faults_") as place:
         folder, mark = Path(place), f"faults_{os.getpid()}_{seed}"
-        (folder / "tmp").mkdir()
+        home = folder / "tmp"
+        home.mkdir()
         # What fails is started again, whatever the team file says.
         (folder / "team.toml").write_text(
             f'include = [{toml_text(str(find_team(team).resolve()))}]\n[team]\nrestart = "on-failure"\n'
         )
         (folder / "plan.toml").write_text(plan_text(random_plan(seed, seconds, processes)))
         pace = ("--speed", speed) if speed is not None else ("--lockstep", "--lockstep-timeout", "60")
-        command = zteam_command(
-            "zteam", "up", str(folder / "team.toml"), "--for", str(seconds), "--chaos", str(folder / "plan.toml"),
+        words = [
+            str(folder / "team.toml"), "--for", str(seconds), "--chaos", str(folder / "plan.toml"),
             "--report", str(folder / "run.json"), *pace,
-        )  # fmt: skip
-        environment = {
-            **os.environ, "TMPDIR": str(folder / "tmp"), "HOME": str(folder / "tmp"), "ZTEAM_NAMESPACE": mark,
-        }  # fmt: skip
+        ]  # fmt: skip
+        environment = {"TMPDIR": str(home), "HOME": str(home), "ZTEAM_NAMESPACE": mark}
         begin = monotonic()
-        with _Up(command, environment) as up:
-            early, late = _watch(up, mark, processes, seconds, lockstep=speed is None, say=say)
-            code = up.process.wait(_PATIENCE)
+        with launch() as running:
+            up = running.start("up", "zteam", "up", *words, environment=environment)
+            endpoint = running.wait_for("up", r"router at ([^;\s]+);")[1]
+            options = BusOptions(connect=endpoint, namespace=mark)
+            early, late = _watch(up, options, processes, seconds, lockstep=speed is None, say=say)
+            running.supervisor.wait(lambda: not up.running, _PATIENCE)
+            up.join(_PATIENCE)
+            # The plan kills with SIGKILL.
+            crashed = [line.strip() for line in running.lines["up"] if " ended: " in line and "SIGKILL" not in line]
         wall = monotonic() - begin
-        left = _marked(mark)
-        files = [path.name for path in (folder / "tmp").rglob("*") if path.is_file()]
         report = msgspec.json.decode((folder / "run.json").read_bytes(), type=RunReport)
-    return _figures(team, seed, code, wall, report, early, late, left, files, up.crashed, speed)
-
-
-class _Up:
-    """`zteam up` with its output read."""
-
-    def __init__(self, command: list[str], environment: dict[str, str]) -> None:
-        self.process = subprocess.Popen(
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
-        )
-        self.endpoint = ""
-        self.crashed: list[str] = []
-        self.last = ""
-        self.listens, self.ended = threading.Event(), threading.Event()
-        self._reader = threading.Thread(target=self._read, name="read up", daemon=True)
-        self._reader.start()
-
-    def __enter__(self) -> "_Up":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.process.poll() is None:
-            self.process.terminate()
-            self.process.wait(_PATIENCE)
-        self._reader.join()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        with self.process.stdout as lines:
-            for line in lines:
-                self.last = line.strip() or self.last
-                if not self.endpoint and ": router at " not in line and " router at " in line:
-                    self.endpoint = line.partition(" router at ")[2].partition(";")[0].partition(",")[0].strip()
-                    self.listens.set()
-                # The plan kills with SIGKILL.
-                if " ended: " in line and "SIGKILL" not in line:
-                    self.crashed.append(line.strip())
-        self.listens.set()
-        self.ended.set()
+        left = [path.name for path in home.rglob("*") if path.is_file()]
+    assert report.chaos is not None
+    done, times = [each for each in report.chaos.faults if not each.problem], report.chaos.recoveries
+    held = {name: Held.of(early[name], late[name]) for name in early if name in late}
+    growths = [each.mb[1] / each.mb[0] - 1.0 for each in held.values() if each.same]
+    return FaultFigures(
+        team=team,
+        seed=seed,
+        lockstep=speed is None,
+        sim_seconds=report.sim_seconds,
+        wall_seconds=round(wall, 1),
+        exit_code=up.exit_code,
+        faults={kind: sum(each.fault == kind for each in done) for kind in KINDS},
+        problems=dict(Counter(each.problem for each in report.chaos.faults if each.problem)),
+        recovery_p50=round(times[len(times) // 2], 3) if times else None,
+        recovery_max=round(times[-1], 3) if times else None,
+        slow=[each for each in report.chaos.faults if (each.recovery or 0.0) > SLOW],
+        violations=report.chaos.violations,
+        restarts=report.restarts,
+        hung=report.hung,
+        crashed=crashed,
+        left_processes=_marked(mark),
+        left_files=left,
+        held=held,
+        growth=round(max(growths, default=0.0), 4),
+    )
 
 
 def _watch(
-    up: _Up, mark: str, processes: Iterable[str], seconds: float, *, lockstep: bool, say: Callable[[str], None]
-) -> tuple[dict[str, Footprint], dict[str, Footprint]]:
-    """What the processes hold early in the run, and at its end."""
-    up.listens.wait(_PATIENCE)
-    if not up.endpoint:
-        raise ZteamError(f"the team did not start: {up.last}")
-    options = BusOptions(connect=up.endpoint, namespace=mark)
+    up: Process, options: BusOptions, processes: Iterable[str], seconds: float, *, lockstep: bool,
+    say: Callable[[str], None],
+) -> Iterator[dict[str, Footprint]]:  # fmt: skip
+    """What the processes hold early in the run, and before its end; not of one that is being started again."""
     with closing(connect(options, patience=_PATIENCE)) as bus:
         watchdog = Watchdog(TeamObserver(bus), lockstep=lockstep)
-        found = []
-        for look in range(1, _LOOKS):
-            while (seen := watchdog.elapsed) < look * seconds / _LOOKS and not up.ended.is_set():
+        for share in (_EARLY, _LATE):
+            while (seen := watchdog.elapsed) < share * seconds and up.running:
                 say(f"{seen:.0f} of {seconds:.0f} simulated seconds")
-                if not _waits(watchdog, seen, up):
-                    raise ZteamError(f"simulated time stands still at {seen:.1f} s: {up.last}")
-            found.append(_footprints(_pids(bus, options), [*processes, names.LAUNCHER]))
-    # A process that is being started again in the last look is that of the one before.
-    early, late = found[:_EARLY], found[_EARLY:]
-    return {k: v for each in early for k, v in each.items()}, {k: v for each in late for k, v in each.items()}
-
-
-def _waits(watchdog: Watchdog, seen: float, up: _Up) -> bool:
-    """Whether simulated time goes on, or the run has ended."""
-    deadline = monotonic() + _PATIENCE
-    while watchdog.elapsed == seen and not up.ended.is_set() and monotonic() < deadline:
-        with watchdog.team.changed:
-            # The end of the run is no news on the bus.
-            watchdog.team.changed.wait_for(lambda: watchdog.elapsed > seen, 1.0)
-    return watchdog.elapsed > seen or up.ended.is_set()
+                deadline = monotonic() + _PATIENCE
+                with watchdog.team.changed:
+                    while watchdog.elapsed == seen and up.running:
+                        if monotonic() > deadline:
+                            raise ZteamError(f"simulated time stands still at {seen:.1f} s: {list(up.lines)[-1:]}")
+                        # The end of the run is no news on the bus.
+                        watchdog.team.changed.wait_for(lambda: watchdog.elapsed > seen, 1.0)
+            yield _footprints(_pids(bus, options), [*processes, names.LAUNCHER])
 
 
 def _pids(bus: Bus, options: BusOptions) -> dict[str, int]:
@@ -222,52 +205,3 @@ def _marked(mark: str) -> list[str]:
             # It has ended, or is another user's.
             continue
     return found
-
-
-def _figures(
-    team: str,
-    seed: int,
-    code: int,
-    wall: float,
-    report: RunReport,
-    early: dict[str, Footprint],
-    late: dict[str, Footprint],
-    left: list[str],
-    files: list[str],
-    crashed: list[str],
-    speed: str | None,
-) -> FaultFigures:
-    assert report.chaos is not None
-    done = [each for each in report.chaos.faults if not each.problem]
-    held = {
-        name: Held(
-            early[name].pid == late[name].pid,
-            (round(early[name].mb, 2), round(late[name].mb, 2)),
-            (early[name].descriptors, late[name].descriptors),
-        )
-        for name in early
-        if name in late
-    }
-    growths = [each.mb[1] / each.mb[0] - 1.0 for each in held.values() if each.same]
-    times = report.chaos.recoveries
-    return FaultFigures(
-        team,
-        seed,
-        speed is None,
-        report.sim_seconds,
-        round(wall, 1),
-        code,
-        {kind: sum(each.fault == kind for each in done) for kind in KINDS},
-        dict(Counter(each.problem for each in report.chaos.faults if each.problem)),
-        round(times[len(times) // 2], 3) if times else None,
-        round(times[-1], 3) if times else None,
-        [each for each in report.chaos.faults if (each.recovery or 0.0) > SLOW],
-        report.chaos.violations,
-        report.restarts,
-        report.hung,
-        crashed,
-        left,
-        files,
-        held,
-        round(max(growths, default=0.0), 4),
-    )

@@ -1,124 +1,205 @@
-"""The floor of a lock-step tick: the time to exchange its messages through the router, and nothing else."""
+"""The floor of a lock-step tick: its messages through the router, in the same number and sizes, and nothing else.
 
+It is the shortest tick that the transport allows, without decoding, physics or behaviours. This process exchanges the
+messages of the simulator; `python -m studies.floor ENDPOINT ROBOTS [ID]` is the aggregator or a robot. No other module
+outside `bus/` imports zenoh.
+"""
+
+import os
 import sys
-from contextlib import closing
+import threading
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
+import zenoh
 
-from studies.bare_zenoh import START_LIMIT, TICK_LIMIT, Exchanged
-from studies.router import start_router
+from studies.launching import LIMIT, launch
 from zteam import names
+from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.cli.bench import figure
 from zteam.cli.bench_team import measure_team
-from zteam.errors import UsageError, ZteamError
-from zteam.node.kinds import ROUTER
-from zteam.team.launch.process import Process, exit_text
-from zteam.team.launch.supervisor import Member, Supervisor
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
+from zteam.errors import ZteamError
 from zteam.world import load_world
 
+TICK_LIMIT = 2.0 * HOST_FACTOR
+"""Host seconds after which a tick without all of its answers is lost."""
+WARM_UP_TICKS = 100
 _SECONDS = 4.0
+"""Host seconds that are measured."""
+_OPEN_LIMIT_MS = 20_000
+
+# Payload sizes of zteam's own messages.
+_TICK_BYTES, _CLOCK_BYTES, _TF_BYTES, _ODOMETRY_BYTES, _BUNDLE_BYTES_PER_ROBOT, _DONE_BYTES = 100, 12, 130, 720, 100, 80
+_TICK = names.service_key(names.SIMULATOR, "tick")
+
+Message = tuple[str, int]
+"""A key, and the size of a payload."""
 
 
 class FloorFigures(msgspec.Struct):
-    """One run, by the host's clock."""
-
-    robots: int
-    beams: int
-    ticks_per_s: float
-    tick_ms: float
-    rtf: float
-    """Simulated seconds per host second if a tick only exchanged messages."""
-    lost: int
-    """Ticks that a process did not answer in time."""
-
-
-def measure_floor(robots: int, beams: int, seconds: float, interval: float = 0.1) -> FloorFigures:
-    """Exchange ticks of `interval` simulated seconds between real processes for `seconds` host seconds.
-
-    Raises ZteamError that names the process that failed.
-    """
-    if robots < 1 or beams < 1 or not seconds > 0 or not interval > 0:
-        raise UsageError("the floor needs at least one robot and one beam, and seconds and an interval above 0")
-    exchanged = _run(robots, beams, seconds)
-    if exchanged.ticks == 0:
-        raise ZteamError(f"not one tick was answered in {exchanged.seconds:.1f} s")
-    ticks_per_s = exchanged.ticks / exchanged.seconds
-    return FloorFigures(
-        robots=robots,
-        beams=beams,
-        ticks_per_s=ticks_per_s,
-        tick_ms=1e3 / ticks_per_s,
-        rtf=ticks_per_s * interval,
-        lost=exchanged.lost,
-    )
-
-
-class TeamAndFloor(msgspec.Struct):
     """A team in lock-step, and the same exchange of messages right after it."""
 
     robots: int
     beams: int
     rtf: float
-    """Of the team."""
+    """Of the team: simulated seconds a host second."""
     floor_rtf: float
+    """The same if a tick only exchanged messages."""
     ratio: float
     """rtf / floor_rtf; 1 is as fast as the transport alone."""
 
 
-def measure_floor_of(world: Path, robots: int, beams: int, seconds: float) -> TeamAndFloor:
-    """Run a line of robots (`zteam bench team`), then the exchange of its messages."""
+def measure_floor(world: Path, robots: int, beams: int, seconds: float) -> FloorFigures:
+    """Run a line of robots (`zteam bench team`), then the exchange of its messages. Raises ZteamError."""
     rtf = measure_team(world, robots, beams, seconds).rtf
     if not rtf:
         raise ZteamError("the team was over before GO: give more --seconds")
-    floor = measure_floor(robots, beams, _SECONDS, load_world(world).interval / 1e9).rtf
-    return TeamAndFloor(robots, beams, rtf, floor, rtf / floor)
+    floor = _exchange(robots, beams) * load_world(world).interval / 1e9
+    return FloorFigures(robots, beams, rtf, floor, rtf / floor)
 
 
-def format_floor(found: TeamAndFloor) -> str:
+def format_floor(found: FloorFigures) -> str:
     """One line."""
     factors = f"team {figure(found.rtf)}, bare Zenoh {figure(found.floor_rtf)} simulated seconds a second"
     return f"{found.robots} robots, {found.beams} beams: {factors}; team / bare Zenoh {figure(found.ratio)}"
 
 
-def _run(robots: int, beams: int, seconds: float) -> Exchanged:
-    count = ["--robots", str(robots)]
-    # START_LIMIT three times: the simulator's own start, its wait for the team, and the warm-up.
-    limit = 3 * START_LIMIT + seconds + TICK_LIMIT
-    with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
-        try:
-            endpoint = start_router(supervisor)
-            supervisor.start(names.AGGREGATOR, _command("aggregator", endpoint, *count))
-            for i in range(robots):
-                supervisor.start(names.robot_name(i), _command("robot", endpoint, "--id", str(i)))
-            rest = ["--beams", str(beams), "--seconds", str(seconds)]
-            simulator = supervisor.start(names.SIMULATOR, _command("simulator", endpoint, *count, *rest))
-            return _wait_for_result(supervisor, simulator, limit)
-        except OSError as error:
-            raise ZteamError(f"cannot start the processes of the exchange: {error}") from None
-        finally:
-            # The router last: sessions that lose it try to reconnect.
-            supervisor.stop(sorted(supervisor.processes.keys() - {ROUTER}))
-            supervisor.stop([ROUTER])
+def _exchange(robots: int, beams: int) -> float:
+    """Ticks a host second."""
+    command = [sys.executable, "-P", "-m", "studies.floor"]
+    with launch() as processes:
+        endpoint = processes.start_router()
+        processes.supervisor.start(names.AGGREGATOR, [*command, endpoint, str(robots)])
+        for i in range(robots):
+            processes.supervisor.start(names.robot_name(i), [*command, endpoint, str(robots), str(i)])
+        with _open(endpoint, "usual") as session:
+            simulator = _Simulator(session, robots, beams)
+            simulator.wait_for_team()
+            for _ in range(WARM_UP_TICKS):
+                simulator.tick()
+            begin, ticks = monotonic(), 0
+            while (spent := monotonic() - begin) < _SECONDS:
+                ticks += simulator.tick()
+    if not ticks:
+        raise ZteamError(f"not one tick was answered in {spent:.1f} s")
+    return ticks / spent
 
 
-def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
-    return [sys.executable, "-P", "-m", "studies.bare_zenoh", role, "--connect", endpoint, *arguments]
+class _Simulator:
+    """Publishes the messages of each tick and waits for the answers."""
+
+    def __init__(self, session: zenoh.Session, robots: int, beams: int) -> None:
+        ids = range(robots)
+        self._team = {names.AGGREGATOR, *map(names.robot_name, ids)}
+        self._present: set[str] = set()
+        self._answered: set[str] = set()
+        self._changed = threading.Condition()
+        odometry, scan = _ODOMETRY_BYTES, 8 * beams + 76
+        topics = ((names.TF, _TF_BYTES), (names.ODOM, odometry), (names.BASE_SCAN, scan))
+        of_robots = [(names.robot_key(i, topic), size) for topic, size in topics for i in ids]
+        truths = [(names.robot_key(i, names.GROUND_TRUTH), odometry) for i in ids]
+        self._messages = _publishers(session, [(_TICK, _TICK_BYTES), *of_robots, (names.CLOCK, _CLOCK_BYTES), *truths])
+        self._declared = [
+            session.declare_subscriber(_done_key("*"), self._on_done),
+            session.liveliness().declare_subscriber(names.tokens_key(), self._on_token, history=True),
+        ]
+
+    def _on_done(self, sample: zenoh.Sample) -> None:
+        sample.payload.to_bytes()
+        with self._changed:
+            self._answered.add(str(sample.key_expr))
+            if len(self._answered) == len(self._team):
+                self._changed.notify()
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        parts = names.split_token_key(str(sample.key_expr))
+        if parts is not None:
+            with self._changed:
+                self._present.add(parts[0])
+                self._changed.notify()
+
+    def wait_for_team(self) -> None:
+        """Wait until all other processes are present. Raises ZteamError that names the missing ones."""
+        with self._changed:
+            if not wait_until(self._changed, lambda: self._team <= self._present, LIMIT):
+                raise ZteamError(f"{', '.join(sorted(self._team - self._present))} did not start within {LIMIT:g} s")
+
+    def tick(self) -> bool:
+        """Exchange one tick; return whether every process answered in time."""
+        for publisher, payload in self._messages:
+            publisher.put(payload)
+        with self._changed:
+            answered = wait_until(self._changed, lambda: len(self._answered) == len(self._team), TICK_LIMIT)
+            self._answered.clear()
+        return answered
 
 
-def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -> Exchanged:
-    # No process was asked to end, so each one that ends counts as a failure. The first should be the simulator, with 0.
-    if not supervisor.wait(lambda: bool(supervisor.failures), limit):
-        raise ZteamError(f"the exchange was not over within {limit:g} s")
-    first = supervisor.failures[0]
-    if first is not simulator or first.exit_code != 0:
-        raise ZteamError(_failure_text(first))
-    try:
-        return msgspec.json.decode(simulator.lines[-1], type=Exchanged)
-    except (IndexError, msgspec.DecodeError):
-        raise ZteamError(_failure_text(first)) from None
+def _take_part(
+    session: zenoh.Session, name: str, awaited: Iterable[str], size: int, ignored: Iterable[str],
+    answers: Sequence[Message],
+) -> None:  # fmt: skip
+    """Publish the answers to each tick once messages on `size` keys of `awaited` have arrived, until input ends."""
+    publishers = _publishers(session, answers)
+    arrived, lock = set[str](), threading.Lock()
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        sample.payload.to_bytes()
+        key = str(sample.key_expr)
+        with lock:
+            if key in arrived:
+                # The last tick lost a message: its other keys must not count for this tick.
+                arrived.clear()
+            arrived.add(key)
+            if len(arrived) < size:
+                return
+            arrived.clear()
+        for publisher, payload in publishers:
+            publisher.put(payload)
+
+    with ExitStack() as declared:
+        for key in awaited:
+            declared.enter_context(session.declare_subscriber(key, on_sample))
+        for key in ignored:
+            declared.enter_context(session.declare_subscriber(key, lambda sample: sample.payload.to_bytes()))
+        # The token comes last: from here on no message is missed.
+        declared.enter_context(session.liveliness().declare_token(names.token_key(name, str(session.zid()))))
+        # Not sys.stdin: a thread that holds its lock breaks the interpreter's exit.
+        while os.read(0, 4096):
+            continue
 
 
-def _failure_text(process: Member) -> str:
-    last = list(process.lines)[-1] if process.lines else "no output"
-    return f"{process.name} of the exchange failed ({exit_text(process.exit_code)}): {last}"
+def _publishers(session: zenoh.Session, messages: Iterable[Message]) -> list[tuple[zenoh.Publisher, bytes]]:
+    drop = zenoh.CongestionControl.DROP
+    return [(session.declare_publisher(key, congestion_control=drop, express=False), bytes(n)) for key, n in messages]
+
+
+def _done_key(name: str) -> str:
+    return names.service_key(name, "done")
+
+
+def _open(endpoint: str, runtime: str) -> zenoh.Session:
+    config = client_config(BusOptions(connect=endpoint))
+    # The router listens, but may answer late while many processes start.
+    config.insert_json5("connect/timeout_ms", str(_OPEN_LIMIT_MS))
+    return open_session(config, runtime)
+
+
+def main(endpoint: str, robots: int, robot_id: int | None = None) -> None:
+    """The aggregator, or a robot, until input ends."""
+    with _open(endpoint, "small") as session:
+        if robot_id is None:
+            name, awaited, size = names.AGGREGATOR, [names.all_robots_key(names.TF)], robots
+            ignored = [_TICK, names.CLOCK]
+            answers = [(names.TF, _BUNDLE_BYTES_PER_ROBOT * robots)]
+        else:
+            own = [names.robot_key(robot_id, topic) for topic in (names.BASE_SCAN, names.ODOM)]
+            name, awaited, size = names.robot_name(robot_id), [_TICK, *own, names.TF], 4
+            ignored, answers = [names.CLOCK], []
+        _take_part(session, name, awaited, size, ignored, [*answers, (_done_key(name), _DONE_BYTES)])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(int, sys.argv[2:]))

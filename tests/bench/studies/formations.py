@@ -2,8 +2,7 @@
 
 import math
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -11,10 +10,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.chains.figures import in_children
+from studies.chains.figures import Progress, drive, run_all
 from studies.chains.recorder import Tracks
-from studies.chains.run import drive
 from studies.chains.tracks import Walls, count_touches
+from zteam.cli.tables import format_table
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
@@ -98,35 +97,20 @@ class Run(msgspec.Struct):
     back: float = 0.0
 
 
-def measure_formations(
-    starts: int | None = None,
-    *,
-    in_process: bool,
-    progress: Callable[[str, int, int], None] = lambda row, done, total: None,
-) -> list[FormationFigures]:
+def measure_formations(starts: int | None, *, in_process: bool, progress: Progress) -> list[FormationFigures]:
     """Run every shape from this many starts (None: STARTS), on a slalom and through a passage.
 
-    For `in_process` and `progress` see `measure_chains`. Raises ZteamError for a run that fails.
+    For `in_process` see `measure_chains`. Raises ZteamError for a run that fails.
     """
     seeds = range(1, 1 + (STARTS if starts is None else min(starts, STARTS)))
-    with ExitStack() as stack:
-        run_all = in_children(stack) if in_process else map
-        return [_measure(shape, seeds, run_all, in_process, partial(progress, shape)) for shape in SHAPES]
+    return [_measure(shape, seeds, in_process, progress) for shape in SHAPES]
 
 
-def _measure(
-    shape: Shape,
-    seeds: Sequence[int],
-    run_all: Callable[[Callable[[int], Run], Sequence[int]], Iterator[Run]],
-    in_process: bool,
-    progress: Callable[[int, int], None],
-) -> FormationFigures:
-    slalom: list[Run] = []
-    passage: list[Run] = []
-    for found, work in ((slalom, run_slalom), (passage, run_passage)):
-        for run in run_all(partial(work, shape, in_process), seeds):
-            found.append(run)
-            progress(len(slalom) + len(passage), 2 * len(seeds))
+def _measure(shape: Shape, seeds: Sequence[int], in_process: bool, progress: Progress) -> FormationFigures:
+    slalom, passage = (
+        run_all(partial(work, shape, in_process), seeds, in_process, f"{shape}, {what}", progress)
+        for work, what in ((run_slalom, "slalom"), (run_passage, "passage"))
+    )
     held = [error for run in slalom for row in run.errors for error in row]
     return FormationFigures(
         shape=shape,
@@ -145,7 +129,9 @@ def _measure(
 
 def run_slalom(shape: Shape, in_process: bool, seed: int, seconds: float = _SECONDS) -> Run:
     """One run on a slalom without walls."""
-    tracks, world = _run({"behavior": "studies.slalom:Slalom", "speed": SPEED}, _OPEN, shape, seed, in_process, seconds)
+    tracks, world = _run(
+        {"behavior": "studies.behaviors:Slalom", "speed": SPEED}, _OPEN, shape, seed, in_process, seconds
+    )
     return look(tracks, world, shape)
 
 
@@ -242,3 +228,38 @@ def starts_of(seed: int) -> list[Pose2]:
         if all(math.hypot(pose.x - other.x, pose.y - other.y) >= _APART for other in found):
             found.append(pose)
     return found
+
+
+_LEGEND = [
+    "On a slalom: seconds until all are in formation from the slowest start; distance from the slots from then on;",
+    "least distance between two robots' centres; runs in which robots touched.",
+    "Through a passage of 1 m: contacts likewise; how far from its middle; seconds until formed again after it.",
+    "must: no contact, in formation within so many seconds, rms at most so many metres.",
+]
+
+
+def format_formations(rows: Sequence[FormationFigures]) -> str:
+    """One row a shape."""
+    header = (
+        "shape", "formed, s", "off, m: rms", "max", "nearest, m", "contacts", "passage: contacts", "aside, m",
+        "again, s", "must",
+    )  # fmt: skip
+    cells = [
+        [
+            row.shape,
+            f"{row.settle_s:.1f}",
+            f"{row.rms_m:.3f}",
+            f"{row.max_m:.3f}",
+            f"{row.nearest_m:.2f}",
+            f"{row.contacts}",
+            f"{row.passage_contacts}",
+            f"{row.passage_aside_m:.2f}",
+            f"{row.passage_back_s:.1f}",
+            f"{SETTLE:g} {RMS:g}: {'reached' if row.reached else 'MISSED'}",
+        ]
+        for row in rows
+    ]
+    title = (
+        f"{rows[0].robots} robots {SPACING:g} m apart behind a leader at {SPEED:g} m/s, from {rows[0].starts} starts"
+    )
+    return "\n".join([title, format_table(header, cells, numbers_from=1), *_LEGEND])

@@ -1,21 +1,19 @@
 """What a line of robots does when one of its processes is frozen for a while, and what the other processes log."""
 
-import os
 import re
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 
 import msgspec
 
-from studies.recovery import Motion, launched, pid_of
+from studies.recovery import Motion, frozen, launched, pid_of
 from zteam import names
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic, pause
 from zteam.messages import RobotStatus
+from zteam.node.kinds import ROUTER
 
 ROBOTS = tuple(names.robot_name(robot_id) for robot_id in range(4))
-ROUTER = "router"
 PROCESSES = (ROUTER, names.SIMULATOR, names.AGGREGATOR, names.MONITOR, *ROBOTS)
 SECONDS = (3.0, 10.0, 30.0)
 MODES = {"real time": (), "lock-step": ("--lockstep", "--lockstep-timeout", "60", "--speed", "1")}
@@ -84,17 +82,18 @@ def measure_freezes(
 
 def measure_freeze(process: str, seconds: float, mode: str, seed: int) -> Frozen:
     """The shipped line with this process frozen."""
-    with launched(["line", "--seed", str(seed), *MODES[mode]]) as (launch, bus):
+    with launched("line", "--seed", str(seed), *MODES[mode]) as (processes, bus, endpoint):
         motion, turns = Motion(bus), list[int]()
         bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, lambda _key, status: turns.append(status.turns))
         motion.wait_for_all(monotonic() + 1.0)
-        pid = pid_of(process, launch.endpoint, bus)
+        pid = pid_of(process, endpoint, bus)
         pause(_BEFORE)
-        line, before = len(launch.lines), len(turns)
-        end = _freeze(pid, seconds)
+        line, before = len(processes.lines["up"]), len(turns)
+        with frozen(pid):
+            pause(seconds)
+        end = monotonic()
         pause(_AFTER)
-        lines = launch.lines[line:]
-        # The last thread of the test to touch them has gone.
+        lines = processes.lines["up"][line:]
         after = {robot: [m - end for m in moved if m > end] for robot, moved in motion.moved.items()}
         return Frozen(
             process, seconds, mode, seed,
@@ -104,16 +103,6 @@ def measure_freeze(process: str, seconds: float, mode: str, seed: int) -> Frozen
             false=[text for text in lines if accuses(text, process)],
             lines=lines,
         )  # fmt: skip
-
-
-def _freeze(pid: int, seconds: float) -> float:
-    """Host time of the end."""
-    os.kill(pid, signal.SIGSTOP)
-    try:
-        pause(seconds)
-    finally:
-        os.kill(pid, signal.SIGCONT)
-    return monotonic()
 
 
 def format_freezes(found: Sequence[Frozen]) -> str:

@@ -1,6 +1,7 @@
 """The cost of each step of a tick in Python, measured warm and alone, to compare with a whole tick."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,12 @@ from zteam.messages import (
     Done,
     Header,
     LaserScan,
+    Message,
     Odometry,
     TFMessage,
     Tick,
     TransformStamped,
+    Twist,
     decode,
     encode,
     time_from_ns,
@@ -45,8 +48,13 @@ def _cost(call: Callable[[], object]) -> float:
     return round(1e6 * best / _TIMES, 2)
 
 
-def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
-    """Microseconds of each step, for a team of `robots` robots like `robot` with lasers of `beams` beams."""
+def measure_hops(world: Path, robots: int, beams: int) -> dict[str, float]:
+    """Microseconds of each step, for a team of so many robots with lasers of so many beams.
+
+    The robots are like the world's first one, or erratics.
+    """
+    loaded = load_world(world)
+    robot = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
     far = np.full(beams, 5.0, np.float32)
     scan = LaserScan(
         Header(time_from_ns(_TICK), names.robot_frame(1, names.BASE_LASER_LINK)),
@@ -54,37 +62,32 @@ def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
     )  # fmt: skip
     participants = [names.AGGREGATOR, *map(names.robot_name, range(robots))]
     tick = Tick(time_from_ns(_TICK), 1, 1, np.arange(robots, dtype=np.int32), participants)
-    done = Done(1, 1, True)
-    payloads = {kind: encode(message) for kind, message in ((LaserScan, scan), (Tick, tick), (Done, done))}
+    messages: dict[str, Message] = {
+        "scan": scan, "tick": tick, "done": Done(1, 1, True), "twist": Twist(), "odometry": Odometry(),
+        "four_transforms": TFMessage([TransformStamped(Header(time_from_ns(1), "robot_0/odom"), "robot_0/base")] * 4),
+    }  # fmt: skip
+    payload = encode(scan)
     bundle = _Bundles(robot, robots)
     behavior, layer = load_behavior("follow", {"leader": 0}, 1), SafetyLayer()
 
     def act() -> object:
         now = bundle.now
-        fresh = decode(LaserScan, payloads[LaserScan])
+        fresh = decode(LaserScan, payload)
         fresh.header.stamp = time_from_ns(now)
         view = View(now=now, dt=0.1, robot_id=1, scan=fresh, odom=Odometry(), lookup=bundle.look)
         return decide(behavior, view, layer)
 
+    found = {}
+    for name, message in messages.items():
+        found[f"encode_{name}"] = _cost(partial(encode, message))
+        found[f"decode_{name}"] = _cost(partial(decode, type(message), encode(message)))
     return {
-        "encode_scan": _cost(lambda: encode(scan)),
-        "decode_scan": _cost(lambda: decode(LaserScan, payloads[LaserScan])),
-        "encode_tick": _cost(lambda: encode(tick)),
-        "decode_tick": _cost(lambda: decode(Tick, payloads[Tick])),
-        "encode_done": _cost(lambda: encode(done)),
-        "decode_done": _cost(lambda: decode(Done, payloads[Done])),
+        **found,
         "encode_bundle": _cost(bundle.encode),
         "take_bundle_and_look_up_two": _cost(bundle.take_and_look),
         "look_up": _cost(lambda: bundle.look(names.MAP_FRAME, names.robot_frame(1, names.BASE_FOOTPRINT))),
-        "behavior_and_safety": round(_cost(act) - _cost(lambda: decode(LaserScan, payloads[LaserScan])), 2),
+        "behavior_and_safety": round(_cost(act) - _cost(lambda: decode(LaserScan, payload)), 2),
     }
-
-
-def measure_hops_in(world: Path, robots: int, beams: int) -> dict[str, float]:
-    """Of the world's first robot, or of an erratic."""
-    loaded = load_world(world)
-    model = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
-    return measure_hops(model, robots, beams)
 
 
 def format_hops(found: dict[str, float]) -> str:

@@ -1,16 +1,15 @@
 """How long a team needs to recover from the death of each of its processes, and from a simulator that stands still."""
 
 import os
-import re
 import signal
-import subprocess
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import pairwise
 
 import msgspec
 
+from studies.launching import LIMIT, Launch, launch
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import ProcessInfo
@@ -19,14 +18,11 @@ from zteam.cli.tables import format_table
 from zteam.clock import monotonic, pause, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Odometry, Twist
-from zteam.team.launch.process import zteam_command
+from zteam.node.kinds import ROUTER
 
-ROUTER = "router"
 FROZEN = "sim frozen 5 s"
 PROCESSES = ("robot_0", "robot_2", names.AGGREGATOR, names.MONITOR, names.VIEW, ROUTER, names.SIMULATOR)
 ROWS = (*PROCESSES, FROZEN)
-LIMIT = 30.0
-"""Host seconds for anything."""
 _FREEZE = 5.0
 _SILENT = 0.25
 """Host seconds without a command from which on a robot stands: the simulator obeys the last one for 0.2."""
@@ -101,65 +97,14 @@ def _ends(moments: Sequence[float], since: float, until: float) -> list[float]:
     return [end - since for begin, end in silences if end > since and begin < until]
 
 
-class Launch:
-    """`zteam up` as a child, with its lines."""
-
-    def __init__(self, arguments: Sequence[str]) -> None:
-        self.lines: list[str] = []
-        self._changed = threading.Condition()
-        self._child = subprocess.Popen(
-            zteam_command("zteam", "up", *arguments),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, "ZTEAM_CONNECT": "", "ZTEAM_NAMESPACE": ""},
-        )
-        threading.Thread(target=self._read, daemon=True).start()
-        try:
-            self.endpoint = self.wait_for(r"router at ([^;\s]+);")[0]
-        except ZteamError:
-            self.close()
-            raise
-
-    def _read(self) -> None:
-        assert self._child.stdout is not None
-        for line in self._child.stdout:
-            with self._changed:
-                self.lines.append(line.rstrip())
-                self._changed.notify_all()
-
-    def wait_for(self, pattern: str, since: int = 0) -> Sequence[str]:
-        """The groups of the first line from number `since` on that has the pattern."""
-        found: list[re.Match[str]] = []
-
-        def look() -> bool:
-            found[:] = [match for line in self.lines[since:] if (match := re.search(pattern, line))]
-            return bool(found)
-
-        with self._changed:
-            if not wait_until(self._changed, look, LIMIT):
-                raise ZteamError(f"zteam up never said {pattern!r}:\n" + "\n".join(self.lines[-20:]))
-        return found[0].groups()
-
-    def close(self) -> None:
-        """Stop the team."""
-        self._child.terminate()
-        self._child.wait(LIMIT)
-
-
 @contextmanager
-def launched(arguments: Sequence[str]) -> Iterator[tuple[Launch, Bus]]:
-    """`zteam up` with these arguments, and a session on its router."""
-    launch = Launch(arguments)
-    try:
-        bus = connect(BusOptions(connect=launch.endpoint), patience=LIMIT)
-        try:
-            yield launch, bus
-        finally:
-            bus.close()
-    finally:
-        launch.close()
+def launched(*words: str) -> Iterator[tuple[Launch, Bus, str]]:
+    """`zteam up` as the process "up", a session on its router, and the router's endpoint."""
+    with launch() as processes:
+        processes.start("up", "zteam", "up", *words, environment={"ZTEAM_CONNECT": "", "ZTEAM_NAMESPACE": ""})
+        endpoint = processes.wait_for("up", r"router at ([^;\s]+);")[1]
+        with closing(connect(BusOptions(connect=endpoint), patience=LIMIT)) as bus:
+            yield processes, bus, endpoint
 
 
 def pid_of(name: str, endpoint: str, bus: Bus) -> int:
@@ -171,38 +116,40 @@ def pid_of(name: str, endpoint: str, bus: Bus) -> int:
     return bus.ask(names.info_key(name), ProcessInfo).pid
 
 
-def _inflict(fault: str, launch: Launch, bus: Bus) -> tuple[float, float | None]:
-    """Host time of the fault, or of the end of a freeze, and how long the process was away by the launcher's word."""
-    name = names.SIMULATOR if fault == FROZEN else fault
-    pid, line = pid_of(name, launch.endpoint, bus), len(launch.lines)
-    if fault != FROZEN:
-        begin = monotonic()
-        os.kill(pid, signal.SIGKILL)
-        return begin, float(launch.wait_for(rf"\b{name} is back after ([\d.]+) s", line)[0])
+@contextmanager
+def frozen(pid: int) -> Iterator[None]:
+    """The process stands still meanwhile."""
     os.kill(pid, signal.SIGSTOP)
     try:
-        pause(_FREEZE)
+        yield
     finally:
-        begin = monotonic()
         os.kill(pid, signal.SIGCONT)
-    return begin, None
 
 
-def measure_recovery(faults: Sequence[str], arguments: Sequence[str], say: Callable[[str], None]) -> list[Recovery]:
-    """Each fault in a team of its own: four robots that drive in a line, started with these further arguments."""
+def measure_recovery(faults: Sequence[str], lockstep: bool, say: Callable[[str], None]) -> list[Recovery]:
+    """Each fault in a team of its own: four robots that drive in a line, in real time or in lock-step at its speed."""
     found = []
     for fault in faults:
         say(fault)
-        found.append(_measure(fault, arguments))
+        found.append(_measure(fault, ["--lockstep", "--speed", "1"] if lockstep else []))
     return found
 
 
-def _measure(fault: str, arguments: Sequence[str]) -> Recovery:
-    with launched(["line", "restart=on-failure", "--view", "--no-browser", *arguments]) as (launch, bus):
+def _measure(fault: str, words: Sequence[str]) -> Recovery:
+    name, back = names.SIMULATOR if fault == FROZEN else fault, None
+    with launched("line", "restart=on-failure", "--view", "--no-browser", *words) as (processes, bus, endpoint):
         motion = Motion(bus)
-        launch.wait_for("the view is at")
+        processes.wait_for("up", "the view is at")
         motion.wait_for_all(monotonic() + 1.0)
-        begin, back = _inflict(fault, launch, bus)
+        pid, line = pid_of(name, endpoint, bus), len(processes.lines["up"])
+        if fault == FROZEN:
+            with frozen(pid):
+                pause(_FREEZE)
+                begin = monotonic()
+        else:
+            begin = monotonic()
+            os.kill(pid, signal.SIGKILL)
+            back = float(processes.wait_for("up", rf"\b{name} is back after ([\d.]+) s", line)[1])
         # Later silences are chance: the machine may be busy.
         until = begin + max(back or 0.0, _LATEST)
         motion.wait_for_all(until + _LATEST)

@@ -6,13 +6,12 @@ import statistics
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
 
-from studies.router import start_router
+from studies.launching import launch
 from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.bus.options import DEFAULT_TLS_ENDPOINT
@@ -21,9 +20,7 @@ from zteam.cli.tables import format_table
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
 from zteam.messages import Odometry, decode
-from zteam.node.kinds import ROUTER
 from zteam.team.launch.process import zteam_command
-from zteam.team.launch.supervisor import Supervisor
 from zteam.team.security.access import Rights
 from zteam.team.security.certificates import files_of, prepare
 
@@ -73,22 +70,15 @@ def measure_secure(seconds: float, rounds: int, say: Callable[[str], None]) -> S
     return SecureFigures(plain, secured, revoked)
 
 
-def _up(folder: Path, *words: str) -> "subprocess.Popen[str]":
-    return subprocess.Popen(
-        zteam_command("zteam", "up", *words),
-        cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
-
-
 def _measure_run(folder: Path, seconds: float, *, secure: bool) -> dict[str, float]:
     """`zteam up line`, in lock-step, and for a third of the time in real time."""
     more, row = (["--secure"] if secure else []), dict[str, float]()
     for paced, duration in ((["--lockstep"], seconds), ([], seconds / 3)):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        run = _up(folder, "line", "--for", f"{duration:g}", "--report", "report.json", *paced, *more)
-        told, _ = run.communicate(timeout=_LIMIT + 2 * duration)
-        if run.returncode:
-            raise ZteamError(f"zteam up failed: {told.splitlines()[-1:]}")
+        command = zteam_command(
+            "zteam", "up", "line", "--for", f"{duration:g}", "--report", "report.json", *paced, *more
+        )
+        subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=_LIMIT + 2 * duration)
         after, report = resource.getrusage(resource.RUSAGE_CHILDREN), json.loads((folder / "report.json").read_text())
         if paced:
             row["start → GO, ms"] = 1e3 * report["go_after_seconds"]
@@ -100,21 +90,14 @@ def _measure_run(folder: Path, seconds: float, *, secure: bool) -> dict[str, flo
     return row
 
 
-@contextmanager
-def _router(folder: Path, *, secure: bool) -> Iterator[BusOptions]:
-    """A router; how a client reaches it."""
-    if secure:
-        prepare(folder, "", {"router": Rights(links=True), "bench": Rights(links=True)}, "", ["router", "bench"])
-    with closing(Supervisor(lambda _name, _line: None, lambda _process, _delay: None)) as supervisor:
-        endpoint = start_router(supervisor, folder if secure else None)
-        yield BusOptions(connect=endpoint, tls=files_of(folder, "bench") if secure else None)
-        supervisor.stop([ROUTER])
-
-
 def _measure_messages(folder: Path, *, secure: bool) -> dict[str, float]:
     """From one session through the router to another one."""
     row = {}
-    with _router(folder, secure=secure) as options:
+    if secure:
+        prepare(folder, "", {"router": Rights(links=True), "bench": Rights(links=True)}, "", ["router", "bench"])
+    with launch() as processes:
+        endpoint = processes.start_router(folder if secure else None)
+        options = BusOptions(connect=endpoint, tls=files_of(folder, "bench") if secure else None)
         sender, receiver = (connect(options, patience=_LIMIT) for _ in range(2))
         came = threading.Semaphore(0)
         receiver.subscribe_raw("bench", lambda _: came.release())
@@ -135,19 +118,11 @@ def _measure_messages(folder: Path, *, secure: bool) -> dict[str, float]:
 
 def _measure_revocation(folder: Path) -> dict[str, float]:
     (folder / "fleet.toml").write_text(_FLEET)
-    team = _up(folder, "fleet.toml", "--secure", "fleet")
-    try:
-        assert team.stdout is not None
-        endpoint = DEFAULT_TLS_ENDPOINT
-        for line in team.stdout:
-            endpoint = line.partition("ZTEAM_CONNECT=")[2].strip() or endpoint
-            if "All robots GO!" in line:
-                break
-        threading.Thread(target=team.stdout.read, daemon=True).start()
-        return _watch_revocation(folder, endpoint)
-    finally:
-        team.terminate()
-        team.wait(_LIMIT)
+    with launch() as processes:
+        processes.start("up", "zteam", "up", str(folder / "fleet.toml"), "--secure", str(folder / "fleet"))
+        processes.wait_for("up", "All robots GO!")
+        said = [line.partition("ZTEAM_CONNECT=")[2].strip() for line in processes.lines["up"]]
+        return _watch_revocation(folder, next(filter(None, said), DEFAULT_TLS_ENDPOINT))
 
 
 def _watch_revocation(folder: Path, endpoint: str) -> dict[str, float]:

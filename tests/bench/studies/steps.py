@@ -5,21 +5,37 @@ time after time. So the cheapest of several rounds is the cost of a step that no
 """
 
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import SupportsFloat
+from typing import NamedTuple, SupportsFloat
 
 import msgspec
 import numpy as np
 
 from studies.hops import ROBOT_BUDGET_US
-from studies.pilot import Cost, Pilot, Tick
-from studies.scenes import HALL, SCENES, Scene
+from studies.scenes import HALL, SCENES, Part, Scene
 from zteam import names
+from zteam.behaviors import SafetyLayer, load_behavior
 from zteam.cli.bench import figure
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic_times
-from zteam.messages import TFMessage, TransformStamped, Twist
+from zteam.messages import (
+    BaseInfo,
+    Header,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseStamped,
+    RobotDriver,
+    TFMessage,
+    TransformStamped,
+    Twist,
+    Vector3,
+)
+from zteam.robot.behaviors.behavior import ask, declared_inputs
+from zteam.robot.behaviors.registry import find_behavior
+from zteam.robot.process.inputs import RobotInputs
 from zteam.sim import Engine
 from zteam.simulator.core.to_messages import odometry_message, scan_message, static_transforms, transforms
 from zteam.simulator.world.model import base_info
@@ -27,8 +43,7 @@ from zteam.world import World, add_robot, load_world
 
 _REFERENCE_BEAMS = 1081
 _REFERENCE_CALLS = 20
-
-
+_ROUNDS = 7
 _LEGEND = [
     "µs of a step with 1081 beams, the least of several rounds: mux and safety layer, behaviour, both; medians.",
     "ratio: both / a fixed piece of Python and numpy on the same machine. In the rows of teleop no behaviour drives.",
@@ -58,22 +73,22 @@ class StepFigures(msgspec.Struct):
     """Whether each round gave the commands of the drive."""
 
 
-def measure_steps(seconds: float = 20.0, rounds: int = 7, scenes: Iterable[str] = SCENES) -> Iterator[StepFigures]:
-    """Measure these scenes, one after the other, each driven for so many simulated seconds."""
+def measure_steps(seconds: float) -> Iterator[StepFigures]:
+    """Measure the scenes, one after the other, each driven for so many simulated seconds."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hall.world"
         path.write_text(HALL)
         world = load_world(path)
     ticks = max(2, round(seconds * 1e9 / world.interval))
-    return (_measure(name, SCENES[name], world, ticks, rounds) for name in scenes)
+    return (_measure(name, scene, world, ticks) for name, scene in SCENES.items())
 
 
-def _measure(name: str, scene: Scene, world: World, ticks: int, rounds: int) -> StepFigures:
+def _measure(name: str, scene: Scene, world: World, ticks: int) -> StepFigures:
     drive = _Drive(scene, world)
     for _ in range(ticks):
         drive.step()
     costs, references, same = [], [], True
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         references.append(_reference())
         steps = [drive.repeat(i) for i in range(scene.measured)]
         same = same and all([command for command, _ in own] == drive.commands[i] for i, own in enumerate(steps))
@@ -96,6 +111,79 @@ def _measure(name: str, scene: Scene, world: World, ticks: int, rounds: int) -> 
         ratio=_rounded(median / reference),
         same=same,
     )
+
+
+class Tick(NamedTuple):
+    """What the robots of a scene get in one tick."""
+
+    now: int
+    """Nanoseconds."""
+    scans: tuple[LaserScan, ...]
+    odometries: tuple[Odometry, ...]
+    bundle: TFMessage
+    """All moving transforms, as the aggregator sends them."""
+
+
+class Cost(NamedTuple):
+    """Nanoseconds of one step."""
+
+    behavior: int
+    safety: int
+    """With the mux and the view."""
+
+
+class Pilot:
+    """One robot of a scene."""
+
+    def __init__(self, robot_id: int, part: Part, fixed: TFMessage, bases: Mapping[int, BaseInfo]) -> None:
+        self._id, self._part = robot_id, part
+        self._team = tuple(bases)
+        self._behavior = load_behavior(part.behavior, part.parameters, robot_id)
+        declared = declared_inputs(find_behavior(part.behavior).inputs, robot_id)
+        self._inputs = RobotInputs(robot_id, declared=declared)
+        self._inputs.transforms.take_static(fixed)
+        for other, base in bases.items():
+            self._inputs.take_base(other, base)
+        self._layer = SafetyLayer()
+        self._seconds = 0.0
+
+    def take(self, tick: Tick, dt: float) -> None:
+        """Everything of a tick has come, `dt` seconds after the one before."""
+        inputs, part = self._inputs, self._part
+        inputs.take_scan(tick.scans[self._id])
+        inputs.take_odom(tick.odometries[self._id])
+        inputs.transforms.take_bundle(tick.bundle)
+        if part.goal is not None and not self._seconds:
+            (goal,) = inputs.declared.declared
+            pose = Pose(Point(*part.goal, 0.0))
+            inputs.declared.take(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
+        if part.teleop:
+            speed, turn = self._asked()
+            inputs.mux.take(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
+        self._seconds += dt
+
+    def step(self, now: int, dt: float, times: Iterator[int]) -> tuple[Twist, Cost]:
+        """Decide at `now` (ns); `times` tells nanoseconds."""
+        inputs = self._inputs
+        begin = next(times)
+        view = inputs.view(now, dt, self._team)
+        choice = inputs.mux.choose(now)
+        asked = next(times)
+        wanted, reason = ask(self._behavior, view)
+        answered = next(times)
+        if choice is not None:
+            wanted, reason = choice[1], ""
+        command, _ = self._layer.limit(wanted, view, reason)
+        return command, Cost(answered - asked, next(times) - answered + asked - begin)
+
+    def _asked(self) -> tuple[float, float]:
+        """What teleop asks for now."""
+        left = self._seconds % sum(part[0] for part in self._part.teleop)
+        for seconds, speed, turn in self._part.teleop:
+            if left < seconds:
+                return speed, turn
+            left -= seconds
+        return 0.0, 0.0
 
 
 class _Drive:

@@ -1,26 +1,23 @@
 """The connections of the view's servers: whatever clients do with theirs, the next one is served."""
 
-import asyncio
-import errno
 import logging
-import os
 import socket
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
-from typing import Any, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from support.limits import LIMIT
-from support.log_capture import captured_log
 from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
 from zteam.view import server
-from zteam.view.connections import Connections, share_of_descriptors
+from zteam.view.connections import MAX_HEAD, Front, share_of_descriptors
 
 MOST = 8
+REQUEST = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 UPGRADE = (
     b"GET /ws HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
     b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
@@ -105,74 +102,120 @@ def test_a_page_takes_the_place_of_one_that_only_watches(view: View) -> None:
             assert "does not drive" in page.command(op="release", robot=0)
 
 
-class Transport:
-    """A connection that is none."""
-
-    def __init__(self, port: int, unsent: list[int]) -> None:
-        self.port, self.unsent, self.aborted = port, unsent, False
-
-    def get_extra_info(self, _name: str) -> tuple[str, int]:
-        """Its address."""
-        return "127.0.0.1", self.port
-
-    def get_write_buffer_size(self) -> int:
-        """Bytes that the client has not taken."""
-        return self.unsent.pop(0) if len(self.unsent) > 1 else self.unsent[0]
-
-    def abort(self) -> None:
-        """End it."""
-        self.aborted = True
-
-
-def in_a_loop(test: Callable[[], None]) -> None:
-    """Run it where timers can be set; none is due."""
-
-    async def run() -> None:
-        test()
-
-    asyncio.run(run())
-
-
-def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
-    """As long as it takes some of it between two looks."""
-
-    def test() -> None:
-        connections, slow = Connections(MOST), Transport(1, [300, 200, 100, 100])
-        transport = cast(asyncio.Transport, slow)
-        connections.open(transport)
-        for unsent in (0, 300, 200):
-            connections._look_at(transport, unsent)
-            assert not slow.aborted
-        connections._look_at(transport, 100)
-        assert slow.aborted
-
-    in_a_loop(test)
-
-
-def test_a_lack_of_descriptors_is_told_once() -> None:
-    """What waits is closed, so that the next connection finds room; other errors are told as always."""
-
-    def test() -> None:
-        connections, found = Connections(MOST), [Transport(port, [0]) for port in range(3)]
-        for transport in found:
-            connections.open(cast(asyncio.Transport, transport))
-        connections.keep(cast(asyncio.Transport, found[2]), trusted=False)
-        loop, others = asyncio.get_running_loop(), list[dict[str, Any]]()
-        with captured_log() as log, pytest.MonkeyPatch().context() as patch:
-            patch.setattr(loop, "default_exception_handler", others.append)
-            for _ in range(100):
-                connections.on_loop_error(loop, {"exception": OSError(errno.EMFILE, os.strerror(errno.EMFILE))})
-            connections.on_loop_error(loop, {"exception": OSError(errno.EPIPE, "x")})
-            connections.on_loop_error(loop, {"message": "x"})
-        assert log.lines == ["a connection could not be taken: Too many open files; those that wait are closed"]
-        assert len(others) == 2
-        assert [transport.aborted for transport in found] == [True, True, False]
-
-    in_a_loop(test)
-
-
 def test_connections_are_a_part_of_the_descriptors(monkeypatch: pytest.MonkeyPatch) -> None:
     """A few where the system gives few, and never more than are of use."""
     limits = iter([(1024, 4096), (64, 64), (20, 20), (-1, -1), (1_000_000, 1_000_000)])
     monkeypatch.setattr(module.resource, "getrlimit", lambda _kind: next(limits))
     assert [share_of_descriptors(4, 256) for _ in range(5)] == [256, 16, 8, 256, 256]
+
+
+class Desk:
+    """The door, and a server that answers each connection with what it has got."""
+
+    def __init__(self) -> None:
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.server.settimeout(LIMIT)
+        listener = socket.create_server(("127.0.0.1", 0))
+        self._address = listener.getsockname()
+        self.failures: list[BaseException] = []
+        self.front = Front(listener, self.server.getsockname(), self.failures.append)
+        self.front.start()
+        self._ends = ExitStack()
+        self.ends = self._ends.enter_context(ExitStack())
+
+    def client(self, sent: bytes = b"") -> socket.socket:
+        """A new connection, which sends this first."""
+        client = self.ends.enter_context(socket.create_connection(self._address, LIMIT))
+        client.sendall(sent)
+        return client
+
+    def accept(self) -> socket.socket:
+        """Its end at the server."""
+        end = self.ends.enter_context(self.server.accept()[0])
+        end.settimeout(LIMIT)
+        return end
+
+    def close(self) -> None:
+        """End all of it."""
+        self._ends.close()
+        self.front.close()
+        self.server.close()
+
+
+@pytest.fixture
+def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
+    """A door for few clients."""
+    monkeypatch.setattr(module, "share_of_descriptors", lambda _part, _most: MOST)
+    made = Desk()
+    yield made
+    made.close()
+    assert not made.failures
+
+
+def read(end: socket.socket, count: int) -> bytes:
+    """Exactly this many bytes."""
+    data = b""
+    while len(data) < count and (part := end.recv(count - len(data))):
+        data += part
+    return data
+
+
+def test_bytes_pass_as_they_are(desk: Desk) -> None:
+    """The request in parts, then megabytes in both directions at once, and the end of either side."""
+    client = desk.client(REQUEST[:9])
+    client.sendall(REQUEST[9:] + b"more")
+    end = desk.accept()
+    assert read(end, len(REQUEST) + 4) == REQUEST + b"more"
+    data = bytes(range(256)) * 20_000
+    writers = [threading.Thread(target=each.sendall, args=(data,), daemon=True) for each in (client, end)]
+    for writer in writers:
+        writer.start()
+    assert read(client, len(data)) == data and read(end, len(data)) == data
+    for writer in writers:
+        writer.join(LIMIT)
+    end.close()
+    assert has_ended(client)
+    other = desk.client(REQUEST)
+    end = desk.accept()
+    other.close()
+    assert read(end, len(REQUEST) + 1) == REQUEST
+
+
+def test_what_is_no_request_does_not_pass(desk: Desk) -> None:
+    """The server hears nothing of connections that are silent, or whose request is too long."""
+    desk.client()
+    desk.client(REQUEST[:-1])
+    assert has_ended(desk.client(b"x" * (MAX_HEAD + 1)))
+    desk.client(REQUEST)
+    assert read(desk.accept(), len(REQUEST)) == REQUEST
+
+
+def test_clients_that_wait_or_stay_keep_no_other_away(desk: Desk) -> None:
+    """Silent ones, those that the server does not answer, and those that it has answered: the next one passes."""
+    silent = [desk.client() for _ in range(3 * MOST)]
+    unanswered = []
+    for _ in range(3 * MOST):
+        unanswered.append(desk.client(REQUEST))
+        desk.accept()
+    answered = []
+    for _ in range(MOST):
+        client = desk.client(REQUEST)
+        end = desk.accept()
+        assert read(end, len(REQUEST)) == REQUEST
+        end.sendall(b"hello")
+        assert read(client, 5) == b"hello"
+        answered.append(client)
+    assert all(has_ended(clients[0]) for clients in (silent, unanswered, answered))
+    end.sendall(b"again")
+    assert read(client, 5) == b"again"
+
+
+def test_a_server_that_gives_no_answer_ends_the_client(desk: Desk) -> None:
+    """The client waits for nothing, although it has not ended its side; nor where the server is gone."""
+    client = desk.client(REQUEST)
+    end = desk.accept()
+    assert read(end, len(REQUEST)) == REQUEST
+    end.close()
+    assert has_ended(client)
+    desk.server.close()
+    assert has_ended(desk.client(REQUEST))

@@ -10,8 +10,8 @@ from support.limits import LIMIT
 from zteam.bus import BusOptions
 from zteam.errors import BusError
 from zteam.monitor.doctor.facts import Finding, ok
-from zteam.view import diagnosis as diagnoses
-from zteam.view.diagnosis import Diagnosis
+from zteam.view import queries
+from zteam.view.queries import Diagnosis
 
 
 class Doctor:
@@ -21,7 +21,7 @@ class Doctor:
         self.runs: list[BusOptions] = []
         self.fault: Exception | None = None
         self._done = threading.Semaphore(0)
-        monkeypatch.setattr(diagnoses, "examine", self._examine)
+        monkeypatch.setattr(queries, "examine", self._examine)
         self.diagnosis = Diagnosis(BusOptions(namespace="left"), self._done.release)
 
     def _examine(self, options: BusOptions, **_: Any) -> list[Finding]:

@@ -2,8 +2,7 @@
 
 from zteam.bus.transport import Declaration
 from zteam.messages import LaserScan, OccupancyGrid, Path, PoseStamped, TFMessage
-from zteam.view.foxglove import shown_keys
-from zteam.view.foxglove_layout import PANEL, layout_of
+from zteam.view.foxglove import PANEL, layout_of, shown_keys
 
 KEYS = {
     "map": OccupancyGrid, "tf": TFMessage, "mine": None, "robot_2/base_scan": LaserScan, "robot_2/plan": Path,

@@ -41,19 +41,6 @@ def test_the_header_has_32_bytes_and_blocks_begin_at_multiples_of_8() -> None:
     assert frames.encode_frame(1, -5, -0.5, 0.0, blocks)[8:16] == bytes(8)
 
 
-def test_poses_are_steps_about_an_origin() -> None:
-    """The ids, then all x, all y and all yaws, each at its place; an odd number of ids is padded."""
-    poses = {3: Pose2(1.0, -2.0, 0.5), 9: Pose2(4.0, 8.0, -3.1), 500: Pose2(2.5, 3.0, math.pi)}
-    kind, flags, owner, body = only_block(frames.encode_poses(poses))
-    assert (kind, flags, owner) == (frames.POSES, 0, frames.TEAM)
-    x, y, step, count = struct.unpack_from("<fffI", body)
-    assert (x, y, round(step, 6), count) == (2.5, 3.0, 0.01, 3)
-    assert struct.unpack_from("<3H", body, 16) == (3, 9, 500)
-    assert struct.unpack_from("<3h", body, 24) == (-150, 150, 0)
-    assert struct.unpack_from("<3h", body, 30) == (-500, 500, 0)
-    assert struct.unpack_from("<3h", body, 36) == (5000, -31000, 31416)
-
-
 def test_poses_of_the_simulator_are_marked() -> None:
     """The page draws robots hollow whose poses are the ground truth."""
     assert only_block(frames.encode_poses({0: Pose2(0.0, 0.0, 0.0)}, truth=True))[1] == frames.FROM_TRUTH

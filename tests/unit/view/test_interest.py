@@ -1,4 +1,4 @@
-"""What is subscribed to for what the pages look at."""
+"""What is subscribed to for what the pages look at, and a page's state: credit, what it has, what it sees."""
 
 from zteam.geometry import Pose2
 from zteam.view.received import (
@@ -10,7 +10,7 @@ from zteam.view.received import (
     scanned_robots,
     topics_of,
 )
-from zteam.view.requests import Look, Watch
+from zteam.view.requests import MAX_WATCHES, Ack, Look, Watch
 
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
 
@@ -106,3 +106,41 @@ def test_a_key_whose_type_is_known_is_drawn_before_a_message_comes() -> None:
     assert drawables.keys("plans") == ["robot_0/plan"]
     assert drawables.keys("costmaps") == ["robot_0/local_costmap/costmap"]
     assert [topic.key for topic in drawables.topics(["particles"])] == ["own/path"]
+
+
+def test_a_page_has_credit_for_two_frames() -> None:
+    """Two that are not acknowledged hold the next one back; what it was never sent does not count."""
+    page = viewer(Look())
+    first, second = page.next_frame(10.0), 0
+    assert page.has_credit
+    second = page.next_frame(10.1)
+    assert not page.has_credit
+    page.take_ack(Ack(second + 1))
+    assert not page.has_credit
+    page.take_ack(Ack(first))
+    assert page.has_credit
+    page.take_ack(Ack(second))
+    page.next_frame(10.2)
+    assert page.has_credit
+
+
+def test_a_page_is_sent_each_version_once() -> None:
+    """It lacks a thing until it has that version."""
+    page = viewer(Look())
+    assert [page.lacks("map", version) for version in (1, 1, 2, 2, 1)] == [True, False, True, False, True]
+
+
+def test_a_page_sees_what_is_in_its_viewport() -> None:
+    """Without a viewport it sees everything."""
+    page = viewer(Look())
+    assert page.sees(1e5, 0.0)
+    page.look = Look(viewport=[0.0, 0.0, 2.0, 1.0])
+    assert (page.sees(2.0, 1.0), page.sees(2.1, 0.5)) == (True, False)
+
+
+def test_a_page_watches_a_bounded_number_of_topics() -> None:
+    """One more is not watched."""
+    page = viewer(Look())
+    for number in range(MAX_WATCHES + 1):
+        page.take_watch(Watch(f"topic_{number}"))
+    assert len(page.watches) == MAX_WATCHES

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from support.transforms import stamped
-from zteam.messages import LaserScan, Log, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of, time_from_ns
+from zteam.messages import LaserScan, LogLevel, TFMessage, Twist, Vector3, encode, encoding_of
 from zteam.node.logs import LogLine
+from zteam.view.composing import MOST, samples_since
 from zteam.view.documents import RATE_SPAN, Documents, LogTail, rate_of
-from zteam.view.plots import MOST, samples_since
 from zteam.view.received import KEPT, KEPT_BYTES, Received
 from zteam.view.team_view import Places
 
@@ -166,11 +166,3 @@ def test_log_lines_come_in_order_of_time_and_once() -> None:
         (2.0, "info", "two\ufffd[0m"),
     ]
     assert tail.since(number, now=12.0) == (number, [])
-
-
-def test_a_line_of_a_message_is_the_line_of_the_query() -> None:
-    """Both ways of a line give equal ones, so the tail knows the second."""
-    from zteam.node.log_client import line_of
-
-    message = Log(time_from_ns(5), LogLevel.INFO, "sim", "ready", "f.py", "g", 3)
-    assert line_of("sim", message) == LogLine(5, "sim", LogLevel.INFO, "ready", "f.py", "g", 3)

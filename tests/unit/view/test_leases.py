@@ -90,7 +90,7 @@ def test_only_the_holder_commands(wheels: Sent) -> None:
 
 def test_a_silent_page_stops_its_robot(wheels: Sent) -> None:
     """What a page says counts until its time is over; then the robot is commanded to stand."""
-    lease = Lease(1, wheels, AHEAD, until=10.0 + DEAD_MAN)
+    lease = Lease(1, wheels, AHEAD, heard=10.0)
     lease.send(10.0 + DEAD_MAN - 0.01)
     lease.send(10.0 + DEAD_MAN)
     assert wheels.commands == [AHEAD, Twist()]

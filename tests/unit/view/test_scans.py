@@ -106,15 +106,6 @@ def test_a_view_that_always_gets_the_next_scan_first_shows_each(sent: Sent) -> N
     assert seen == [(tick, 10.1 + tick) for tick in range(2, 6)]
 
 
-def test_a_bundle_that_was_missed_is_interpolated(sent: Sent) -> None:
-    """A page that takes long sees one bundle of several."""
-    sent.bundle(1)
-    sent.drawn()
-    sent.scan(3)
-    sent.bundle(5)
-    assert sent.drawn() == (3, 13.1)
-
-
 def test_a_seldom_localiser_holds_no_scan_up(sent: Sent) -> None:
     """Where odometry begins may be older than the scan; the robot's motion may not."""
     moving = TransformStamped(Header(time_from_ns(TICK), "map"), "robot_0/odom", Transform(Vector3(10.0)))

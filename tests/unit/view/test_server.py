@@ -1,7 +1,6 @@
 """The web server on a bus in memory: what it serves, what it refuses, and what no page can do to another one."""
 
 import gzip
-import random
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -9,9 +8,8 @@ from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 
-from support.examples import SHARE
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import wait_until_true
@@ -63,32 +61,24 @@ def subscribed(bus: Bus) -> set[str]:
 
 
 def test_every_answer_has_the_policy(view: View) -> None:
-    """Scripts of the page alone may run, and nothing is guessed or kept."""
-    response = view.get("/layout.json")
-    assert response.status == 200
-    assert "default-src 'self'" in (response.getheader("content-security-policy") or "")
-    assert response.getheader("x-content-type-options") == "nosniff"
+    """Scripts of the page alone may run, nothing is guessed, and a browser asks again for what it has."""
+    for path in ("/", "/layout.json", "/page/js/main.js", "/page/style.css"):
+        response = view.get(path)
+        assert (response.status, response.getheader("cache-control")) == (200, "no-cache")
+        assert "default-src 'self'" in (response.getheader("content-security-policy") or "")
+        assert response.getheader("x-content-type-options") == "nosniff"
 
 
 @pytest.mark.parametrize(
-    "path", ["/page/../server.py", "/page/%2e%2e/server.py", "/page/none.js", "/etc/passwd", "/ws"]
+    ("method", "path", "status"),
+    [
+        *(("GET", path, 404) for path in ("/page/../server.py", "/page/%2e%2e/server.py", "/page/none.js", "/ws")),
+        *((method, "/", 405) for method in ("POST", "PUT", "DELETE")),
+    ],
 )
-def test_only_the_pages_files_are_served(view: View, path: str) -> None:
-    """Anything else is not found."""
-    assert view.get(path).status == 404
-
-
-def test_a_browser_asks_again_for_each_file(view: View) -> None:
-    """What it has may have changed."""
-    found = [view.get(path) for path in ("/", "/page/js/main.js", "/page/style.css")]
-    assert [(each.status, each.getheader("cache-control")) for each in found] == [(200, "no-cache")] * 3
-    assert all("default-src 'self'" in (each.getheader("content-security-policy") or "") for each in found)
-
-
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])
-def test_nothing_is_commanded_over_http(view: View, method: str) -> None:
-    """Only GET and HEAD are answered."""
-    assert view.get("/", method=method).status == 405
+def test_only_the_pages_files_are_served(view: View, method: str, path: str, status: int) -> None:
+    """Anything else is not found, and nothing is commanded over HTTP."""
+    assert view.get(path, method=method).status == status
 
 
 def test_a_foreign_name_in_host_is_refused(view: View) -> None:
@@ -104,12 +94,14 @@ def test_without_a_layout_there_is_no_content(memory: MemoryHub) -> None:
         assert view.get("/layout.json").status == 204
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
-def test_a_socket_from_another_origin_gets_403(view: View, origin: str) -> None:
+def test_a_socket_from_another_origin_gets_403(view: View) -> None:
     """A page of another site cannot open it, though the browser would send it to this machine; one line says so."""
+    with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
+        assert page.welcome["version"] == 1
+    origin = "http://evil.example"
     with captured_log() as log, pytest.raises(InvalidStatus, match="403"), open_page(view.port, Origin=origin):
         pass
-    assert [line.partition(": ")[0] for line in log.lines] == ["a socket is refused"]
+    assert len(log.lines) == 1
 
 
 def test_the_page_is_sent_in_few_bytes(view: View) -> None:
@@ -120,12 +112,6 @@ def test_the_page_is_sent_in_few_bytes(view: View) -> None:
         content, short = plain.read(), packed.read()
     assert gzip.decompress(short) == content and len(short) < len(content) / 3
     assert b'modules["js/scene/scene.js"]' in content and b'modules["js/panels/' not in content
-
-
-def test_a_page_of_this_server_may_open_the_socket(view: View) -> None:
-    """Its origin is the server's own."""
-    with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
-        assert page.welcome["version"] == 1
 
 
 def test_a_robot_that_cannot_give_its_goal_up_holds_no_other(view: View, memory: MemoryHub) -> None:
@@ -231,91 +217,15 @@ def test_a_wrong_first_message_closes_the_socket_with_a_reason(view: View, messa
 
 
 def test_a_later_message_that_is_not_understood_closes_the_socket(view: View) -> None:
-    """The other pages go on."""
+    """Nor is one above 64 KiB read. The other pages go on."""
     with open_page(view.port) as other:
         with open_page(view.port) as page:
             page.say(op="fly")
             assert page.end()[0] == 1008
+        with open_page(view.port) as page:
+            page.say_raw('{"op":"token","token":"' + "x" * MAX_BYTES + '"}')
+            assert page.end()[0] in (1008, 1009)
         other.wait(lambda: other.docs.get("team", {}).get("viewers") == 1)
-
-
-def test_a_message_above_64_kib_closes_the_socket(view: View) -> None:
-    """It is not even read to its end."""
-    with open_page(view.port) as page:
-        page.say_raw('{"op":"hello","version":1,"token":"' + "x" * MAX_BYTES + '"}')
-        assert page.end()[0] in (1008, 1009)
-
-
-@pytest.mark.gate
-def test_fuzzed_messages_do_no_harm(view: View) -> None:
-    """Each page that sends nonsense is refused, and a page beside them is served as before."""
-    draw = random.Random(5)
-    words = [
-        '"op"',
-        '"look"',
-        '"drive"',
-        '"robot"',
-        '"seq"',
-        ":",
-        ",",
-        "{",
-        "}",
-        "[",
-        "]",
-        "1e999",
-        "-1",
-        "NaN",
-        '"',
-        "\\u0000",
-    ]
-    with open_page(view.port) as watcher:
-        sent = 0
-        while sent < 10_000 * SHARE:
-            with open_page(view.port, hello=draw.random() < 0.5) as page:
-                try:
-                    for _ in range(100):
-                        page.say_raw(_nonsense(draw, words))
-                        sent += 1
-                except ConnectionClosed:
-                    pass
-        frames = len(watcher.frames)
-        watcher.wait(lambda: len(watcher.frames) > frames + 2)
-        assert not watcher.refused
-
-
-def _nonsense(draw: random.Random, words: list[str]) -> str | bytes:
-    kind = draw.randrange(3)
-    if kind == 0:
-        return draw.randbytes(draw.randrange(200))
-    if kind == 1:
-        return "".join(draw.choices(words, k=draw.randrange(1, 30)))
-    return "".join(chr(draw.randrange(1, 0x2000)) for _ in range(draw.randrange(50)))
-
-
-@pytest.mark.ci
-def test_a_flooding_page_does_not_hurt_another_one(view: View) -> None:
-    """While one page sends as fast as it can, another one gets its frames."""
-    with open_page(view.port) as watcher, open_page(view.port, acknowledges=False) as flood:
-        floods, over = threading.Event(), threading.Event()
-
-        def send() -> None:
-            try:
-                while not over.is_set():
-                    flood.say(op="ack", frame=0)
-                    floods.set()
-            except ConnectionClosed:
-                # A send that waits for room ends with the page.
-                assert over.is_set()
-
-        flooding = threading.Thread(target=send, daemon=True)
-        flooding.start()
-        assert floods.wait(LIMIT)
-        frames = len(watcher.frames)
-        watcher.wait(lambda: len(watcher.frames) >= frames + 3)
-        assert flooding.is_alive()
-        over.set()
-    flooding.join(LIMIT)
-    assert not flooding.is_alive()
 
 
 def test_a_page_that_may_only_watch_sees_the_doctor_and_cannot_call_it(view: View) -> None:

@@ -1,11 +1,8 @@
 """Chains of robots on all tours of a world: the rows of the study `robots`."""
 
-import logging
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
+import math
+import tempfile
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -14,37 +11,51 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.chains.run import GAP, Chain, run_chain
-from studies.chains.tours import LEAD_IN, tours_of
+from studies.chains.recorder import NAME, Recorder, Tracks, make_tracks
+from studies.chains.tours import LEAD_IN, Tour, tours_of
 from studies.chains.tracks import Samples, Walls, take_samples
+from studies.launching import children, run_processes
+from zteam.cli.tables import format_table
+from zteam.config.numbers import counted
+from zteam.config.toml_values import toml_text
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.robot.behaviors.polyline import Polyline
 from zteam.simulator.world.model import footprint
+from zteam.team.run.run_team import run_team
 from zteam.world import World, add_robot, load_world
 
-
-class Target(msgspec.Struct, frozen=True):
-    """What a chain must reach. No wall is hit, no robot is touched, and all arrive."""
-
-    deviation: float
-    """Metres: 90 % of the samples of the last robot are so near to the leader's path."""
-    gap_rms: float | None = None
-    """Metres: root mean square of the error of all gaps."""
+GAP = 0.8
+"""Metres of arc length between neighbours at the start, and afterwards where a law keeps a gap."""
+_SPARE = 1.2
+"""A run has so much more time than the tour takes at the speed that was asked for."""
+_SETTLE = 15.0
+"""Simulated seconds that the last robots have to come to their places."""
 
 
-class Row(msgspec.Struct, frozen=True):
-    """One row of the table."""
+class Chain(msgspec.Struct, frozen=True):
+    """What drives on a tour."""
 
-    chain: Chain
-    target: Target | None = None
+    robots: int
+    law: str
+    """One of LAWS."""
+    speed: float
+    """m/s, of the leader."""
+    delay: float = 0.0
+    """Seconds that teammates' poses come late, besides what a tick takes."""
+    noise: float = 0.0
+    """Metres: standard deviation of x and y of every pose in `map`."""
+    must: tuple[float, float] | None = None
+    """No wall is hit, no robot is touched, all arrive, and 90 % of the samples of the last robot are so near to the
+    leader's path; the root mean square of the error of all gaps. Metres."""
 
 
 ROWS = {
-    "lectures": Row(Chain(8, "lectures", 0.5)),
-    "direct": Row(Chain(8, "direct", 0.5)),
-    "trail": Row(Chain(8, "trail", 0.5), Target(0.05, 0.03)),
-    "trail16": Row(Chain(16, "trail", 0.5), Target(0.05, 0.03)),
-    "disturbed": Row(Chain(8, "trail", 0.5, delay=0.3, noise=0.02), Target(0.08)),
+    "lectures": Chain(8, "lectures", 0.5),
+    "direct": Chain(8, "direct", 0.5),
+    "trail": Chain(8, "trail", 0.5, must=(0.05, 0.03)),
+    "trail16": Chain(16, "trail", 0.5, must=(0.05, 0.03)),
+    "disturbed": Chain(8, "trail", 0.5, delay=0.3, noise=0.02, must=(0.08, math.inf)),
 }
 """The rows by name."""
 
@@ -55,7 +66,6 @@ class ChainFigures(msgspec.Struct):
     world: str
     row: str
     chain: Chain
-    target: Target | None
     tours: int
     wall_hits: int
     """Tours on which a robot hit a wall or was blocked."""
@@ -77,54 +87,49 @@ class ChainFigures(msgspec.Struct):
 
     @property
     def reached(self) -> bool | None:
-        """Whether the target was reached; None without one."""
-        if self.target is None:
+        """Whether it is as it must be; None for a chain that is only compared with."""
+        if self.chain.must is None:
             return None
+        deviation, gap_rms = self.chain.must
         clean = self.wall_hits == 0 and self.touches == 0 and self.arrived == self.tours
-        even = self.target.gap_rms is None or self.gap_rms <= self.target.gap_rms
-        return clean and even and self.deviation_p90 <= self.target.deviation
+        return clean and self.deviation_p90 <= deviation and self.gap_rms <= gap_rms
+
+
+Progress = Callable[[str, int, int], None]
+"""Called with a row, and how many of its runs are done of how many."""
 
 
 def measure_chains(
-    world: Path,
-    rows: Sequence[str],
-    count: int | None,
-    *,
-    in_process: bool,
-    progress: Callable[[str, int, int], None] = lambda row, done, total: None,
+    world: Path, rows: Sequence[str], count: int | None, *, in_process: bool, progress: Progress
 ) -> list[ChainFigures]:
     """Drive the first `count` tours of a world (None: all) once for each of these rows of ROWS.
 
     With `in_process` each team runs in one process, and as many teams run at once as there are processors; the
-    figures are the same. `progress(row, done, total)` is called after each tour. Raises UsageError for a world
-    without tours, ZteamError for a run that fails.
+    figures are the same. Raises UsageError for a world without tours, ZteamError for a run that fails.
     """
     _, tours = tours_of(world.stem)
     _check_tours(world)
-    total = len(tours[:count])
+    numbers = range(len(tours[:count]))
+    return [
+        summarize(
+            load_world(world).name,
+            name,
+            run_all(partial(measure_tour, world, ROWS[name], in_process), numbers, in_process, name, progress),
+        )
+        for name in rows
+    ]
+
+
+def run_all(
+    work: Callable[[int], Any], numbers: Sequence[int], at_once: bool, row: str, progress: Progress
+) -> list[Any]:
+    """`work(number)` for each of these numbers: one after the other, or one a processor at once."""
     found = []
-    with ExitStack() as stack:
-        run_all = in_children(stack) if in_process else map
-        for name in rows:
-            work = partial(measure_tour, world, ROWS[name].chain, in_process)
-            samples = []
-            for sample in run_all(work, range(total)):
-                samples.append(sample)
-                progress(name, len(samples), total)
-            found.append(summarize(load_world(world).name, name, samples))
+    with children(None if at_once else 1) as pool:
+        for result in pool.map(work, numbers):
+            found.append(result)
+            progress(row, len(found), len(numbers))
     return found
-
-
-def in_children(stack: ExitStack) -> Callable[[Callable[[int], Any], Sequence[int]], Iterator[Any]]:
-    """As `map`, in as many child processes as there are processors, until the stack is closed."""
-    # Not forked: this process may have threads.
-    spawn = multiprocessing.get_context("spawn")
-    return stack.enter_context(ProcessPoolExecutor(os.cpu_count(), spawn, _log_errors_alone)).map
-
-
-def _log_errors_alone() -> None:
-    # The warnings of dozens of teams would hide the table.
-    logging.getLogger("zteam").setLevel(logging.ERROR)
 
 
 @cache
@@ -145,23 +150,60 @@ def measure_tour(path: Path, chain: Chain, in_process: bool, number: int) -> Sam
     """Drive one tour."""
     world, walls = _walls(path)
     tour = tours_of(path.stem)[1][number]
-    tracks = run_chain(path, tour, chain, in_process=in_process)
+    tracks = drive(team_text(path.resolve(), tour, chain), _seconds_of(tour, chain), in_process=in_process)
     lead_in = np.array(tour.split(LEAD_IN)[0])
     return take_samples(tracks, lead_in, np.array(tour.waypoints[-1]), GAP, walls, world.interval / 1e9)
 
 
+def _seconds_of(tour: Tour, chain: Chain) -> float:
+    return round(_SPARE * (tour.length - LEAD_IN) / chain.speed + _SETTLE, 1)
+
+
+def follower(chain: Chain, leader: int) -> dict[str, Any]:
+    """The entries of a follower in a team file."""
+    if chain.law == "lectures":
+        return {"behavior": "studies.behaviors:LecturesFollow", "leader": leader, "safety": False}
+    law = {"law": chain.law, **({"gap": GAP} if chain.law == "trail" else {})}
+    if chain.delay or chain.noise:
+        spec = "studies.behaviors:DisturbedFollow"
+        return {"behavior": spec, "leader": leader, **law, "delay": chain.delay, "noise": chain.noise}
+    return {"follow": leader, **law}
+
+
+def team_text(world: Path, tour: Tour, chain: Chain) -> str:
+    """The team file: the robots stand in a line on the first metres of the tour, GAP apart."""
+    way = Polyline(tour.waypoints)
+    lines = ["[team]", f"world = {toml_text(str(world))}", "world_robots = false"]
+    for i in range(chain.robots):
+        leader = {"behavior": "path", "waypoints": tour.split(LEAD_IN)[1], "speed": chain.speed}
+        lines += ["[[robots]]", f"id = {i}", 'model = "erratic"', f"pose = {toml_text(way.at(LEAD_IN - GAP * i))}"]
+        lines += [f"{key} = {toml_text(value)}" for key, value in (follower(chain, i - 1) if i else leader).items()]
+    return "\n".join(lines) + "\n"
+
+
+def drive(text: str, seconds: float, *, in_process: bool) -> Tracks:
+    """Run the team of a team file's text. Raises ZteamError for a run that fails."""
+    with tempfile.TemporaryDirectory() as folder:
+        team = Path(folder) / "team.toml"
+        team.write_text(text)
+        if in_process:
+            recorder = Recorder()
+            run_team(team, seconds=seconds, nodes={NAME: recorder.body})
+            return make_tracks(recorder.rows())
+        return make_tracks(run_processes(team, seconds, ["--lockstep"])[1])
+
+
 def summarize(world: str, name: str, samples: Sequence[Samples]) -> ChainFigures:
     """The figures of all tours together."""
-    row = ROWS[name]
-    followers = range(row.chain.robots - 1)
+    chain = ROWS[name]
+    followers = range(chain.robots - 1)
     deviations = [_together([sample.deviations[i] for sample in samples]) for i in followers]
     errors = [_together([sample.gaps[i] for sample in samples]) - GAP for i in followers]
     last, all_errors = deviations[-1], np.concatenate(errors)
     return ChainFigures(
         world=world,
         row=name,
-        chain=row.chain,
-        target=row.target,
+        chain=chain,
         tours=len(samples),
         wall_hits=sum(sample.wall_hits > 0 for sample in samples),
         touches=sum(sample.touches > 0 for sample in samples),
@@ -187,3 +229,39 @@ def _quantile(values: NDArray[np.float64], share: float) -> float:
 
 def _rms(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values * values)))
+
+
+_LEGEND = [
+    "wall, touch: tours on which a robot hit a wall, or robots hit each other. arrived: tours on which all came home.",
+    "deviation: of the last robot from the leader's path, 50 % and 90 % of all samples, and the largest.",
+    "gap: arc length between neighbours, mean and rms of the error; rms of the first and of the last gap of the chain.",
+    "must: no hit, all arrived, deviation (90 %) and gap rms at most so many metres.",
+]
+
+
+def format_chains(rows: Sequence[ChainFigures]) -> str:
+    """One table a world."""
+    worlds = dict.fromkeys(row.world for row in rows)
+    return "\n\n".join(_table(world, [row for row in rows if row.world == world]) for world in worlds)
+
+
+def _table(world: str, rows: Sequence[ChainFigures]) -> str:
+    header = ["robots", "wall", "touch", "arrived", "deviation, m", "gap, m", "rms", "first to last", "must"]
+    table = format_table(["chain", *header], [_cells(row) for row in rows], numbers_from=1)
+    chain = rows[0].chain
+    title = f"{world}: chains on {counted(rows[0].tours, 'tour')} at {chain.speed:g} m/s"
+    return "\n".join([title, table, *_LEGEND])
+
+
+def _cells(row: ChainFigures) -> list[str]:
+    deviation = f"{row.deviation_p50:.3f}  {row.deviation_p90:.3f}  {row.deviation_max:.3f}"
+    ends = f"{row.gap_rms_by_robot[0]:.3f}  {row.gap_rms_by_robot[-1]:.3f}"
+    counts = [f"{row.chain.robots}", *(f"{n}/{row.tours}" for n in (row.wall_hits, row.touches, row.arrived))]
+    return [row.row, *counts, deviation, f"{row.gap_mean:.2f}", f"{row.gap_rms:.3f}", ends, _target(row)]
+
+
+def _target(row: ChainFigures) -> str:
+    if row.chain.must is None:
+        return "-"
+    bounds = "  ".join(f"{each:g}" for each in row.chain.must if each < math.inf)
+    return f"{bounds}: {'reached' if row.reached else 'MISSED'}"

@@ -1,51 +1,53 @@
 """The figures of the study `nav`, each beside a reference that is no part of zteam and runs in the same rounds."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from studies.navigation.driving import Drive, drive_way, make_engine, wander
-from studies.navigation.row import NavFigure, Progress
-from studies.navigation.scenarios import measure_scenarios
-from studies.navigation.scene import costmap_of, find_map, find_starts, find_ways, make_robot, outline_of, scan_of
-from studies.navigation.team_rows import TEAM_ROWS
+from studies.navigation.scene import (
+    NavFigure,
+    Progress,
+    costmap_of,
+    find_map,
+    find_starts,
+    find_ways,
+    make_robot,
+    outline_of,
+    scan_of,
+    wander,
+)
+from studies.navigation.teams import TEAM_ROWS
 from studies.navigation.ways import cost_of, length_of
+from zteam.cli.bench import figure
+from zteam.cli.tables import format_table
 from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.navigation.planning.amcl import Amcl, AmclOptions
 from zteam.navigation.planning.costmap import CostmapOptions, make_circle, make_costmap
 from zteam.navigation.planning.planner import AStarPlanner
-from zteam.sim import Options
 from zteam.world import World, load_world
 
 FINE, COARSE = 0.025, 0.05
 """Metres a cell: for search and costmap, and for localisation."""
-ALPHAS = (0.2, 0.2, 0.2, 0.2)
 _PAIRS, _LEAST = 21, 15.0
 _ROUNDS = 7
+_AMCL_SECONDS = 120.0
 _FOUND = 0.5
 """Metres from the truth within which a robot is found."""
 _LOST_FOR = 60.0
 """Simulated seconds in which it must be found, and stay so."""
 
 
-def measure_navigation(
-    path: Path, rows: list[str], tours: int, scenarios: Path | None, progress: Progress
-) -> Iterator[NavFigure]:
-    """The rows of ROWS and TEAM_ROWS that are asked for, and MovingAI's scenarios in a folder, if one is given."""
+def measure_navigation(path: Path, rows: list[str], tours: int, progress: Progress) -> Iterator[NavFigure]:
+    """The rows of ROWS and TEAM_ROWS that are asked for."""
     world = load_world(path)
     for row in rows:
         if row in TEAM_ROWS:
             yield from TEAM_ROWS[row](path, world, tours, progress)
         else:
             yield from ROWS[row](world, tours, progress)
-    if scenarios is not None:
-        yield from (
-            NavFigure(f"{name}: lines whose length is the optimal one", share, "share", 1.0, detail)
-            for name, share, detail in measure_scenarios(scenarios)
-        )
 
 
 def reference_ms() -> float:
@@ -114,12 +116,11 @@ def _amcl(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
     progress("amcl", 1, 1)
     grid = find_map(world, COARSE)
     costmap = costmap_of(grid, outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
-    (way,) = find_ways(costmap, 1, 25.0, 60.0)
-    engine = make_engine(world, way.start, Options(odom_alphas=ALPHAS), 1)
+    (start,) = find_starts(costmap, 1)
     localiser = Amcl(grid, AmclOptions(min_particles=2000, max_particles=2000))
-    localiser.set_pose(way.start)
+    localiser.set_pose(start)
     spent = []
-    for robot, _ in drive_way(engine, costmap, way, lambda robot: robot.truth):
+    for robot in wander(world, start, _AMCL_SECONDS, 1):
         scan, odom = scan_of(robot), robot.odom
         begin = process_time()
         if localiser.update(odom, scan):
@@ -129,31 +130,6 @@ def _amcl(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
     yield NavFigure("AMCL update, 2000 particles x 60 beams, median", float(np.median(spent)), "ms", 0.8, detail)
 
 
-def _tours(world: World, tours: int, progress: Progress) -> Iterator[NavFigure]:
-    grid = find_map(world, COARSE)
-    outline = outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0)))
-    ways = find_ways(costmap_of(grid, outline), tours, 25.0, 60.0)
-    errors: list[float] = []
-    drives: list[Drive] = []
-    for number, way in enumerate(ways, 1):
-        progress("tours", number, tours)
-        engine = make_engine(world, way.start, Options(odom_alphas=ALPHAS), number)
-        localiser = Amcl(grid, seed=number)
-        localiser.set_pose(way.start, (0.1, 0.1, 0.05))
-        result = Drive()
-        for robot, so_far in drive_way(engine, costmap_of(grid, outline), way, lambda robot: robot.truth):
-            result = so_far
-            localiser.update(robot.odom, scan_of(robot))
-            seen = localiser.map_from_odom.compose(robot.odom)
-            errors.append(math.hypot(seen.x - robot.truth.x, seen.y - robot.truth.y))
-        drives.append(result)
-    detail = f"{tours} tours, odometry with alphas {ALPHAS[0]:g}, each tick"
-    yield NavFigure("AMCL error, median", float(np.median(errors)), "m", 0.12, detail)
-    yield NavFigure("AMCL error, 95 %", float(np.percentile(errors, 95)), "m", 0.30, f"max {max(errors):.2f}")
-    yield NavFigure("tours with the true pose: goals reached", sum(d.reached for d in drives) / tours, "share", 1.0)
-    yield NavFigure("tours with the true pose: ticks in contact", sum(d.contacts for d in drives), "", 0.0)
-
-
 def _anywhere(world: World, tours: int, progress: Progress) -> Iterator[NavFigure]:
     grid = find_map(world, COARSE)
     costmap = costmap_of(grid, outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
@@ -161,11 +137,10 @@ def _anywhere(world: World, tours: int, progress: Progress) -> Iterator[NavFigur
     times: list[float] = []
     for number, start in enumerate(starts, 1):
         progress("global", number, len(starts))
-        engine = make_engine(world, start, Options(odom_alphas=ALPHAS), number)
         localiser = Amcl(grid, seed=number)
         localiser.localize_globally()
         since, seconds = math.inf, world.interval / 1e9
-        for tick, robot in enumerate(wander(engine, _LOST_FOR, number)):
+        for tick, robot in enumerate(wander(world, start, _LOST_FOR, number)):
             localiser.update(robot.odom, scan_of(robot))
             seen = localiser.map_from_odom.compose(robot.odom)
             near = math.hypot(seen.x - robot.truth.x, seen.y - robot.truth.y) <= _FOUND
@@ -180,6 +155,15 @@ ROWS: dict[str, Callable[[World, int, Progress], Iterator[NavFigure]]] = {
     "plan": _plan,
     "costmap": _costmap,
     "amcl": _amcl,
-    "tours": _tours,
     "global": _anywhere,
 }
+
+
+def format_navigation(rows: Sequence[NavFigure]) -> str:
+    """One row a figure."""
+    header = ["figure", "measured", "required", "remark"]
+    cells = [
+        [row.what, f"{figure(row.value)} {row.unit}".strip(), "-" if row.must is None else f"{row.must:g}", row.detail]
+        for row in rows
+    ]
+    return format_table(header, cells)

@@ -1,18 +1,15 @@
-"""Plain A* on MovingAI's benchmarks (movingai.com, N. Sturtevant 2012): its lengths against the optimal ones."""
+"""Reads MovingAI's benchmarks (movingai.com, N. Sturtevant 2012): grids, and problems with their optimal lengths."""
 
 import lzma
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.navigation.ways import length_of, plain_field
 from zteam.errors import UsageError
 
 _FREE = ".GS"
 """Terrain that can be entered from open ground."""
-_TOLERANCE = 1e-4
 
 
 def read_cells(path: Path) -> NDArray[np.bool_]:
@@ -35,19 +32,3 @@ def _read(path: Path) -> str:
         return path.read_text()
     with lzma.open(path, "rt") as file:
         return file.read()
-
-
-def measure_scenarios(folder: Path) -> Iterator[tuple[str, float, str]]:
-    """Of each scenario in a folder: name, share of its lines with the optimal length, and a remark."""
-    paths = sorted([*folder.glob("*.scen"), *folder.glob("*.scen.xz")])
-    if not paths:
-        raise UsageError(f"{folder} has no scenarios (*.scen or *.scen.xz)")
-    for path in paths:
-        free = read_cells(path.with_name(path.name.replace(".scen", "")))
-        field = plain_field(free)
-        errors = []
-        for start, goal, best in read_problems(path):
-            way = field.find_way(start, goal)
-            errors.append(abs(length_of(way) - best) / max(best, 1.0) if way is not None else np.inf)
-        share = float(np.mean(np.array(errors) <= _TOLERANCE))
-        yield path.name.partition(".")[0], share, f"{len(errors)} lines, largest difference {max(errors):.0e}"

@@ -1,26 +1,47 @@
 """A world as navigation sees it, and ways through it that depend on a seed alone."""
 
 import math
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from zteam.clock import NS_PER_S
 from zteam.counter_random import uniform
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, Velocity
-from zteam.messages import Twist, Vector3
+from zteam.geometry import Pose2
+from zteam.messages import Twist
 from zteam.navigation.planning.costmap import Costmap, CostmapOptions, Footprint, make_costmap, make_footprint
 from zteam.navigation.planning.grid import GridMap, make_map
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError, Plan
 from zteam.navigation.planning.scans import Scan
+from zteam.robot.behaviors.wander import Wander, WanderParams
+from zteam.robot.view import View
+from zteam.sim import Engine, Options
 from zteam.simulator.core.observation import RobotObservation
 from zteam.simulator.core.occupancy_grid import map_message
+from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import base_info
 from zteam.world import Ranger, Robot, World, add_robot
 
 BEAMS, FOV, RANGE = 1081, math.radians(270.25), 30.0
+ALPHAS = (0.2, 0.2, 0.2, 0.2)
 _ATTEMPTS = 100_000
+
+
+class NavFigure(msgspec.Struct):
+    """One figure of the study `nav`."""
+
+    what: str
+    value: float
+    unit: str
+    must: float | None = None
+    """At most this; for shares, at least."""
+    detail: str = ""
+
+
+Progress = Callable[[str, int, int], None]
 
 
 class Way(NamedTuple):
@@ -60,11 +81,6 @@ def scan_of(robot: RobotObservation) -> Scan:
     )  # fmt: skip
 
 
-def twist_of(velocity: Velocity) -> Twist:
-    """The command as a message."""
-    return Twist(Vector3(velocity.x, velocity.y), Vector3(0.0, 0.0, velocity.turn))
-
-
 def costmap_of(grid: GridMap, footprint: Footprint) -> Costmap:
     """A costmap with the inflation of the lectures."""
     return make_costmap(grid, footprint, CostmapOptions(inflation_radius=0.55, cost_scaling_factor=10.0))
@@ -96,3 +112,23 @@ def find_ways(costmap: Costmap, count: int, least: float, most: float = math.inf
 def find_starts(costmap: Costmap, count: int, *, seed: int = 1) -> list[Pose2]:
     """`count` free poses from which at least 15 m of way can be driven."""
     return [way.start for way in find_ways(costmap, count, 15.0, seed=seed)]
+
+
+def wander(world: World, start: Pose2, seconds: float, seed: int) -> Iterator[RobotObservation]:
+    """A robot whose odometry errs by ALPHAS wanders from `start` in the simulator's core: each tick's observation."""
+    engine = Engine(world, seed=seed, robots={0: make_robot(world, start)}, options=Options(odom_alphas=ALPHAS))
+    behavior, command, before = Wander(WanderParams()), Twist(), 0
+    for _ in range(int(seconds * NS_PER_S / world.interval)):
+        seen = engine.step({0: command})
+        yield seen.robots[0]
+        view = View(
+            now=seen.stamp,
+            dt=(seen.stamp - before) / NS_PER_S if before else 0.0,
+            robot_id=0,
+            scan=scan_message(seen, 0, 0),
+            odom=odometry_message(seen, 0),
+            lookup=lambda _target, _source: None,
+            team=(0,),
+            seed=seed,
+        )
+        command, before = behavior.step(view) or Twist(), seen.stamp

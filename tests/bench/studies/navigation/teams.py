@@ -1,171 +1,177 @@
-"""`zteam-nav` in whole teams, each in this process: tours of one robot, and a crowd with goals at random."""
+"""Rows of the study `nav` with whole teams: tours of one robot, a crowd, and what navigation costs."""
 
 import math
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
-from studies.navigation.scene import BEAMS
+from studies.navigation.scene import BEAMS, NavFigure, Progress, costmap_of, find_map, find_ways, make_robot, outline_of
 from zteam import names
 from zteam.cli.bench_team import run_processes, write_world
+from zteam.clock import NS_PER_S
 from zteam.counter_random import uniform
-from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.messages import (
-    Bool,
-    Header,
-    NavigationState,
-    NavigationStatus,
-    Odometry,
-    Point,
-    Pose,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    Quaternion,
-    ns_from_time,
-)
+from zteam.geometry import Pose2
+from zteam.messages import Odometry, Point, PoseWithCovarianceStamped, ns_from_time
+from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.node.node import Node
 from zteam.team.run.report import RunReport
 from zteam.team.run.run_team import run_team
+from zteam.world import World
 
-_ENDS = (NavigationState.SUCCEEDED, NavigationState.ABORTED)
-_START = 2.0
-"""Simulated seconds after which the first goals are sent."""
+_CELL = 0.05
+"""Metres of a cell of the map in which goals are sought."""
+_SLOWEST, _SPARE = 0.3, 100.0
+"""A tour of d metres lasts d / _SLOWEST + _SPARE simulated seconds at most: the robots' greatest speed is 0.5 m/s."""
+_PLACES = 40
+_APART = 2.0
+"""Metres between two robots at the start, at least."""
+_CROWD, _CROWD_SECONDS = 8, 600.0
+_ROBOT_SECONDS = 120.0
+_FLEET, _FLEET_SECONDS = 20, 30.0
 
+_START = 2 * NS_PER_S
+"""Simulated time after which the first goals are sent."""
 
-class Goals(msgspec.Struct):
-    """How the goals of one robot went."""
-
-    robot: int
-    reached: int = 0
-    aborted: list[str] = []
-    """Reasons."""
-    recoveries: int = 0
-    contacts: int = 0
-    """How often it began to touch something that blocked it."""
-    errors_m: list[float] = []
-    """Metres from each pose that the localiser told to the true one."""
-
-
-class TeamFigures(msgspec.Struct):
-    """A run."""
-
-    robots: list[Goals]
-    distance_m: float
-    tick_ms: float
-    """Mean milliseconds of the navigation process a tick and robot."""
-    rtf: float | None
+Goals = Mapping[int, Sequence[Pose2]]
+"""By robot, one after the other."""
 
 
-class Sender:
-    """A node that gives each robot its next goal when it has reached or given up the last one."""
+class _Drive:
+    """A run in this process, and how the goals of all its robots went."""
 
-    def __init__(self, node: Node, goals: Mapping[int, Sequence[Pose2]], found: dict[int, Goals]) -> None:
-        self._goals, self._found = goals, found
-        self._next = dict.fromkeys(goals, 0)
-        self._busy = dict.fromkeys(goals, False)
-        self._truths: dict[tuple[int, int], Point] = {}
-        self._stalled = dict.fromkeys(goals, False)
-        self._publishers = {i: node.publisher(names.robot_key(i, names.GOAL_POSE), PoseStamped) for i in goals}
-        node.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_status)
-        node.subscribe(names.all_robots_key(names.STALL), Bool, self._on_stall)
+    def __init__(
+        self, world: Path, starts: Mapping[int, Pose2], goals: Goals, seconds: float, localizer: str, seed: int = 1
+    ) -> None:
+        self.reached = self.recoveries = 0
+        self.given_up: list[str] = []
+        """Why, for each goal."""
+        self.errors: list[float] = []
+        """Metres from each pose that a localiser reported to the true one."""
+        self._goals, self._truths = goals, dict[tuple[str, int], Point]()
+        with tempfile.TemporaryDirectory() as folder:
+            path = _write_team(Path(folder), world, starts, localizer)
+            self.report = run_team(path, seconds=seconds, seed=seed, nodes={"goals": self._send_goals})
+        self.contacts = sum(robot.stalls for robot in self.report.robots)
+        self.distance = sum(robot.distance_m for robot in self.report.robots)
+
+    def _send_goals(self, node: Node) -> None:
+        clients = {i: NavigationClient(node, i, node.clock.now) for i in self._goals}
+        left = {i: iter(poses) for i, poses in self._goals.items()}
+        watches: dict[int, GoalWatch] = {}
         node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth, every_tick=True)
         node.subscribe(names.all_robots_key(names.AMCL_POSE), PoseWithCovarianceStamped, self._on_pose)
 
-    def _on_status(self, key: str, status: NavigationStatus) -> None:
-        robot_id = _id_of(key)
-        if robot_id in self._goals and self._busy[robot_id] and status.state in _ENDS:
-            if status.goal != self._message(robot_id, self._next[robot_id] - 1):
-                return
-            self._busy[robot_id] = False
-            found = self._found[robot_id]
-            found.recoveries += status.recoveries
-            if status.state == NavigationState.SUCCEEDED:
-                found.reached += 1
-            else:
-                found.aborted.append(status.text)
+        def step(now: int) -> None:
+            self._truths = {key: place for key, place in self._truths.items() if key[1] >= now - NS_PER_S}
+            for robot_id, client in clients.items() if now >= _START else ():
+                client.look()
+                watch = watches.get(robot_id)
+                if watch is not None and not watch.ended:
+                    continue
+                if watch is not None:
+                    self._take_end(robot_id, watches.pop(robot_id))
+                if (pose := next(left[robot_id], None)) is not None:
+                    watches[robot_id] = client.send(goal_message(pose))
 
-    def _on_stall(self, key: str, stall: Bool) -> None:
-        robot_id = _id_of(key)
-        if robot_id in self._goals:
-            self._found[robot_id].contacts += stall.data and not self._stalled[robot_id]
-            self._stalled[robot_id] = stall.data
+        node.run(step)
+
+    def _take_end(self, robot_id: int, watch: GoalWatch) -> None:
+        self.recoveries += watch.status.recoveries if watch.status is not None else 0
+        if watch.result == TaskResult.SUCCEEDED:
+            self.reached += 1
+        else:
+            self.given_up.append(f"robot {robot_id}: {watch.text}")
 
     def _on_truth(self, key: str, truth: Odometry) -> None:
-        self._truths[_id_of(key), ns_from_time(truth.header.stamp)] = truth.pose.pose.position
+        self._truths[key.partition("/")[0], ns_from_time(truth.header.stamp)] = truth.pose.pose.position
 
     def _on_pose(self, key: str, told: PoseWithCovarianceStamped) -> None:
-        truth = self._truths.get((_id_of(key), ns_from_time(told.header.stamp)))
+        truth = self._truths.get((key.partition("/")[0], ns_from_time(told.header.stamp)))
         if truth is not None:
             place = told.pose.pose.position
-            self._found[_id_of(key)].errors_m.append(math.hypot(place.x - truth.x, place.y - truth.y))
-
-    def _message(self, robot_id: int, number: int) -> PoseStamped:
-        pose = self._goals[robot_id][number]
-        turn = Quaternion(*quaternion_from_yaw(pose.yaw))
-        return PoseStamped(Header(frame_id=names.MAP_FRAME), Pose(Point(pose.x, pose.y), turn))
-
-    def step(self, now: int) -> None:
-        """Send the goals that are due."""
-        if now < _START * 1e9:
-            return
-        self._truths = {key: place for key, place in self._truths.items() if key[1] >= now - 1_000_000_000}
-        for robot_id, goals in self._goals.items():
-            if not self._busy[robot_id] and self._next[robot_id] < len(goals):
-                self._publishers[robot_id].put(self._message(robot_id, self._next[robot_id]))
-                self._next[robot_id] += 1
-                self._busy[robot_id] = True
+            self.errors.append(math.hypot(place.x - truth.x, place.y - truth.y))
 
 
-def _id_of(key: str) -> int:
-    target = names.split_robot_key(key)
-    return -1 if target is None else target[0]
+def _tours(localizer: str, share: float) -> "TeamRow":
+    def measure(path: Path, world: World, tours: int, progress: Progress) -> Iterator[NavFigure]:
+        costmap = costmap_of(find_map(world, _CELL), outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
+        drives: list[_Drive] = []
+        for number, way in enumerate(find_ways(costmap, tours, 25.0, 60.0), 1):
+            progress(f"team-{localizer}", number, tours)
+            seconds = way.plan.length / _SLOWEST + _SPARE
+            drives.append(_Drive(path, {0: way.start}, {0: [way.goal]}, seconds, localizer, number))
+        what, reached = f"{tours} tours with {localizer}", sum(drive.reached for drive in drives)
+        yield NavFigure(f"{what}: goals reached", reached / tours, "share", share, _troubles(drives))
+        yield NavFigure(f"{what}: contacts", sum(drive.contacts for drive in drives), "", 0.0)
+        errors = [error for drive in drives for error in drive.errors]
+        if localizer == "amcl" and errors:
+            told = f"{len(errors)} poses told"
+            yield NavFigure(f"{what}: error, median", float(np.median(errors)), "m", 0.12, told)
+            detail = f"max {max(errors):.2f}"
+            yield NavFigure(f"{what}: error, 95 %", float(np.percentile(errors, 95)), "m", 0.30, detail)
+
+    return measure
 
 
-def drive(
-    world: Path,
-    starts: Mapping[int, Pose2],
-    goals: Mapping[int, Sequence[Pose2]],
-    seconds: float,
-    localizer: str,
-    *,
-    seed: int = 1,
-) -> TeamFigures:
-    """Robots that start there and drive to their goals, one after the other, for so many simulated seconds."""
-    found = {robot_id: Goals(robot_id) for robot_id in goals}
-
-    def sender(node: Node) -> None:
-        node.run(Sender(node, goals, found).step)
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_team(Path(folder), world, starts, localizer)
-        report = run_team(path, seconds=seconds, seed=seed, nodes={"goals": sender})
-    return TeamFigures(
-        robots=list(found.values()),
-        distance_m=sum(robot.distance_m for robot in report.robots),
-        tick_ms=report.rounds[names.navigation_name(min(goals))].act / len(goals),
-        rtf=report.real_time_factor,
-    )
+def _crowd(path: Path, world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    progress("crowd", 1, 1)
+    places = _find_places(world)
+    starts = dict(enumerate(_choose_apart(places, _CROWD)))
+    goals = {i: _draw_goals(places, 100, i) for i in starts}
+    found = _Drive(path, starts, goals, _CROWD_SECONDS, "fake")
+    what = f"{_CROWD} robots for {_CROWD_SECONDS:g} s"
+    yield NavFigure(f"{what}: contacts", found.contacts, "", 0.0)
+    yield NavFigure(f"{what}: goals reached", found.reached, "", None, f"{found.distance:.0f} m driven")
+    yield NavFigure(f"{what}: goals given up", len(found.given_up), "", None, _troubles([found]))
 
 
-def drive_in_processes(
-    world: Path, starts: Mapping[int, Pose2], goals: Mapping[int, Sequence[Pose2]], seconds: float, localizer: str
-) -> RunReport:
-    """The same with a process for each robot, one for the navigation of all of them, and `zteam goals`."""
+def _robot(path: Path, world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    progress("robot", 1, 1)
+    places = _find_places(world)
+    found = _Drive(path, {0: places[0]}, {0: _draw_goals(places[1:], 20, 0)}, _ROBOT_SECONDS, "amcl")
+    tick_ms = found.report.rounds[names.navigation_name(0)].act
+    detail = f"amcl, {found.distance:.0f} m in {_ROBOT_SECONDS:g} s at 10 Hz, 1081 beams"
+    yield NavFigure("one robot, mean of a tick", tick_ms, "ms", 5.0, detail)
+
+
+def _fleet(path: Path, world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    places = _find_places(world)
+    starts = _choose_apart(places, _FLEET)
+    for step, count in enumerate((1, _FLEET), 1):
+        progress("fleet", step, 2)
+        poses = dict(enumerate(starts[:count]))
+        report = _drive_in_processes(path, poses, {i: _draw_goals(places, 20, i) for i in poses})
+        name = names.navigation_name(0)
+        navigation = next(process for process in report.processes if process.name == name)
+        robots = "one robot" if count == 1 else f"{count} robots"
+        if count > 1:
+            act, driven = report.rounds[name].act, sum(robot.distance_m for robot in report.robots)
+            detail = f"lock-step, amcl; a tick of navigation {act:.1f} ms; {driven:.0f} m"
+            yield NavFigure(f"{robots}: x real time", report.real_time_factor or 0.0, "", 1.0, detail)
+        must = 250.0 if count == 1 else 500.0
+        detail = f"PSS {navigation.pss_mb:g} MB"
+        yield NavFigure(f"{robots}: memory of the navigation process", navigation.rss_mb, "MB", must, detail)
+
+
+def _drive_in_processes(world: Path, starts: Mapping[int, Pose2], goals: Goals) -> RunReport:
+    """With a process for each robot, one for the navigation of all of them, and `zteam goals`."""
     listed = [{"robot": i, "x": p.x, "y": p.y, "yaw": p.yaw} for i, places in goals.items() for p in places]
     with tempfile.TemporaryDirectory() as folder:
-        path = write_team(Path(folder), world, starts, localizer)
+        path = _write_team(Path(folder), world, starts, "amcl")
         file = path.with_name("goals.json")
         # JSON is YAML.
         file.write_bytes(msgspec.json.encode(listed))
         command = ["zteam", "goals", str(file)]
         with path.open("a", encoding="utf-8") as team:
             team.write(f'[[nodes]]\nname = "goals"\ncommand = {command}\nexpect = true\n')
-        return run_processes([str(path), "--lockstep", "--for", str(seconds)], Path(folder), world, seconds)
+        words = [str(path), "--lockstep", "--for", str(_FLEET_SECONDS)]
+        return run_processes(words, Path(folder), world, _FLEET_SECONDS)
 
 
-def write_team(folder: Path, world: Path, starts: Mapping[int, Pose2], localizer: str) -> Path:
+def _write_team(folder: Path, world: Path, starts: Mapping[int, Pose2], localizer: str) -> Path:
     """A team file in `folder`: robots with the lectures' laser there, whose odometry errs by alphas of 0.2."""
     write_world(world, BEAMS, folder / "bench.world")
     lines = ["[team]", 'world = "bench.world"', "world_robots = false", "[simulation]"]
@@ -178,7 +184,37 @@ def write_team(folder: Path, world: Path, starts: Mapping[int, Pose2], localizer
     return path
 
 
-def draw_goals(places: Sequence[Pose2], count: int, seed: int, robot_id: int) -> list[Pose2]:
-    """`count` of these places in an order that the seed gives, with any heading."""
-    chosen: Iterable[int] = (int(uniform(seed, robot_id, k) * len(places)) for k in range(count))
-    return [places[i]._replace(yaw=math.tau * uniform(seed, robot_id, k, 1) - math.pi) for k, i in enumerate(chosen)]
+def _find_places(world: World) -> list[Pose2]:
+    costmap = costmap_of(find_map(world, _CELL), outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
+    return [pose for way in find_ways(costmap, _PLACES // 2, 15.0) for pose in (way.start, way.goal)]
+
+
+def _choose_apart(places: Sequence[Pose2], count: int) -> list[Pose2]:
+    """The first `count` places that are _APART from those before."""
+    chosen: list[Pose2] = []
+    for place in places:
+        if len(chosen) < count and all(math.dist(place[:2], other[:2]) >= _APART for other in chosen):
+            chosen.append(place)
+    return chosen
+
+
+def _draw_goals(places: Sequence[Pose2], count: int, robot_id: int) -> list[Pose2]:
+    """`count` of these places in a drawn order, with any heading."""
+    chosen: Iterable[int] = (int(uniform(1, robot_id, k) * len(places)) for k in range(count))
+    return [places[i]._replace(yaw=math.tau * uniform(1, robot_id, k, 1) - math.pi) for k, i in enumerate(chosen)]
+
+
+def _troubles(drives: Sequence[_Drive]) -> str:
+    """How often robots recovered, and why they gave up, each reason once."""
+    recoveries = f"{sum(drive.recoveries for drive in drives)} recoveries"
+    return "; ".join(dict.fromkeys([recoveries, *(text for drive in drives for text in drive.given_up)]))
+
+
+TeamRow = Callable[[Path, World, int, Progress], Iterator[NavFigure]]
+TEAM_ROWS: dict[str, TeamRow] = {
+    "team-fake": _tours("fake", 1.0),
+    "team-amcl": _tours("amcl", 29 / 30),
+    "crowd": _crowd,
+    "robot": _robot,
+    "fleet": _fleet,
+}

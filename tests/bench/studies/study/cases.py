@@ -59,7 +59,7 @@ CASES = {
     "amcl": Case("each robot believes amcl", every={"navigation": {"localizer": "amcl"}}),
     "noise": Case(
         "odometry errs by alphas of 0.2 under amcl; each follower misses 5 % of poses and statuses of others",
-        follower="studies.study.losses:LossyFollow",
+        follower="studies.behaviors:LossyFollow",
         # With Nav2's 60 beams and weights the particles of such a robot lie up to 5 m apart.
         every={"navigation": {"localizer": "amcl", "amcl": {"max_beams": 180, "z_hit": 0.95, "z_rand": 0.05}}},
         simulation={"odom_alphas": [0.2, 0.2, 0.2, 0.2]},

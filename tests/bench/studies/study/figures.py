@@ -1,26 +1,18 @@
-"""Many runs of a study: some processes at a time, results in a file, and what they say together."""
+"""Many runs of the study `lines`: results in a file, and what they say together, real time beside lock-step."""
 
-import os
-import subprocess
-import sys
-import threading
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import as_completed
+from contextlib import ExitStack
 from pathlib import Path
-from subprocess import DEVNULL, PIPE
+from statistics import median
 from typing import BinaryIO
 
 import msgspec
 
-from studies.study.agreement import disagreements
-from studies.study.one_run import Outcome, Row, Task
+from studies.launching import children
+from studies.study.one_run import Outcome, Row, Task, measure
+from zteam.cli.tables import format_table
 from zteam.errors import UsageError
-from zteam.team.launch.process import exit_text
-
-Key = bytes
-"""A task as JSON."""
-COMMAND = [sys.executable, "-P", "-m", "studies.study.one_run"]
 
 
 class Bounds(msgspec.Struct, frozen=True):
@@ -55,45 +47,42 @@ class CaseFigures(msgspec.Struct):
     """Of runs in real time: the same in lock-step."""
 
 
-def read_results(path: Path) -> dict[Key, Row]:
-    """The rows of a file by their tasks; a last line that was cut off is no row. Raises UsageError for another file."""
+def read_results(path: Path) -> dict[bytes, Row]:
+    """The rows of a file by their tasks as JSON, without a last line that was cut off. Raises UsageError."""
     found = {}
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1] if path.exists() else (), 1):
         try:
             row = msgspec.json.decode(line, type=Row)
         except msgspec.DecodeError as error:
             raise UsageError(f"--results {path}: line {number} is no result of a study: {error}") from None
-        found[_key(row.task)] = row
+        found[msgspec.json.encode(row.task)] = row
     return found
 
 
 def run_study(
-    tasks: Sequence[Task],
-    results: Path | None,
-    jobs: int | None = None,
-    progress: Callable[[Task | None, int, int], None] = lambda task, done, total: None,
-) -> list[Row]:
+    tasks: Sequence[Task], results: Path | None, jobs: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Row]:  # fmt: skip
     """Run the tasks that `results` does not have yet, `jobs` at a time (None: one a core); the rows of all of them.
 
-    Each row is written as soon as it is there. `progress(task, done, total)` is called after each run, and with None
-    at first. Raises UsageError for a file of another kind, OSError if it cannot be read or written.
+    Each row is written as soon as it is there. Raises UsageError for a file of another kind, OSError if it cannot be
+    read or written.
     """
     known = read_results(results) if results is not None else {}
-    due = [task for task in tasks if _key(task) not in known]
-    done = len(tasks) - len(due)
-    progress(None, done, len(tasks))
+    keys = [msgspec.json.encode(task) for task in tasks]
+    due = [task for task, key in zip(tasks, keys, strict=True) if key not in known]
+    progress(len(tasks) - len(due), len(tasks))
     with ExitStack() as stack:
         file = stack.enter_context(_open_to_append(results)) if results is not None and due else None
-        for row in stack.enter_context(closing(_run_all(due, jobs or os.cpu_count() or 1))):
-            known[_key(row.task)], done = row, done + 1
+        pool = stack.enter_context(children(jobs))
+        futures = {pool.submit(measure, task): task for task in due}
+        for done, future in enumerate(as_completed(futures), 1 + len(tasks) - len(due)):
+            row = Row(futures[future], future.result())
+            known[msgspec.json.encode(row.task)] = row
             if file is not None:
                 file.write(msgspec.json.encode(row) + b"\n")
-            progress(row.task, done, len(tasks))
-    return [known[_key(task)] for task in tasks]
-
-
-def _key(task: Task) -> Key:
-    return msgspec.json.encode(task)
+            progress(done, len(tasks))
+    return [known[key] for key in keys]
 
 
 def _open_to_append(path: Path) -> BinaryIO:
@@ -103,43 +92,67 @@ def _open_to_append(path: Path) -> BinaryIO:
     return file
 
 
-def _run_all(tasks: Sequence[Task], jobs: int) -> Generator[Row, None, None]:
-    """Rows in the order in which they come; what still runs is ended when the iterator is closed."""
-    children: set[subprocess.Popen[bytes]] = set()
-    lock, is_over = threading.Lock(), threading.Event()
-
-    def run(task: Task) -> Row:
-        with lock:
-            if is_over.is_set():
-                return Row(task, Outcome(error="stopped"))
-            # In a session of its own: Ctrl+C in the terminal is for this process.
-            child = subprocess.Popen(COMMAND, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, start_new_session=True)
-            children.add(child)
-        # It ends with this process: its input stays open until it has answered.
-        with child:
-            assert child.stdin is not None and child.stdout is not None
-            child.stdin.write(msgspec.json.encode(task) + b"\n")
-            child.stdin.flush()
-            out = child.stdout.read()
-        with lock:
-            children.remove(child)
-        if child.returncode == 0:
-            return Row(task, msgspec.json.decode(out, type=Outcome))
-        return Row(task, Outcome(error=exit_text(child.returncode)))
-
-    with ThreadPoolExecutor(jobs) as pool:
-        futures = [pool.submit(run, task) for task in tasks]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            with lock:
-                is_over.set()
-                for child in children:
-                    child.terminate()
+APART, APART_OF = 0.1, {"navigation": 0.2}
+"""Share of its way in lock-step by which the way of a robot may differ, and of a distance that of two robots. By case:
+of the way where goals come from a list. A robot that is a moment later drives to another one in the end."""
+MORE_STOPS = 2
+"""Safety stops in real time beyond those in lock-step, of all robots together."""
+LONGER = 3.0
+"""Seconds by which the longest stand of a robot may be longer than that of any robot in lock-step."""
 
 
-def summarize(rows: Sequence[Row], bounds: Bounds, lockstep: Sequence[Row] = ()) -> CaseFigures:
+class Medians(msgspec.Struct, frozen=True):
+    """Of some runs of a case."""
+
+    driven: dict[int, float]
+    """Metres, by robot."""
+    gaps: dict[int, float]
+    """As `Outcome.gaps`."""
+    safety_stops: float
+    stand: float
+    """Longest of any robot, seconds."""
+
+
+def medians_of(runs: Sequence[Outcome]) -> Medians:
+    """The medians of at least one run."""
+    return Medians(
+        _by_robot(dict(enumerate(run.driven)) for run in runs),
+        _by_robot(run.gaps for run in runs),
+        median(run.safety_stops for run in runs),
+        median(max(run.stands) for run in runs),
+    )
+
+
+def _by_robot(rows: Iterable[Mapping[int, float]]) -> dict[int, float]:
+    by_robot: dict[int, list[float]] = {}
+    for row in rows:
+        for robot, value in row.items():
+            by_robot.setdefault(robot, []).append(value)
+    return {robot: median(values) for robot, values in sorted(by_robot.items())}
+
+
+def disagreements(what: str, real: Sequence[Outcome], lockstep: Sequence[Outcome]) -> list[str]:
+    """How the medians of at least one run of a case in real time differ too much from lock-step, a line each."""
+    here, there = medians_of(real), medians_of(lockstep)
+    missed = [
+        f"robot {robot}: {name} {metres:.2f} m, in lock-step {beside[robot]:.2f} m: more than {100 * share:g} % apart"
+        for name, found, beside, share in (
+            ("driven", here.driven, there.driven, APART_OF.get(what, APART)),
+            ("gap", here.gaps, there.gaps, APART),
+        )
+        for robot, metres in found.items()
+        if robot in beside and abs(metres - beside[robot]) > share * beside[robot]
+    ]
+    if here.safety_stops > there.safety_stops + MORE_STOPS:
+        missed.append(f"safety stops {here.safety_stops:g}, in lock-step {there.safety_stops:g}: more than 2 more")
+    if here.stand > there.stand + LONGER:
+        missed.append(f"a robot stood {here.stand:g} s, in lock-step {there.stand:g} s: more than 3 s longer")
+    if contacts := max(run.contacts for run in real):
+        missed.append(f"contacts {contacts} in one run, at most 0")
+    return missed
+
+
+def summarize(rows: Sequence[Row], lockstep: Sequence[Row], bounds: Bounds) -> CaseFigures:
     """The figures of the runs of one case, at least one, and what of the bounds they miss.
 
     `lockstep` are the same runs in lock-step, beside which runs in real time are judged.
@@ -168,3 +181,51 @@ def summarize(rows: Sequence[Row], bounds: Bounds, lockstep: Sequence[Row] = ())
         first.what, first.seconds, list(rows), len(rows) - len(good), contacts, worst[0] if worst else None, longest[0],
         share, missed, list(lockstep),
     )  # fmt: skip
+
+
+_LEGEND = [
+    "failed, contacts: of all runs. held: share of the time within 3 m of the robot that it follows, worst follower.",
+    "still: longest time in which no robot moved. share: the head's way / (its speed x the time), mean of the runs.",
+]
+_BESIDE_LEGEND = [
+    "medians of the runs: driven, by robot; gaps of robots that follow each other in the last third of the time;",
+    "safety stops of all robots; the longest stand of a robot. late: steps that came late, in the worst run.",
+]
+
+
+def format_study(cases: Sequence[CaseFigures]) -> str:
+    """One row a case, then what was missed."""
+    header = ["case", "runs", "s", "failed", "contacts", "held", "still, s", "share"]
+    cells = [
+        [
+            case.what,
+            f"{len(case.runs)}",
+            f"{case.seconds:g}",
+            f"{case.errors}",
+            f"{case.contacts}",
+            "-" if case.held is None else f"{case.held:.3f}",
+            f"{case.still:.1f}",
+            "-" if case.share is None else f"{case.share:.2f}",
+        ]
+        for case in cases
+    ]
+    missed = [f"{case.what}: MISSED: {text}" for case in cases for text in case.missed]
+    beside = _beside_lockstep([case for case in cases if case.lockstep])
+    return "\n".join([format_table(header, cells, numbers_from=1), *_LEGEND, *beside, *missed])
+
+
+def _beside_lockstep(cases: Sequence[CaseFigures]) -> list[str]:
+    """Two rows a case, real time and lock-step, with the medians that are compared; nothing without a case."""
+    cells = []
+    for case in cases:
+        for pace, rows in (("real time", case.runs), ("lock-step", case.lockstep)):
+            runs = [row.outcome for row in rows if not row.outcome.error]
+            if not runs:
+                continue
+            found = medians_of(runs)
+            driven = " ".join(f"{metres:.1f}" for metres in found.driven.values())
+            gaps = " ".join(f"{metres:.2f}" for metres in found.gaps.values()) or "-"
+            late = f"{100 * max(run.late for run in runs):.1f}"
+            cells.append([case.what, pace, driven, gaps, f"{found.safety_stops:g}", f"{found.stand:.1f}", late])
+    header = ["case", "in", "driven, m", "gaps, m", "safety stops", "stood, s", "late, %"]
+    return ["", format_table(header, cells, numbers_from=2), *_BESIDE_LEGEND] if cells else []

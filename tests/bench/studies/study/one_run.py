@@ -1,11 +1,8 @@
-"""One run of a study: `python -m studies.study.one_run`, with a Task as the line of its input."""
+"""One run of the study `lines`: a team, and what the true poses of its robots say."""
 
-import logging
 import math
-import os
 import sys
 import tempfile
-import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -15,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.chains.recorder import NAME, Moment, Recorder, make_tracks
+from studies.launching import run_processes
 from studies.on_time import late_share, run_on_time
-from studies.processes import run_processes
 from studies.study.cases import CASES
 from studies.study.driver import TELEOP, Driver
 from zteam.clock import to_ns
@@ -179,19 +176,3 @@ def longest_stand(places: NDArray[np.float64]) -> int:
         still = 0 if moved.any() else still + 1
         longest = max(longest, still)
     return longest
-
-
-def _end_with_input() -> None:
-    # Not through `sys.stdin`: its lock would be held when the interpreter ends.
-    while os.read(0, 1):
-        pass
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    # A run's warnings, by the thousand, are no part of a study.
-    logging.getLogger("zteam").setLevel(logging.ERROR)
-    given = msgspec.json.decode(sys.stdin.buffer.readline(), type=Task)
-    # Its input ends with the process that asked for it.
-    threading.Thread(target=_end_with_input, daemon=True).start()
-    sys.stdout.write(msgspec.json.encode(measure(given)).decode())

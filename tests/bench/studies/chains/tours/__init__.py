@@ -1,4 +1,4 @@
-"""The tours that robots drive in the study `robots`: waypoints that were planned once (`navigation/planning.py`)."""
+"""The tours that robots drive in the study `robots`: waypoints that were planned once."""
 
 import math
 from itertools import accumulate, pairwise
