@@ -5,7 +5,7 @@ from unittest.mock import patch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.start_protocols import ZteamTeam
+from support.starting_team import ZteamTeam
 from zteam.bus import presence
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode
 from zteam.monitor.process.start_gate import Gate
@@ -66,7 +66,8 @@ ACCIDENTS = st.lists(
 
 @given(accidents=ACCIDENTS)
 def test_in_the_end_all_drive(accidents: list[tuple[str, int]]) -> None:
-    """Whatever was started, killed and lost before: when all robots and a monitor live and are heard, all drive."""
+    """Whatever was started, killed and lost before, also a second process of a robot or the monitor before or after GO:
+    when all robots and a monitor live and are heard, all drive, each once."""
     with patch.object(presence, "CLAIM_WAIT", 0.0):
         team, alive, monitored = ZteamTeam(range(4)), set[int](), False
         for what, robot_id in accidents:

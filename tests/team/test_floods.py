@@ -1,4 +1,4 @@
-"""Sessions of strangers that flood the bus: the team drives on, grows no memory, and `zteam doctor` names them."""
+"""Sessions of strangers that flood the bus: the team drives on, grows no memory, and `zteam doctor` lists them."""
 
 import json
 import os
@@ -208,18 +208,17 @@ def test_robots_drive_beside_a_flood(team: TeamFixture) -> None:
     assert max(grown.values()) < MOST_GROWTH, grown
 
 
-def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
-    """The key, the rate, and of the session its id and its process; without the flood it has nothing to say."""
+def test_the_doctor_lists_who_floods(team: TeamFixture) -> None:
+    """Of the session its id and its process; without the flood it has nothing to say."""
     team.start("office", robots=1)
     team.wait_for_go()
     with flood(team, partial(send_on, names.TF, GARBAGE)) as session:
         found = json.loads(team.command("doctor", "--json").stdout)
-    assert any(each["what"] == "load" and "messages a second" in each["text"] for each in found), found
     named = next(each["text"] for each in found if each["what"] == "sessions")
     assert session in named
     assert f"process {os.getpid()} " in named
     quiet = json.loads(team.command("doctor", "--json").stdout)
-    assert not [each for each in quiet if each["what"] in ("load", "sessions")], quiet
+    assert not [each for each in quiet if each["what"] == "sessions"], quiet
 
 
 TOKENS = 3000

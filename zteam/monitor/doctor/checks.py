@@ -11,7 +11,7 @@ from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.messages.topics import has_one_writer, is_sensed
-from zteam.monitor.doctor.facts import Facts, Finding, Load, UnusableMessages, note, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, UnusableMessages, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
 from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.node import kinds
@@ -395,33 +395,6 @@ def _of_history(rows: list[tuple[str, str, KeyCount]]) -> Finding:
     return note("refusals", f"none within {HISTORY_AFTER:g} s; before: {'; '.join(shown)}{more}")
 
 
-_MOST_ON_A_KEY = 500.0
-"""Messages a host second on one key; more need ticks that come as fast."""
-_MOST_IN_ALL = 3000.0
-"""Messages a host second that a sender that is no process of the team sends on all keys."""
-_MOST_BYTES = 20e6
-"""Bytes a host second of such a sender."""
-_PER_TICK = 5.0
-"""Messages that a process sends on one key in a tick, at most."""
-
-
-def is_flood(load: Load, tick_rate: float) -> bool:
-    """Whether a sender sends more than any process of a team needs to, with so many ticks in a host second."""
-    if load.rate > max(_MOST_ON_A_KEY, _PER_TICK * tick_rate):
-        return True
-    return not load.known and (load.total_rate > _MOST_IN_ALL or load.bytes_rate > _MOST_BYTES)
-
-
-def check_floods(facts: Facts) -> Iterator[Finding]:
-    """Senders that flood the bus. The team bears it, but its messages come later."""
-    for load in facts.loads:
-        if is_flood(load, facts.tick_rate):
-            more = f" and {counted(load.keys - 1, 'other key')}" if load.keys > 1 else ""
-            text = f"{load.writer} floods {load.key}{more}: {load.total_rate:.0f} messages a second"
-            text += f", {load.bytes_rate / 1e6:.1f} MB/s"
-            yield problem("load", text, f"end or mend {load.writer}{'' if load.known else ': see the sessions'}")
-
-
 def check_strangers(facts: Facts) -> Iterator[Finding]:
     """Sessions that are none of zteam's. What the router drops of them, such as large messages, shows nowhere else."""
     if facts.strangers:
@@ -450,7 +423,6 @@ def check_clocks(facts: Facts) -> Iterator[Finding]:
 
 _CHECKS = (
     check_processes,
-    check_floods,
     check_strangers,
     check_clocks,
     check_world,
