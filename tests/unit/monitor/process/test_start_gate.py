@@ -118,7 +118,8 @@ LINES: dict[str, tuple[list[int] | int, list[Step], list[str]]] = {
         ["robot_0 ready (1 of 1)", GO, *RESTARTED],
     ),
     "also if its first status is that it runs": (
-        [0], [here(0), go, token(0, False), here(0, state=RUNNING, epoch=1)], ["robot_0 ready (1 of 1)", GO, *RESTARTED],
+        [0], [here(0), go, token(0, False), here(0, state=RUNNING, epoch=1)],
+        ["robot_0 ready (1 of 1)", GO, *RESTARTED],
     ),
     "a monitor that starts again adopts the go": ([0, 1], [here(0, 1, state=RUNNING, epoch=3), go], [RUNS]),
     "also where statuses come before tokens": (
