@@ -125,8 +125,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     ),
     "another namespace": (
         Facts(namespace="mine", elsewhere={"lab": ["sim", "robot_1"], "": ["tf"]}),
-        "problem namespace: no process is in the namespace 'mine'; there are processes outside of namespaces: tf; in "
-        "the namespace 'lab': robot_1, sim -> --namespace '' (and unset ZTEAM_NAMESPACE)",
+        (
+            "problem namespace: no process is in the namespace 'mine'; there are processes outside of namespaces: tf; "
+            "in the namespace 'lab': robot_1, sim -> --namespace '' (and unset ZTEAM_NAMESPACE)"
+        ),
     ),
     "a namespace of many": (
         Facts(elsewhere={"lab": [f"robot_{i}" for i in range(10)]}),
@@ -370,8 +372,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
                 "sim": {f"robot_{i}/cmd_vel": KeyCount(0, i + 1, 60.0 * 30.0 ** (i % 3), "broken") for i in range(8)}
             },
         ),
-        "note refusals: none within 60 s; before: robot_0/cmd_vel by sim (1 refused, 60 s ago: broken); robot_1/… "
-        "30 min ago: broken); robot_2/… 15 h ago: broken); robot_3/…; robot_4/… 30 min ago: broken), and 3 more",
+        (
+            "note refusals: none within 60 s; before: robot_0/cmd_vel by sim (1 refused, 60 s ago: broken); robot_1/… "
+            "30 min ago: broken); robot_2/… 15 h ago: broken); robot_3/…; robot_4/… 30 min ago: broken), and 3 more"
+        ),
     ),
     "navigation without a map": (
         team_facts(nodes=nodes(*ALL, "nav_1", "nav_0"), map=None),
@@ -379,8 +383,10 @@ FINDINGS: dict[str, tuple[Facts | str, ...]] = {
     ),
     "a map that is shifted": (
         team_facts(map=grid(-2.0, -4.0), map_writer="map_server", writers={**WRITERS, "map": ["map_server", "sim"]}),
-        "problem map: 'map' of map_server (newer than that of sim) differs from the world arena: origin (-2, -4) … "
-        "shifted by +3.00 m in x and +0.00 m in y -> the world's grid has origin [-5, -4, 0], resolution 0.05, …",
+        (
+            "problem map: 'map' of map_server (newer than that of sim) differs from the world arena: origin (-2, -4) … "
+            "shifted by +3.00 m in x and +0.00 m in y -> the world's grid has origin [-5, -4, 0], resolution 0.05, …"
+        ),
     ),
     "a map in another frame": (
         team_facts(map=msgspec.structs.replace(grid(-5.0, -4.0), header=Header(frame_id="odom"))),

@@ -76,7 +76,8 @@ LINES: dict[str, tuple[list[int] | int, list[Step], list[str]]] = {
         [FIRST, "robot_1 ready (2 of 2)", "robot_0 stopped", "robot_1 lost"],
     ),
     "a silent robot does not count until it answers": (
-        [0, 1], [here(0), silence(SILENT_AFTER), silence(3.5), silence(4.0), here(1, now=3.5), go, says(0, now=5.0), go],
+        [0, 1],
+        [here(0), silence(SILENT_AFTER), silence(3.5), silence(4.0), here(1, now=3.5), go, says(0, now=5.0), go],
         [FIRST, "robot_0 does not answer for 4 s", "robot_1 ready (1 of 2; waiting for robot_0)",
          "robot_0 answers again", "robot_0 ready (2 of 2)", GO],
     ),
