@@ -18,8 +18,6 @@ class Desk:
     def __init__(self, bus: Bus) -> None:
         self.node = ProcessNode(NAME, bus, Stop())
         self.acted: list[int] = []
-        self.asked: list[list[str]] = []
-        """The participants of each tick at which `ready` was called."""
         self.repeats = 0
         self.fed = 0
         self.needs_food = False
@@ -31,7 +29,6 @@ class Desk:
         self.node.subscribe(INPUT, Bool, self._on_input)
 
     def _ready(self, tick: Tick) -> bool:
-        self.asked.append(tick.participants)
         return not (self.needs_food and "cook" in tick.participants) or self.fed >= tick.tick
 
     def _act(self, tick: Tick) -> Twist | None:
