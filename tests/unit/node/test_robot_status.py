@@ -33,7 +33,7 @@ BOOT, READY, RUNNING = RobotState.BOOT, RobotState.READY, RobotState.RUNNING
 def test_a_robot_boots_is_ready_and_goes(
     gated: bool, steps: Sequence[tuple[list[str], int]], released: bool, state: int, epoch: int
 ) -> None:
-    """By what it lacks and the GO that holds: GO alone releases no robot that lacks something, and is never taken back."""
+    """By what it lacks and the GO that holds: GO alone releases no robot that lacks something, and it stays."""
     readiness = Readiness(gated=gated)
     assert (readiness.state, readiness.is_ready) == (BOOT, False)
     assert [readiness.take(*step) for step in steps][-1] == released
