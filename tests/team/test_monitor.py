@@ -19,7 +19,6 @@ def test_a_second_monitor_shows_the_team_of_the_first(team: TeamFixture) -> None
     team.wait_for_line(view, f"{x:.2f}")
     team.wait_for_line(view, "GO is out")
     assert team.wait_for_exit(team.spawn("zteam-monitor", "--team-size", "3", "--exit-on-go", name="late")) == 0
-    assert any("the running monitor's team has 2 robots, not 3" in line for line in team.lines("late"))
     team.kill(names.AGGREGATOR)
     for name in (view, names.MONITOR):
         team.wait_for_line(name, "the aggregator is gone: there are no new transforms")
