@@ -120,18 +120,14 @@ def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClo
     found: dict[str, HostClock] = {}
     hosts = {node.host: node.name for node in nodes if node.now}
     for host, name in [*hosts.items()][:_MOST_HOSTS]:
-        looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
-        if known := [clock for clock in looks if clock is not None]:
-            found[host] = min(known, key=lambda clock: clock.error)
+        for _ in range(_CLOCK_QUESTIONS):
+            begin, asked = wall_ns(), monotonic()
+            answers = find_processes(bus, name)
+            error = 0.5 * (monotonic() - asked)
+            times = [info.now for info in answers if info.host == host]
+            if times and (host not in found or error < found[host].error):
+                found[host] = HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4))
     return found
-
-
-def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
-    begin, asked = wall_ns(), monotonic()
-    answers = find_processes(bus, name)
-    error = 0.5 * (monotonic() - asked)
-    times = [info.now for info in answers if info.host == host]
-    return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
 def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:

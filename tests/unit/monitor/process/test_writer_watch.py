@@ -18,7 +18,6 @@ from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
 from zteam.node.process_node import ProcessNode
-from zteam.node.rivals import RECENT, Writers
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
 
@@ -44,18 +43,6 @@ def desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Desk:
     made = Desk(hub)
     monkeypatch.setattr(made.watch, "_ask_all", Every(0.0))
     return made
-
-
-def test_writers_are_forgotten() -> None:
-    """A session counts for a while after its last command; a robot has 64 at most, and those that are known stay so."""
-    writers = Writers[int]()
-    for number in range(1000):
-        writers.take(0, f"{number}", 10.0)
-    writers.take(1, "a", 12.0)
-    writers.take(0, "0", 12.0)
-    assert len(writers.recent(10.0 + RECENT)[0]) == 64
-    assert writers.recent(11.0 + RECENT) == {0: {"0"}, 1: {"a"}}
-    assert writers.recent(13.0 + RECENT) == {}
 
 
 def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk) -> None:
