@@ -1,12 +1,15 @@
 """What the monitor tells of lost robots, hung robots and a lost router."""
 
+import msgspec
 import pytest
 
 from support.monitor_desk import FLICKER, LOSS, RETURNED, Open, Robot
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import FREEZES
+from zteam.monitor.process import watch
 from zteam.monitor.process.members import SILENT_AFTER
+from zteam.simulator.client import SimStatus
 
 SCENARIOS: dict[str, tuple[list[str | float], list[tuple[str, int | None]]]] = {
     "a token that only flickers is no loss": (["gone 0", "gone 1", FLICKER, "back 0", LOSS], [("lost", 1)]),
@@ -119,3 +122,31 @@ def test_a_monitor_that_hears_nobody_accuses_no_robot(
     assert desk.told("silent") == []
     desk.pass_by(SILENT_AFTER * 1.1)
     assert desk.told("silent") == [("silent", 0)] * frozen
+
+
+@pytest.mark.parametrize(
+    ("changes", "note"),
+    [
+        ({}, ""),
+        ({"paused": True}, "time stands still: the simulator is paused"),
+        ({"paused": True, "finished": True}, "time stands still: the run is over"),
+        ({"lockstep": True, "waiting_for": "robot_3"}, "time stands still: lock-step waits for robot_3"),
+        (None, "the simulator does not answer"),
+    ],
+)
+def test_a_world_that_stands_still_is_noted(
+    hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch, changes: dict[str, object] | None, note: str
+) -> None:
+    """By what its simulator answers after GO, or does not. In lock-step a world may wait for a moment in every tick."""
+    monkeypatch.setattr(watch, "LOOK", 0.0)
+    desk, simulator = open_desk(0), hub.bus()
+    simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance))
+    if changes is not None:
+        status = msgspec.structs.replace(SimStatus("w", [0], 100, 1, 0, 7, 1.0), **changes)
+        simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    Robot(hub, 0).say()
+    desk.event("go")
+    assert not any("lock-step" in text for text in desk.monitor.watch.notes())
+    desk.pass_by(1.1 * SILENT_AFTER)
+    notes = desk.monitor.watch.notes()
+    assert note in notes if note else not any("time stands still" in text for text in notes)
