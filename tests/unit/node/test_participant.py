@@ -1,23 +1,80 @@
 """A participant and a simulator by script: joining, answering once, repeats, the time that ticks tell, which of them
 count, and what ends lock-step."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from support.limits import LIMIT
 from support.lockstep_doubles import INTERVAL, ScriptedSimulator, show_simulator
 from support.log_capture import LogCapture, captured_log
-from support.participant_desk import NAME, Desk
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import Bus, MemoryHub
 from zteam.errors import ZteamError
-from zteam.messages import Done, Tick, Twist, Vector3, time_from_ns
+from zteam.messages import Bool, Done, Tick, Twist, Vector3, time_from_ns
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
 
+NAME = "planner"
 REFUSED = "dropped a message on sim/tick"
+
+
+class Desk:
+    """A process that takes part: it acts when it was fed as often as there are ticks."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.node = ProcessNode(NAME, bus, Stop())
+        self.acted: list[int] = []
+        self.repeats = 0
+        self.fed = 0
+        self.needs_food = False
+        self.command: Callable[[Tick], Twist | None] = lambda _: None
+        self.part = Participant(self.node, self._ready, lambda _: [])
+        self.part.repeat = self._repeat
+        self.node.on_input = lambda: self.node.take_step(self.part.begin, self._act, self.part.answer)
+        self._input = bus.publisher("camera/seen", Bool)
+        self.node.subscribe("camera/seen", Bool, self._on_input)
+
+    def _ready(self, tick: Tick) -> bool:
+        return not (self.needs_food and "cook" in tick.participants) or self.fed >= tick.tick
+
+    def _act(self, tick: Tick) -> Twist | None:
+        self.acted.append(tick.tick)
+        return self.command(tick)
+
+    def _repeat(self) -> None:
+        self.repeats += 1
+
+    def feed(self) -> None:
+        """Send it its input."""
+        self._input.put(Bool(True))
+
+    def _on_input(self, _key: str, _message: Bool) -> None:
+        self.fed += 1
+
+
+@pytest.fixture
+def script(hub: MemoryHub) -> ScriptedSimulator:
+    """A simulator with its token."""
+    script = ScriptedSimulator(hub, NAME)
+    script.appear()
+    return script
+
+
+@pytest.fixture
+def desk(hub: MemoryHub, script: ScriptedSimulator) -> Iterator[Desk]:
+    """A present process that has just asked to be let in, and heard that it is (ticks from 2 on are for it)."""
+    desk = Desk(hub.bus())
+    desk.node.become_present()
+    script.tick(1)
+    assert script.take() == [Done(1, 1)]
+    yield desk
+    desk.node.close()
+
+
 FEED = 0
 """Its input comes: it has to have come as often as there were ticks, while a `cook` takes part."""
-
 ANSWERS: dict[str, tuple[list[int | tuple[int | str, ...]], list[int], list[int], int]] = {
     "a newcomer asks to be let in": ([(2, "robot_0"), (3, NAME, "robot_0")], [2, 3], [3], 0),
     "also into the tick that is open": ([(5,), (5, NAME)], [5, 5], [5], 0),
