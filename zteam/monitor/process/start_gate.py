@@ -20,8 +20,6 @@ _NAMED = 8
 """Robots that the text of what GO waits for names at most."""
 _LAST_EPOCH = 2**32 - 1
 """On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
-
-
 _MOST_LOST = 64
 """Robots that do not count and are gone are remembered up to this number."""
 
@@ -167,7 +165,8 @@ class Gate:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
             member.was_ready = True
-            self.tell("ready", robot_id, f"ready ({self._progress()})")
+            done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
+            self.tell("ready", robot_id, f"ready ({done}; waiting for {awaited})" if awaited else f"ready ({done})")
         elif not member.ready:
             member.was_ready = False
         return True
@@ -269,10 +268,6 @@ class Gate:
             return True
         member = self.members.get(robot_id)
         return member is not None and (member.alive or member.was_lost)
-
-    def _progress(self) -> str:
-        done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
-        return f"{done}; waiting for {awaited}" if awaited else done
 
     def status(self, stamp: int) -> TeamStatus:
         """What to publish, at time `stamp` (ns)."""
