@@ -30,7 +30,7 @@ class Ticks:
     def __init__(
         self, node: ProcessNode, on_tick: Callable[[Tick], None], on_end: Callable[[], None] = lambda: None
     ) -> None:
-        """It receives ticks from `listen` on. `on_end()` is called, as `on_tick`, when the last token is lost for good."""
+        """It receives ticks from `listen` on. `on_end()` is called, as `on_tick`, when the last token is lost."""
         self._node = node
         self._handle, self._on_end = on_tick, on_end
         self.simulators: set[str] = set()
