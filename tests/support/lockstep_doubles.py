@@ -119,24 +119,21 @@ class ScriptedParticipant:
         """Publish an answer, right or wrong."""
         self._done.put(done)
 
-    def wait_until_heard(self) -> None:
-        """Wait until it has received a tick and reacted to it."""
+    def wait_until_heard(self, is_meant: Callable[[Tick], bool] = lambda _: True) -> None:
+        """Wait until the newest tick that it has received is the one meant, and it has reacted to that."""
         with self.changed:
-            assert wait_until(self.changed, lambda: self._busy == 0 and self.heard != [], LIMIT)
+            is_done = wait_until(
+                self.changed, lambda: self._busy == 0 and self.heard != [] and is_meant(self.heard[-1]), LIMIT
+            )
+            assert is_done, self.heard
 
     def wait_for_list(self, *participants: str) -> None:
-        """Wait until the newest tick lists these participants and it has reacted to that tick."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self._busy == 0 and self.lists[-1:] == [[*participants]], LIMIT), (
-                self.heard
-            )
+        """Wait until the newest tick lists these participants."""
+        self.wait_until_heard(lambda tick: tick.participants == [*participants])
 
     def wait_for_epoch(self, epoch: int) -> None:
-        """Wait until the newest tick carries this epoch and it has reacted to that tick."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self._busy == 0 and self.heard[-1].epoch == epoch, LIMIT), (
-                self.heard
-            )
+        """Wait until the newest tick carries this epoch."""
+        self.wait_until_heard(lambda tick: tick.epoch == epoch)
 
     @property
     def lists(self) -> list[list[str]]:

@@ -17,9 +17,9 @@ from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.node.shutdown import Stop
 
-FLICKER, LOSS, RETURN = 0.1, 1.0, 10.0
-"""Host seconds: a token that is gone for FLICKER is no loss, one that is gone for LOSS is lost; after RETURN all
-processes have found a router that is back."""
+FLICKER, LOSS, RETURNED = 0.1, 1.0, 2.9
+"""Host seconds: a token that is gone for FLICKER is no loss, one that is gone for LOSS is lost; after RETURNED
+all processes have found a router that is back."""
 
 
 class HostTime:

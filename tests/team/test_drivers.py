@@ -213,28 +213,6 @@ def test_participants_drive_alike_in_processes_and_in_one(
     assert found[0][0] == found[0][1]
 
 
-def test_a_robot_that_ends_while_the_world_stands_is_gone_for_all_at_once(
-    team: TeamFixture, same_team: TeamFixture, empty_folder: Path
-) -> None:
-    """From the next tick on no `view.team` has it, so the run is the same with processes and in one."""
-    (empty_folder / "own_obedient.py").write_text(OBEDIENT)
-    found = []
-    for each, in_process in ((team, False), (same_team, True)):
-        each.start("arena", robots=2, behavior="own_obedient:Obedient", in_process=in_process)
-        each.wait_for_go()
-        speeds = []
-        for ends in ("", "robot_1"):
-            if ends:
-                each.stop(ends)
-            each.run(1.0)
-            status = each.robot(0).status
-            assert status is not None
-            speeds.append(status.speed)
-        found.append((*speeds, each.report.trajectory_sha256))
-    assert found[0] == found[1]
-    assert found[0][0] - found[0][1] == pytest.approx(0.02)
-
-
 def outcomes(team: TeamFixture) -> list[str]:
     """The hashes of a run and of that after a reset; nothing in them was external."""
     found = []

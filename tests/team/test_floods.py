@@ -1,4 +1,4 @@
-"""Sessions of strangers that flood the bus: the team drives on, grows no memory, and `zteam doctor` names them."""
+"""Sessions of strangers that flood the bus: the team drives on, grows no memory, and `zteam doctor` lists them."""
 
 import json
 import re
@@ -210,7 +210,6 @@ def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
     team.wait_for_go()
     with flood(team, partial(send_on, names.TF, GARBAGE)) as session:
         found = json.loads(team.command("doctor", "--json").stdout)
-    assert any(each["what"] == "load" and "messages a second" in each["text"] for each in found), found
     named = next(each["text"] for each in found if each["what"] == "sessions")
     assert session in named
     quiet = json.loads(team.command("doctor", "--json").stdout)

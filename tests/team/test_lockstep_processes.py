@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from support.limits import LIMIT
-from zteam import names
+from zteam import names, run_team
 from zteam.clock import HOST_FACTOR
 from zteam.messages import Done, Tick, Twist, Vector3, decode, encode, time_from_ns
 from zteam.team.testing.team import TeamFixture
@@ -33,34 +33,16 @@ def busy() -> Iterator[None]:
         loop.wait()
 
 
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The hash of the same run by the launcher, which starts all processes at once and never pauses."""
-    folder = tmp_path_factory.mktemp("reference")
+def test_the_same_seed_gives_the_same_run(team: TeamFixture, tmp_path: Path, busy: None) -> None:
+    """Beside two busy loops, processes give the same run as one process does."""
     lines = ['[team]\nworld = "office"\nseed = 1\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n']
     lines += [f"[[robots]]\nid = {i}\nfollow = {i - 1}\n" for i in (1, 2)]
-    (folder / "team.toml").write_text("".join(lines))
-    from zteam.team.launch.process import zteam_command
-
-    done = subprocess.run(
-        zteam_command("zteam", "up", "team.toml", "--lockstep", "--for", "8", "--report", "r.json"),
-        cwd=folder, capture_output=True, text=True, timeout=LIMIT, check=False, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    import json
-
-    report = json.loads((folder / "r.json").read_text())
-    assert report["ticks"] == 81
-    return str(report["trajectory_sha256"])
-
-
-def test_the_same_seed_gives_the_same_run(team: TeamFixture, reference: str, busy: None) -> None:
-    """With the fixture and beside two busy loops, the run is the same as with the launcher."""
+    (tmp_path / "team.toml").write_text("".join(lines))
     team.start("office", robots=3, follow={1: 0, 2: 1}, params={0: {"speed": 0.4}})
     team.wait_for_go()
     team.run(8.0)
     assert min(team.robot(i).distance_travelled for i in range(3)) > 0.5
-    assert team.report.trajectory_sha256 == reference
+    assert team.report.trajectory_sha256 == run_team(tmp_path / "team.toml", seconds=8.0).trajectory_sha256
 
 
 def test_a_hung_participant_is_named_and_left_behind(team: TeamFixture) -> None:
@@ -138,8 +120,7 @@ def main(node):
             others.pop(key).close()
 
     def step(now):
-        if "restless" in sys.argv:
-            change(now // 10**8)
+        change(now // 10**8)
         stamps = {key: odom.header.stamp.sec * 10**9 + odom.header.stamp.nanosec for key, odom in odoms.items()}
         print("STEP", now // 10**8, sorted({stamp // 10**8 for stamp in stamps.values()}), len(stamps), flush=True)
 
@@ -150,12 +131,12 @@ sys.exit(zteam.run("planner", main))
 
 
 @contextmanager
-def start_planner(team: TeamFixture, tmp_path: Path, *arguments: str) -> "Iterator[subprocess.Popen[str]]":
+def start_planner(team: TeamFixture, tmp_path: Path) -> "Iterator[subprocess.Popen[str]]":
     """The user's own node, as a process that ends with the test."""
     import os
 
     (tmp_path / "planner.py").write_text(PLANNER)
-    command, environment = [sys.executable, "-u", "planner.py", *arguments], {**os.environ, **team.environment}
+    command, environment = [sys.executable, "-u", "planner.py"], {**os.environ, **team.environment}
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as planner:
         try:
             yield planner
@@ -163,31 +144,16 @@ def start_planner(team: TeamFixture, tmp_path: Path, *arguments: str) -> "Iterat
             planner.terminate()
 
 
-def test_a_users_node_sees_every_tick_whole(team: TeamFixture, tmp_path: Path) -> None:
-    """Its step runs once per tick, with every robot's odometry of that tick."""
-    team.start("arena", robots=2, behavior="forward")
-    team.wait_for_go()
-    with start_planner(team, tmp_path) as planner:
-        team.wait_for(lambda: "planner" in team.sim_status.joining)
-        team.run(3.0)
-        planner.terminate()
-        assert planner.stdout is not None
-        steps = [line.split(maxsplit=2) for line in planner.stdout if line.startswith("STEP")]
-        assert planner.wait(LIMIT) == 0
-    assert [int(now) for _, now, _ in steps] == list(range(2, 32))
-    assert all(rest.strip() == f"[{now}] 2" for _, now, rest in steps)
-
-
 def test_subscriptions_that_come_and_go_lose_nothing(team: TeamFixture, tmp_path: Path) -> None:
-    """A participant that opens and closes some in each tick, beside those that its step waits for: every tick is whole,
-    and the run is the one without it."""
+    """A user's node steps once a tick, with every robot's odometry of that tick, though it opens and closes other
+    subscriptions in each: the run is the one without it."""
     team.start("arena", robots=2, seed=3)
     team.wait_for_go()
     team.sim.reset()
     team.run(6.0)
     alone = team.report.trajectory_sha256
     team.sim.reset()
-    with start_planner(team, tmp_path, "restless") as planner:
+    with start_planner(team, tmp_path) as planner:
         team.wait_for(lambda: "planner" in team.sim_status.joining)
         team.run(6.0)
         planner.terminate()
@@ -197,20 +163,6 @@ def test_subscriptions_that_come_and_go_lose_nothing(team: TeamFixture, tmp_path
     assert [int(now) for _, now, _ in steps] == list(range(2, 62))
     assert all(rest.strip() == f"[{now}] 2" for _, now, rest in steps)
     assert (team.report.trajectory_sha256, team.report.hung) == (alone, [])
-
-
-@pytest.mark.real_time
-def test_a_users_node_works_in_real_time_too(team: TeamFixture, tmp_path: Path) -> None:
-    """With a simulator in real time, the step of the same node gets increasing simulated times."""
-    team.start("arena", robots=2, behavior="forward", lockstep=False)
-    with start_planner(team, tmp_path) as planner:
-        assert planner.stdout is not None
-        lines = (line for line in planner.stdout if line.startswith("STEP"))
-        times = [int(next(lines).split()[1]) for _ in range(5)]
-        planner.terminate()
-        planner.stdout.read()
-        assert planner.wait(LIMIT) == 0
-    assert times == sorted(set(times))
 
 
 def test_a_frozen_subscriber_does_not_stall_the_world(team: TeamFixture) -> None:

@@ -19,7 +19,6 @@ def test_a_second_monitor_shows_the_team_of_the_first(team: TeamFixture) -> None
     team.wait_for_line(view, f"{x:.2f}")
     team.wait_for_line(view, "GO is out")
     assert team.wait_for_exit(team.spawn("zteam-monitor", "--team-size", "3", "--exit-on-go", name="late")) == 0
-    assert any("the running monitor's team has 2 robots, not 3" in line for line in team.lines("late"))
     team.kill(names.AGGREGATOR)
     for name in (view, names.MONITOR):
         team.wait_for_line(name, "the aggregator is gone: there are no new transforms")
@@ -59,7 +58,7 @@ def test_the_status_says_why_a_robot_stands(team: TeamFixture, in_process: bool)
 
 @pytest.mark.real_time
 def test_the_end_of_a_lone_simulator_is_told(team: TeamFixture) -> None:
-    """The row has no speed and says since when there is no data; doctor names the process that is missing first."""
+    """The row has no speed and says how long there has been no data; doctor names the process that is missing first."""
     team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
     team.spawn("zteam-tf", name=names.AGGREGATOR)
     team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.05", name="robot_0")
@@ -68,9 +67,9 @@ def test_the_end_of_a_lone_simulator_is_told(team: TeamFixture) -> None:
     team.wait_for_line(names.MONITOR, "  0.05  ")
     team.kill(names.SIMULATOR)
     team.wait_for_line(names.MONITOR, "the simulator is gone: time stands still")
-    team.wait_for_line(names.MONITOR, "no data since ")
+    team.wait_for_line(names.MONITOR, "no data for ")
     after = team.lines(names.MONITOR)
-    gone = next(number for number, line in enumerate(after) if "no data since " in line)
+    gone = next(number for number, line in enumerate(after) if "no data for " in line)
     assert not any("  0.05  " in line for line in after[gone:])
     told = team.command("doctor").stdout.splitlines()
     wrong = [line for line in told if line.startswith("problem")]

@@ -143,21 +143,6 @@ def test_zero_is_commanded_whatever_drives(team: TeamFixture, tmp_path: Path) ->
 
 
 @pytest.mark.real_time
-def test_a_single_query_is_obeyed_within_03_s(team: TeamFixture) -> None:
-    """In a world a tenth as fast as real time no scan comes so soon; the robot does not wait for one."""
-    team.start("arena", 2, behavior="wander", lockstep=False)
-    team.wait_for_go()
-    team.until(lambda: all(team.robot(i).speed > 0.1 for i in (0, 1)), within=LIMIT)
-    team.sim.set_speed(0.1)
-    commands, client = Commands(team, [0, 1]), StopClient(team.bus)
-    begin = monotonic()
-    assert all(result.is_done for result in client.engage())
-    team.run(0.5)
-    assert max(commands.last.values()) < begin + ZERO
-    assert stands(team, [0, 1])
-
-
-@pytest.mark.real_time
 def test_a_body_without_a_process_is_held_by_another_simulator_too(team: TeamFixture, tmp_path: Path) -> None:
     """A foreign program commands it, before and after the simulator's restart. Navigation that starts again while its
     robot is stopped drives to its next goal when that is released."""

@@ -20,18 +20,16 @@ log = logging.getLogger("zteam")
 _OWN = str(Path(__file__).parents[1])
 """The folder of zteam."""
 _PYTHON = str(Path(os.__file__).parent)
-_MEMORY = "memory or threads", "'ulimit -v', 'ulimit -u', a container's"
-_FILES = "open files", "'ulimit -n'"
-_SHORTAGES = {
-    "can't start new thread": _MEMORY,
-    "can't spawn worker thread": _MEMORY,
-    "failed to map segment": _MEMORY,
-    "Cannot allocate memory": _MEMORY,
-    "Too many open files": _FILES,
+_SHORTAGES = (
+    "can't start new thread",
+    "can't spawn worker thread",
+    "failed to map segment",
+    "Cannot allocate memory",
+    "Too many open files",
     # Zenoh's threads could not be made, for whatever reason.
-    "Failed to init": ("open files, memory or threads", f"{_FILES[1]}, {_MEMORY[1]}"),
-}
-"""What Python, Zenoh, the dynamic loader and the system say; of what there is no more, and the limits to raise."""
+    "Failed to init",
+)
+"""What Python, Zenoh, the dynamic loader and the system say where there is no more memory, thread or descriptor."""
 STACKS = "ZTEAM_STACKS"
 """Environment: a folder of the `team` fixture. A process that finds it there lets the fixture read where it hangs."""
 STACK_SIGNALS = "SIGUSR2", "SIGUSR1"
@@ -145,12 +143,12 @@ def fault_text(error: BaseException) -> str:
 
 def shortage_text(error: BaseException) -> str:
     """One line for an error that says that the system gives the process no more of something; empty for others."""
-    found = ((line, short) for line in str(error).splitlines() for sign, short in _SHORTAGES.items() if sign in line)
-    line, (what, limits) = next(found, ("", _MEMORY))
+    line = next((line for line in str(error).splitlines() if any(sign in line for sign in _SHORTAGES)), "")
     if not line and not isinstance(error, MemoryError):
         return ""
     reason = f" ({line.strip()})" if line else ""
-    return f"the system gives no more {what}{reason}: raise the limit ({limits})"
+    limits = "'ulimit -v', 'ulimit -u', 'ulimit -n', a container's"
+    return f"the system gives no more memory, threads or open files{reason}: raise the limit ({limits})"
 
 
 def log_fault(error: BaseException) -> int:

@@ -21,18 +21,18 @@ _WINDOW = 1000
 
 
 class Ticks:
-    """Calls `take(tick)` under `node.changed` for each tick of a simulator in lock-step, and for no other sender's.
+    """Calls `on_tick(tick)` under `node.changed` for each tick of a simulator in lock-step, and for no other sender's.
 
     Any process can put a tick on the bus, and one is enough to stop a robot in real time: it would wait for the next.
     So only ticks count whose session holds the token of lock-step, which a simulator shows before that of its name.
     """
 
     def __init__(
-        self, node: ProcessNode, take: Callable[[Tick], None], on_end: Callable[[], None] = lambda: None
+        self, node: ProcessNode, on_tick: Callable[[Tick], None], on_end: Callable[[], None] = lambda: None
     ) -> None:
-        """It hears ticks from `listen` on. It calls `on_end()`, as `take`, when the last token is gone for good."""
+        """It receives ticks from `listen` on. `on_end()` is called, as `on_tick`, when the last token is lost."""
         self._node = node
-        self._take, self._on_end = take, on_end
+        self._handle, self._on_end = on_tick, on_end
         self.simulators: set[str] = set()
         """The sessions that hold the token: the simulators in lock-step."""
         self._early: tuple[str, Tick] | None = None
@@ -41,12 +41,12 @@ class Ticks:
         node.watch_certain_tokens(names.lockstep_key(), self._on_token)
 
     def listen(self) -> None:
-        """Hear ticks; nothing if they are heard already."""
+        """Receive ticks; nothing if they are received already."""
         if self._input is None:
             self._input = self._node.subscribe_from(names.TICK, Tick, self._on_tick)
 
     def deafen(self) -> None:
-        """Hear no ticks until `listen`."""
+        """Receive no ticks until `listen`."""
         if self._input is not None:
             self._input.close()
             self._input = None
@@ -64,11 +64,11 @@ class Ticks:
         self.simulators.add(session)
         if self._early is not None and self._early[0] == session:
             (_, tick), self._early = self._early, None
-            self._take(tick)
+            self._handle(tick)
 
     def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
         if source in self.simulators:
-            self._take(tick)
+            self._handle(tick)
             return
         if self._early is not None:
             self._node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")

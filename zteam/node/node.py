@@ -14,11 +14,10 @@ from zteam.errors import UsageError
 from zteam.messages import Message, NavigationStatus, RobotDriver, RobotStatus, TeamStatus, Tick, Twist
 from zteam.messages.message import check_message_type
 from zteam.messages.planar import checked_command
-from zteam.messages.topics import has_one_writer, type_of_key
+from zteam.messages.topics import type_of_key
 from zteam.node.faults import offer_stacks
 from zteam.node.lockstep import Participant, TickState
 from zteam.node.process_node import ClockMode, ProcessNode, run_body
-from zteam.node.rivals import RivalWatch
 from zteam.node.robot_status import Readiness, StatusReport, go_epoch
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.node.stopping import StopSwitch
@@ -157,7 +156,6 @@ class Node(ProcessNode):
             self.on_present(lambda: self.on_input())
         self.team = TeamStatus()
         """The monitor's newest word, from `follow_go` on."""
-        self.rivals = RivalWatch(bus)
         self._heartbeat = Every(HEARTBEAT)
         self.readiness = Readiness(gated=False)
         self.status: StatusReport | None = None
@@ -260,8 +258,6 @@ class Node(ProcessNode):
     def _take(self, arrival: HeldMessage) -> bool:
         """Handle a message now, or keep it for its tick; False if it is dropped."""
         key, message, part = arrival.key, arrival.message, self.part
-        if has_one_writer(key):
-            self.rivals.take(key, arrival.source)
         stamp = stamp_of_tick(message) if isinstance(message, RobotStatus) else arrival.due or 0
         if self.is_of_ended_time(stamp):
             return False
@@ -352,7 +348,6 @@ class Node(ProcessNode):
                 continue
             beat()
             with self.changed:
-                self.rivals.look()
                 if self.status is not None:
                     self.status.say_again()
 

@@ -40,10 +40,6 @@ REST = to_ns(5.0)
 """Nanoseconds for which a reason has to be gone until it is printed again."""
 _MOST = 4
 """Reasons that are printed within REST: one that has a number in it may be another one in each step."""
-NO_SAFETY = "no safety layer"
-
-_WHO = {RobotDriver.BEHAVIOR: "the behaviour"}
-"""What the reason calls a driver; the others have their own names."""
 
 
 def go_epoch(team: TeamStatus | None, now: int) -> int:
@@ -154,7 +150,7 @@ class StatusReport:
         """
         self._node, self._id, self._stop = node, robot_id, stop
         self.behavior, self.readiness = behavior, readiness
-        self._warning = "" if safety else NO_SAFETY
+        self._warning = "" if safety else "no safety layer"
         self.note = ""
         """What else is wrong, for its text."""
         self.tells_of: StatusSource = OwnStep()
@@ -278,5 +274,6 @@ class StatusReport:
             return ""
         if reason or command.angular.z:
             return reason
-        rest = self.tells_of.why_it_rests() if self.driver == RobotDriver.BEHAVIOR else ""
-        return rest or f"{_WHO.get(self.driver, self.driver)} commands zero velocity"
+        if self.driver != RobotDriver.BEHAVIOR:
+            return f"{self.driver} commands zero velocity"
+        return self.tells_of.why_it_rests() or "the behaviour commands zero velocity"

@@ -71,7 +71,7 @@ class HeldMessage(NamedTuple):
     """Whether it replaces the one before of the same tick, sender and key."""
 
 
-_Place = tuple[int, str, int, str, int]
+_SentKey = tuple[int, str, int, str, int]
 """Of what another process than the simulator has sent: the stamp (ns) of the tick in which it was sent, the key, the
 subscription, the sender, and a number."""
 _without_sender = itemgetter(0, 1, 2)
@@ -84,7 +84,7 @@ class TickMessages:
         self._numbers = count(1)
         self._of_ticks: list[HeldMessage] = []
         """What belongs to a tick that has not come."""
-        self._sent: dict[_Place, HeldMessage] = {}
+        self._sent: dict[_SentKey, HeldMessage] = {}
         self._ticks: dict[tuple[str, str], int] = {}
         """The newest tick of `_sent`, by sender and key."""
         self._count = Counter[str]()

@@ -100,14 +100,14 @@ class TokenLossFilter:
 
 
 class CertainTokens:
-    """Calls `take(key, alive)` for tokens: when one comes at once, and for a loss when it is certain.
+    """Calls `callback(key, alive)` for tokens: at once when one comes, and for a loss when it is certain.
 
     Zenoh reports the lost tokens before the lost link. So a loss is held back until it is clear which of them it was.
-    Each `take` is over before the next one.
+    Each call is over before the next one.
     """
 
-    def __init__(self, bus: Bus, key_expr: str, take: Callable[[str, bool], None]) -> None:
-        self._take = take
+    def __init__(self, bus: Bus, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        self._callback = callback
         self._losses = TokenLossFilter()
         self._lock = threading.RLock()
         self._waits = False
@@ -119,7 +119,7 @@ class CertainTokens:
         with self._lock:
             self._losses.take_token(key, alive, monotonic())
             if alive:
-                self._take(key, True)
+                self._callback(key, True)
             self._look_later()
 
     def _on_link(self, up: bool) -> None:
@@ -141,7 +141,7 @@ class CertainTokens:
             self._waits = False
             for key in self._losses.take_due(monotonic(), GRACE):
                 try:
-                    self._take(key, False)
+                    self._callback(key, False)
                 except BusError as error:
                     # The session was closed meanwhile.
                     log.debug("%s", error)

@@ -22,16 +22,7 @@ def deep(text: str) -> int:
 
 
 def test_frames_of_zteam_are_left_out() -> None:
-    """The user's call is the last frame, though the error was raised further down."""
-    text = fault_text(caught(lambda: deep("no number")))
-    assert text.startswith("Traceback (most recent call last):\n")
-    assert "in deep" in text
-    assert "zteam/names.py" not in text
-    assert "UsageError: " in text.splitlines()[-1]
-
-
-def test_causes_are_cut_too() -> None:
-    """Each link of a chain has the user's frames alone."""
+    """The user's call is the last frame, though the error was raised further down, in each link of a chain."""
 
     def chain() -> None:
         try:
@@ -40,9 +31,8 @@ def test_causes_are_cut_too() -> None:
             raise ValueError("no plan") from error
 
     text = fault_text(caught(chain))
-    assert text.count("Traceback") == 2
-    assert text.count("in deep") == 1
-    assert "zteam/names.py" not in text
+    assert text.startswith("Traceback (most recent call last):\n")
+    assert (text.count("Traceback"), text.count("in deep"), text.count("zteam/names.py")) == (2, 1, 0)
     assert text.endswith("ValueError: no plan")
 
 
@@ -73,30 +63,17 @@ def test_a_users_own_demand_for_memory_shows_its_line() -> None:
     ("error", "reason"),
     [
         (MemoryError(), ""),
-        (RuntimeError("can't start new thread"), "can't start new thread"),
-        (OSError(12, "Cannot allocate memory"), "[Errno 12] Cannot allocate memory"),
-        (
-            ImportError("Error importing numpy:\nx.so: failed to map segment from shared object\n"),
-            "x.so: failed to map segment from shared object",
-        ),
-        (BaseException("OS can't spawn worker thread: try again"), "OS can't spawn worker thread: try again"),
+        (RuntimeError("can't start new thread"), " (can't start new thread)"),
+        (OSError(12, "Cannot allocate memory"), " ([Errno 12] Cannot allocate memory)"),
+        (ImportError("Error importing numpy:\nx.so: failed to map segment\n"), " (x.so: failed to map segment)"),
+        (BaseException("OS can't spawn worker thread: no"), " (OS can't spawn worker thread: no)"),
+        (OSError(24, "Too many open files"), " ([Errno 24] Too many open files)"),
+        (BaseException("Failed to init tx"), " (Failed to init tx)"),
+        (RuntimeError("no way"), None),
     ],
 )
-def test_too_little_memory_is_one_line(error: BaseException, reason: str) -> None:
-    """Whatever said it, Python, Zenoh, the loader or the system, the line names the limits."""
-    text = shortage_text(error)
-    shown = f" ({reason})" if reason else ""
-    assert text.startswith(f"the system gives no more memory or threads{shown}: raise the limit")
-    assert "\n" not in text
-
-
-@pytest.mark.parametrize("text", ["[Errno 24] Too many open files", "x.so: Too many open files", "Failed to init tx"])
-def test_too_few_descriptors_are_one_line(text: str) -> None:
-    """The line names the limit of open files."""
-    assert shortage_text(BaseException(text)).startswith("the system gives no more open files")
-    assert "'ulimit -n'" in shortage_text(BaseException(text))
-
-
-def test_another_error_is_no_shortage() -> None:
-    """Its traceback is needed."""
-    assert shortage_text(RuntimeError("no way")) == ""
+def test_a_shortage_is_one_line(error: BaseException, reason: str | None) -> None:
+    """Whatever said it, Python, Zenoh, the loader or the system, the line names the limits. The traceback of another
+    error is needed."""
+    told = f"the system gives no more memory, threads or open files{reason}: raise the limit ('ulimit -v', "
+    assert shortage_text(error)[: len(told)] == ("" if reason is None else told)

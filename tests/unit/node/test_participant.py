@@ -1,34 +1,129 @@
-"""A participant and a simulator by script: joining, answering once, repeats, and what ends an answer."""
+"""A participant and a simulator by script: joining, answering once, repeats, the time that ticks tell, which of them
+count, and what ends lock-step."""
 
-import threading
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from support.limits import LIMIT
-from support.lockstep_doubles import ScriptedSimulator
-from support.participant_desk import NAME, Desk
-from zteam.bus import MemoryHub
+from support.lockstep_doubles import INTERVAL, ScriptedSimulator, show_simulator
+from support.log_capture import LogCapture, captured_log
+from zteam import names
+from zteam.bus import Bus, MemoryHub
 from zteam.errors import ZteamError
-from zteam.messages import Done, Tick, Twist, Vector3
+from zteam.messages import Bool, Done, Tick, Twist, Vector3, time_from_ns
+from zteam.node.lockstep import Participant
+from zteam.node.process_node import ProcessNode
+from zteam.node.shutdown import Stop
+
+NAME = "planner"
+REFUSED = "dropped a message on sim/tick"
 
 
-def test_a_newcomer_asks_to_be_let_in(desk: Desk, script: ScriptedSimulator) -> None:
-    """A tick that does not list it is answered without acting; the first one that does is acted on."""
-    script.tick(2, "robot_0")
-    assert script.take() == [Done(1, 2)]
-    assert desk.acted == []
-    script.tick(3, NAME, "robot_0")
-    assert script.take() == [Done(1, 3)]
-    assert desk.acted == [3]
+class Desk:
+    """A process that takes part: it acts when it was fed as often as there are ticks."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.node = ProcessNode(NAME, bus, Stop())
+        self.acted: list[int] = []
+        self.repeats = 0
+        self.fed = 0
+        self.needs_food = False
+        self.command: Callable[[Tick], Twist | None] = lambda _: None
+        self.part = Participant(self.node, self._ready, lambda _: [])
+        self.part.repeat = self._repeat
+        self.node.on_input = lambda: self.node.take_step(self.part.begin, self._act, self.part.answer)
+        self._input = bus.publisher("camera/seen", Bool)
+        self.node.subscribe("camera/seen", Bool, self._on_input)
+
+    def _ready(self, tick: Tick) -> bool:
+        return not (self.needs_food and "cook" in tick.participants) or self.fed >= tick.tick
+
+    def _act(self, tick: Tick) -> Twist | None:
+        self.acted.append(tick.tick)
+        return self.command(tick)
+
+    def _repeat(self) -> None:
+        self.repeats += 1
+
+    def feed(self) -> None:
+        """Send it its input."""
+        self._input.put(Bool(True))
+
+    def _on_input(self, _key: str, _message: Bool) -> None:
+        self.fed += 1
+
+
+@pytest.fixture
+def script(hub: MemoryHub) -> ScriptedSimulator:
+    """A simulator with its token."""
+    script = ScriptedSimulator(hub, NAME)
+    script.appear()
+    return script
+
+
+@pytest.fixture
+def desk(hub: MemoryHub, script: ScriptedSimulator) -> Iterator[Desk]:
+    """A present process that has just asked to be let in, and heard that it is (ticks from 2 on are for it)."""
+    desk = Desk(hub.bus())
+    desk.node.become_present()
+    script.tick(1)
+    assert script.take() == [Done(1, 1)]
+    yield desk
+    desk.node.close()
+
+
+FEED = 0
+"""Its input comes: it has to have come as often as there were ticks, while a `cook` takes part."""
+ANSWERS: dict[str, tuple[list[int | tuple[int | str, ...]], list[int], list[int], int]] = {
+    "a newcomer asks to be let in": ([(2, "robot_0"), (3, NAME, "robot_0")], [2, 3], [3], 0),
+    "also into the tick that is open": ([(5,), (5, NAME)], [5, 5], [5], 0),
+    "it waits for its inputs": ([(2, NAME, "cook"), FEED], [], [], 0),
+    "and acts once when they are there": ([(2, NAME, "cook"), FEED, FEED, FEED], [2], [2], 0),
+    "inputs may come before their tick": ([FEED, FEED, (2, NAME, "cook")], [2], [2], 0),
+    "a repeated tick is answered and not acted on again": ([(2, NAME), (2, NAME), (2, NAME)], [2, 2, 2], [2], 2),
+    "one that waits for inputs goes on waiting": ([(2, NAME, "cook"), (2, NAME, "cook"), FEED], [], [], 0),
+    "and is then acted on once": ([(2, NAME, "cook"), (2, NAME, "cook"), FEED, FEED], [2], [2], 0),
+    "it may say that others have left": ([(2, NAME, "cook"), (2, NAME)], [2], [2], 0),
+    "a newer tick ends the wait for an older one": ([(2, NAME, "cook"), (3, "cook"), FEED, FEED, FEED], [3], [], 0),
+    "left behind and let in again": ([(2, NAME, "cook"), (3, "cook"), (4, NAME)], [3, 4], [4], 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ANSWERS)
+def test_each_tick_is_answered_once_its_inputs_are_there(desk: Desk, script: ScriptedSimulator, case: str) -> None:
+    """Of ticks with these participants: the answers, the ticks that were acted on, and the repeats of what was sent."""
+    events, answered, acted, repeats = ANSWERS[case]
+    desk.needs_food = True
+    for event in events:
+        if isinstance(event, tuple):
+            number, *listed = event
+            script.tick(int(number), *map(str, listed))
+        else:
+            desk.feed()
+    assert (script.take(), desk.acted, desk.repeats) == ([Done(1, tick) for tick in answered], acted, repeats)
+
+
+def test_a_command_travels_with_the_answer(desk: Desk, script: ScriptedSimulator) -> None:
+    """A repeated tick is answered with the same one. The tick of another epoch is another tick: GO opens the held first
+    one anew."""
+    desk.command = lambda tick: Twist(Vector3(0.1 * (1 + len(desk.acted)))) if tick.tick % 2 else None
+    for tick, epoch in ((2, 0), (3, 0), (3, 0), (3, 4)):
+        script.tick(tick, NAME, epoch=epoch)
+    commands = [Done(epoch, 3, True, Twist(Vector3(0.1 * n))) for epoch, n in ((0, 3), (0, 3), (4, 4))]
+    assert script.take() == [Done(0, 2), *commands]
+    assert desk.acted == [2, 3, 3]
 
 
 def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: ScriptedSimulator) -> None:
-    """Before the name is won another process may have it, so ticks are neither heard nor answered."""
+    """Before the name is won another process may have it, so ticks are neither heard nor answered; the clock is."""
     desk = Desk(hub.bus())
+    script.tell(5 * INTERVAL)
     script.tick(1, NAME)
     script.tick(2)
-    assert (script.answers, desk.acted, desk.part.tick) == ([], [], None)
-    assert desk.node.clock.now() == 0
+    desk.feed()
+    assert (script.answers, desk.acted, desk.part.tick, desk.fed) == ([], [], None, 1)
+    assert desk.node.clock.now() == 5 * INTERVAL
     desk.node.become_present()
     script.tick(2)
     assert script.take() == [Done(1, 2)]
@@ -36,146 +131,39 @@ def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: Scripte
     desk.node.close()
 
 
-def test_a_command_travels_with_the_answer(desk: Desk, script: ScriptedSimulator) -> None:
-    """What `act` returns is in the answer to that tick; with None the answer has no command."""
-    desk.command = lambda tick: Twist(Vector3(0.1 * tick.tick)) if tick.tick % 2 else None
-    script.tick(2, NAME)
-    script.tick(3, NAME)
-    assert script.take() == [Done(1, 2), Done(1, 3, True, Twist(Vector3(0.1 * 3)))]
-
-
-def test_it_acts_when_its_inputs_are_there(desk: Desk, script: ScriptedSimulator) -> None:
-    """The tick waits for the last input, and is acted on and answered once, in that input's callback."""
-    desk.needs_food = True
-    script.tick(2, NAME, "cook")
-    assert (script.take(), desk.acted) == ([], [])
-    desk.feed()
-    assert (script.take(), desk.acted) == ([], [])
-    desk.feed()
-    assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
-    desk.feed()
-    assert (script.take(), desk.acted) == ([], [2])
-
-
-def test_inputs_that_come_before_their_tick_count(desk: Desk, script: ScriptedSimulator) -> None:
-    """Messages may overtake the tick: it is then answered at once."""
-    desk.needs_food = True
-    desk.feed()
-    desk.feed()
-    assert script.take() == []
-    script.tick(2, NAME, "cook")
-    assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
-
-
-def test_a_repeated_tick_is_answered_again_and_not_acted_on_again(desk: Desk, script: ScriptedSimulator) -> None:
-    """A tick comes again because its answer or its data was lost: both are sent once more, unchanged."""
-    desk.command = lambda _: Twist(Vector3(0.1 * (1 + len(desk.acted))))
-    script.tick(2, NAME)
-    first = script.take()
-    for count in range(1, 4):
-        script.tick(2, NAME)
-        assert script.take() == first
-        assert desk.repeats == count
-    assert desk.acted == [2]
-
-
-def test_a_repeated_tick_that_waits_for_inputs_goes_on_waiting(desk: Desk, script: ScriptedSimulator) -> None:
-    """It is looked at again, is not answered early, and is acted on once when all is there."""
-    desk.needs_food = True
-    for _ in range(3):
-        script.tick(2, NAME, "cook")
-    assert (script.take(), desk.acted, desk.repeats) == ([], [], 0)
-    desk.feed()
-    desk.feed()
-    assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
-
-
-def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: ScriptedSimulator) -> None:
-    """A repeated tick may say that a process with missing inputs does not take part any more."""
-    desk.needs_food = True
-    script.tick(2, NAME, "cook")
-    assert script.take() == []
-    script.tick(2, NAME)
-    assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
-    assert desk.asked[-2:] == [[NAME, "cook"], [NAME]]
-
-
 def test_a_robot_that_left_and_is_back_in_the_next_tick_is_a_newcomer(desk: Desk, script: ScriptedSimulator) -> None:
     """The team has the same robots and is another one: what the old process was told the new one has not heard."""
-    script.tick(2, NAME, "robot_7")
+    script.tick(2, NAME, "robot_7", "robot_3")
     team = desk.part.team
-    script.tick(3, NAME, "robot_7")
+    assert team == (3, 7)
+    script.tick(3, NAME, "robot_7", "robot_3")
     assert desk.part.team is team
     script.tick(3, NAME)
     assert desk.part.team is team, "nothing changes within a tick"
-    script.tick(4, NAME, "robot_7")
+    script.tick(4, NAME, "robot_7", "robot_3")
     assert desk.part.team == team
     assert desk.part.team is not team
 
 
-def test_the_tick_of_another_epoch_is_another_tick(desk: Desk, script: ScriptedSimulator) -> None:
-    """GO opens the held first tick anew: it is acted on again."""
-    script.tick(2, NAME, epoch=0)
-    script.tick(2, NAME, epoch=4)
-    assert script.take() == [Done(0, 2), Done(4, 2)]
-    assert desk.acted == [2, 2]
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_step_that_fails_or_stops_its_process_does_not_answer(
+    desk: Desk, script: ScriptedSimulator, fails: bool
+) -> None:
+    """What it raises is raised where the process waits. The tick then ends when its token has gone, so all know in
+    which tick it left."""
 
-
-def test_a_newer_tick_ends_the_wait_for_an_older_one(desk: Desk, script: ScriptedSimulator) -> None:
-    """Left behind and let in again, it answers the tick at hand alone."""
-    desk.needs_food = True
-    script.tick(2, NAME, "cook")
-    script.tick(3, "cook")
-    assert script.take() == [Done(1, 3)]
-    for _ in range(3):
-        desk.feed()
-    assert (script.take(), desk.acted) == ([], [])
-    script.tick(4, NAME)
-    assert (script.take(), desk.acted) == ([Done(1, 4)], [4])
-
-
-def test_a_tick_it_was_let_into_while_it_was_open_is_acted_on(desk: Desk, script: ScriptedSimulator) -> None:
-    """Having asked to be let in is no answer: the same tick may come again with its name in it."""
-    script.tick(5)
-    script.tick(5, NAME)
-    assert script.take() == [Done(1, 5), Done(1, 5)]
-    assert (desk.acted, desk.repeats) == ([5], 0)
-
-
-def test_a_fault_in_its_work_ends_the_wait_of_its_main_loop(desk: Desk, script: ScriptedSimulator) -> None:
-    """What `act` raises on a thread of the bus is raised where the process waits; the tick is not answered."""
-    caught: list[BaseException] = []
-
-    def fail(_: Tick) -> Twist | None:
-        raise ZteamError("no path")
-
-    def main_loop() -> None:
-        try:
-            desk.node.wait(lambda: False, LIMIT)
-        except ZteamError as error:
-            caught.append(error)
-
-    desk.command = fail
-    thread = threading.Thread(target=main_loop)
-    thread.start()
-    script.tick(2, NAME)
-    thread.join(LIMIT)
-    assert [str(error) for error in caught] == ["no path"]
-    assert script.take() == []
-    with pytest.raises(ZteamError, match="no path"):
-        desk.node.wait(lambda: True, LIMIT)
-
-
-def test_a_process_that_stops_within_its_step_does_not_answer(desk: Desk, script: ScriptedSimulator) -> None:
-    """The tick then ends when its token has gone, so all know in which tick it left."""
-
-    def stop(_: Tick) -> Twist | None:
+    def act(_: Tick) -> Twist | None:
+        if fails:
+            raise ZteamError("no path")
         desk.node.stop.request("it has done its work")
         return Twist()
 
-    desk.command = stop
+    desk.command = act
     script.tick(2, NAME)
     assert (desk.acted, script.take()) == ([2], [])
+    if fails:
+        with pytest.raises(ZteamError, match="no path"):
+            desk.node.wait(lambda: True, LIMIT)
 
 
 @pytest.mark.parametrize("late", ["tick", "input"])
@@ -196,3 +184,101 @@ def test_nothing_is_answered_behind_the_stop_hooks(desk: Desk, script: ScriptedS
     desk.node.on_stop(go_on)
     desk.node.close()
     assert (script.take(), desk.acted) == ([], acted)
+
+
+# Time
+
+
+def test_time_goes_with_the_ticks(desk: Desk, script: ScriptedSimulator) -> None:
+    """Each tick sets the time, and the clock, which would only wake the process once more, is not heard. A jump back,
+    which a repeated tick is not, is told before the tick is acted on."""
+    order: list[str] = []
+    desk.node.clock.sim.on_jump_back(lambda old, new: order.append(f"{old // INTERVAL} -> {new // INTERVAL}"))
+    desk.command = lambda tick: order.append(f"act {tick.tick} at {desk.node.clock.now() // INTERVAL}")
+    for tick in (8, 9, 9, 2, 3):
+        script.tick(tick, NAME)
+    assert order == ["act 8 at 8", "act 9 at 9", "9 -> 2", "act 2 at 2", "act 3 at 3"]
+    script.tell(77 * INTERVAL)
+    assert (desk.node.clock.now(), desk.part.stamp) == (3 * INTERVAL, 3 * INTERVAL)
+    assert desk.node.clock.simulated
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_lock_step_ends_with_its_token(hub: MemoryHub, desk: Desk, script: ScriptedSimulator, other: bool) -> None:
+    """The participant is idle, inputs cause no answer, and the clock counts, also where a simulator in real time is
+    there by then. The next one in lock-step numbers its ticks from 1: they are acted on, though they were answered
+    before."""
+    desk.needs_food = True
+    script.tick(2, NAME, "cook")
+    real_time = ScriptedSimulator(hub, NAME)
+    if other:
+        show_simulator(real_time.bus, lockstep=False)
+    script.vanish()
+    assert desk.node.wait(lambda: desk.part.tick is None, LIMIT)
+    for _ in range(2):
+        desk.feed()
+    assert (script.take(), desk.acted, desk.node.clock.now()) == ([], [], 2 * INTERVAL)
+    real_time.tell(9 * INTERVAL)
+    assert desk.node.clock.now() == 9 * INTERVAL
+    script.appear()
+    assert desk.part.tick is None
+    for _ in range(2):
+        script.tick(2, NAME)
+    assert (script.take(), desk.acted, desk.repeats) == ([Done(1, 2)] * 2, [2], 1)
+
+
+# Which ticks count
+
+
+@pytest.fixture
+def log() -> Iterator[LogCapture]:
+    """What is logged during the test."""
+    with captured_log() as lines:
+        yield lines
+
+
+def forge(hub: MemoryHub, tick: int, *participants: str) -> None:
+    """A tick from a session that is no simulator."""
+    publisher = hub.bus().publisher(names.TICK, Tick)
+    publisher.put(Tick(time_from_ns(tick * INTERVAL), 1, tick, participants=list(participants)))
+
+
+@pytest.mark.gate
+def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: LogCapture) -> None:
+    """It is neither answered nor taken for the time, and the log and the counters say that it came."""
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
+    show_simulator(script.bus, lockstep=False)
+    desk.node.become_present()
+    forge(hub, 0, NAME)
+    forge(hub, 0)
+    log.wait_for(REFUSED)
+    assert (script.answers, desk.acted, desk.part.tick) == ([], [], None)
+    script.tell(6 * INTERVAL)
+    assert desk.node.clock.now() == 6 * INTERVAL
+    assert desk.node.bus.counters.snapshot()[names.TICK].dropped == 1
+    desk.node.close()
+
+
+@pytest.mark.gate
+def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
+    hub: MemoryHub, desk: Desk, script: ScriptedSimulator, log: LogCapture
+) -> None:
+    """Beside a simulator in lock-step, only that one's ticks are answered."""
+    script.tick(2, NAME)
+    forge(hub, 900, NAME)
+    forge(hub, 901, NAME)
+    log.wait_for(REFUSED)
+    script.tick(3, NAME)
+    assert (script.take(), desk.acted) == ([Done(1, 2), Done(1, 3)], [2, 3])
+    assert desk.node.clock.now() == 3 * INTERVAL
+
+
+def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
+    """Nothing orders the two: the tick is kept, and answered when the token has come."""
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
+    desk.node.become_present()
+    script.tick(1)
+    assert script.take() == []
+    script.appear()
+    assert script.take() == [Done(1, 1)]
+    desk.node.close()

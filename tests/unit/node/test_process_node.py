@@ -1,9 +1,11 @@
-"""A process on a bus in memory: which messages wake the threads that wait for a change, and steps."""
+"""A process on a bus in memory: which messages wake the threads that wait for a change, steps, and jumps of time."""
 
 import threading
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from support.limits import LIMIT
 from zteam.bus import MemoryHub
@@ -13,6 +15,8 @@ from zteam.messages import String
 from zteam.node import process_node as module
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
+
+TICK = 100_000_000
 
 
 @pytest.fixture
@@ -48,32 +52,23 @@ class Waiter:
 
 
 def test_a_message_wakes_only_a_thread_that_waits_for_it(hub: MemoryHub, node: ProcessNode) -> None:
-    """Other messages are looked at in the thread that brings them: the one that waits sleeps on."""
+    """Two threads wait for two words, and neither misses its own. Other messages are looked at in the thread that
+    brings them: those that wait sleep on."""
     heard: list[str] = []
     node.subscribe("words", String, lambda key, message: heard.append(message.data))
-    waiter, words = Waiter(node, heard, "go"), hub.bus().publisher("words", String)
-    waiter.threads.clear()
+    waiters = [Waiter(node, heard, word) for word in ("first", "second")]
+    words = hub.bus().publisher("words", String)
+    for waiter in waiters:
+        waiter.threads.clear()
     for _ in range(100):
         words.put(String("other"))
-    assert waiter.threads == {threading.current_thread()}
-    words.put(String("go"))
-    waiter.thread.join(LIMIT)
-    assert not waiter.thread.is_alive()
+    assert [waiter.threads for waiter in waiters] == [{threading.current_thread()}] * 2
+    for waiter, word in ((waiters[1], "second"), (waiters[0], "first")):
+        assert waiter.thread.is_alive()
+        words.put(String(word))
+        waiter.thread.join(LIMIT)
+        assert not waiter.thread.is_alive()
     assert heard.count("other") == 100
-
-
-def test_each_of_several_waits_ends_with_its_own_message(hub: MemoryHub, node: ProcessNode) -> None:
-    """Two threads wait for two words: neither misses its own."""
-    heard: list[str] = []
-    node.subscribe("words", String, lambda key, message: heard.append(message.data))
-    first, second = Waiter(node, heard, "first"), Waiter(node, heard, "second")
-    words = hub.bus().publisher("words", String)
-    words.put(String("second"))
-    second.thread.join(LIMIT)
-    assert (first.thread.is_alive(), second.thread.is_alive()) == (True, False)
-    words.put(String("first"))
-    first.thread.join(LIMIT)
-    assert not first.thread.is_alive()
 
 
 def test_an_error_ends_a_wait_for_something_else(node: ProcessNode) -> None:
@@ -168,3 +163,33 @@ def test_a_node_that_is_to_stop_does_not_end_its_step(hub: MemoryHub, node: Proc
     for each in (thread, closing):
         each.join(LIMIT)
     assert (desk.heard, node.present) == ([], False)
+
+
+def node_after(*ticks: int) -> ProcessNode:
+    """A process whose time was this, in ticks."""
+    node = ProcessNode("a", MemoryHub().bus(), Stop(), "sim")
+    for tick in ticks:
+        node.set_time(tick * TICK)
+    return node
+
+
+@given(st.integers(3, 500), st.integers(0, 1), st.integers(1, 500))
+def test_messages_of_a_time_that_has_ended_are_told_apart(end: int, earlier: int, last: int) -> None:
+    """What was sent in the last two ticks of the old time is of the old time, and all from the new first tick on is
+    not, each in a tick that is open or that comes next."""
+    node = node_after(end, 1)
+    assert node.is_of_ended_time((end - (earlier if end > 4 else 0)) * TICK)
+    for tick in range(1, last):
+        node.set_time(max(1, tick - tick % 2) * TICK)
+        assert not node.is_of_ended_time(tick * TICK)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "stamp", "is_ended"),
+    [((1,), 99, False), ((60, 1), 0, False), ((60, 1, 29), 60, True), ((60, 1, 60), 99, False)],
+)
+def test_no_message_is_of_an_ended_time_without_a_jump_or_a_stamp(
+    ticks: tuple[int, ...], stamp: int, is_ended: bool
+) -> None:
+    """Nor once time has reached its old end: by then all messages of the old time have come."""
+    assert node_after(*ticks).is_of_ended_time(stamp * TICK) == is_ended

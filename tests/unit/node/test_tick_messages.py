@@ -1,15 +1,13 @@
 """When a message counts in lock-step."""
 
-from functools import partial
 from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
-from zteam.messages import Header, Point, Pose, PoseStamped, Twist, time_from_ns
-from zteam.node.tick_messages import MAX_AHEAD, MOST, MOST_OF_KEY, HeldMessage, TickMessages, stamp_of, tick_of
+from zteam.messages import Header, Message, Point, Pose, PoseStamped, Twist, time_from_ns
+from zteam.node.tick_messages import MAX_AHEAD, MOST, MOST_OF_KEY, HeldMessage, TickMessages, tick_of
 
 SCAN = "robot_0/base_scan"
 Handled = list[tuple[int, str, float]]
@@ -64,59 +62,26 @@ def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[R
         assert mine == [(s.tick + 1, s.value) for s in timely if s.topic == topic]
 
 
-def _keep(kept: dict[str, Any], key: str, message: PoseStamped, _tick: int) -> None:
-    kept[key] = message
-
-
-def test_of_two_senders_the_one_that_counts_is_handled_last() -> None:
-    """A callback that keeps the newest message keeps the same one as a robot would, whichever came first."""
-    for first, second in (("a", "b"), ("b", "a")):
-        messages, kept = TickMessages(), dict[str, Any]()
-        for source in (first, second):
-            stamp = TICK if source == "a" else 2 * TICK
-            arrival = HeldMessage(1, "goal", pose(stamp), source, False, None, partial(_keep, kept))
-            messages.take(arrival, 2 * TICK, is_open=True)
-        messages.handle_due(3 * TICK)
-        assert kept == {"goal": pose(2 * TICK)}
-
-
-def test_after_the_last_tick_all_is_handled() -> None:
-    """Without ticks nothing waits for one."""
-    messages, kept = TickMessages(), list[str]()
-    for told, due in (("a", None), ("a of a tick", 2 * TICK)):
-        arrival = HeldMessage(1, told, pose(TICK), "", False, due, lambda told, *_: kept.append(told))
-        messages.take(arrival, TICK, is_open=True)
-    messages.handle_due(None)
-    assert kept == ["a", "a of a tick"]
-
-
-def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
-    """At once while that tick is open, with it if it comes first."""
-    messages, kept = TickMessages(), list[int]()
-
-    def take(due: int | None, stamp: int) -> str:
-        arrival = HeldMessage(
-            1, "path", pose(due or 0), "planner", False, due, lambda _, path, __: kept.append(stamp_of(path))
-        )
-        return messages.take(arrival, stamp, is_open=True)
-
-    take(2 * TICK, TICK)
-    assert kept == []
-    messages.handle_due(2 * TICK)
-    take(2 * TICK, 2 * TICK)
-    assert kept == [2 * TICK] * 2
-
-
 class Waiting:
-    """The messages that a node keeps, tick 2 being open, and what it has handled of them."""
+    """The messages that a node keeps, tick 2 being open, and what it has handled of them, with the tick of each."""
 
     def __init__(self) -> None:
-        self.messages, self.handled, self._open = TickMessages(), list[str](), 2 * TICK
+        self.messages, self.handled, self._open = TickMessages(), list[tuple[str, int]](), 2 * TICK
 
-    def take(self, key: str, stamp: int = 0, due: int | None = None, source: str = "a", data: bool = False) -> str:
+    def take(
+        self,
+        key: str,
+        stamp: int = 0,
+        due: int | None = None,
+        source: str = "a",
+        *,
+        data: bool = False,
+        newest_only: bool = False,
+        told: str = "",
+    ) -> str:
         """A message comes; why it is dropped."""
-        handle = lambda told, *_: self.handled.append(told)  # noqa: E731
-        arrival = HeldMessage(1, key, pose(stamp), source, data, due, handle)
+        handle = lambda *content: self.handled.append((told or key, content[2]))  # noqa: E731
+        arrival = HeldMessage(1, key, pose(stamp), source, data, due, handle, newest_only)
         return self.messages.take(arrival, self._open, is_open=True)
 
     def next(self) -> list[str]:
@@ -124,7 +89,34 @@ class Waiting:
         self.handled.clear()
         self._open += TICK
         self.messages.handle_due(self._open)
-        return self.handled
+        return [told for told, _ in self.handled]
+
+
+@pytest.mark.parametrize("sources", ["ab", "ba"])
+def test_of_two_senders_the_one_that_counts_is_handled_last(sources: str) -> None:
+    """A callback that keeps the newest message keeps the same one as a robot would, whichever came first."""
+    waiting = Waiting()
+    for source in sources:
+        waiting.take("goal", {"a": TICK, "b": 2 * TICK}[source], source=source, told=source)
+    assert waiting.next() == ["a", "b"]
+
+
+def test_after_the_last_tick_all_is_handled() -> None:
+    """Without ticks nothing waits for one."""
+    waiting = Waiting()
+    waiting.take("a", TICK)
+    waiting.take("a of a tick", TICK, 3 * TICK)
+    waiting.messages.handle_due(None)
+    assert [told for told, _ in waiting.handled] == ["a", "a of a tick"]
+
+
+def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
+    """At once while that tick is open, with it if it comes first."""
+    waiting = Waiting()
+    waiting.take("path", 2 * TICK, 2 * TICK)
+    waiting.take("next path", 3 * TICK, 3 * TICK)
+    assert waiting.handled == [("path", 0)]
+    assert waiting.next() == ["next path"]
 
 
 @pytest.mark.parametrize("key", [SCAN, "robot_2/status"])
@@ -163,32 +155,22 @@ def test_what_a_step_would_wait_for_in_a_far_tick_is_refused() -> None:
     assert not waiting.take("robot_1/status")
 
 
-def test_a_stamp_tells_the_tick_also_before_that_tick_comes() -> None:
-    """A message that overtakes its own tick belongs to that tick, not to the one that is open when it comes."""
-    assert tick_of(pose(3 * TICK), 3 * TICK) == 3 * TICK
-    assert tick_of(pose(3 * TICK), 2 * TICK) == 3 * TICK
-
-
-def test_what_tells_no_tick_counts_by_its_arrival() -> None:
-    """A message without a header, without a stamp, with an old one or with one of another clock is of the open tick."""
-    late, wall = pose(TICK), pose(3 * TICK + MAX_AHEAD + 1)
-    assert [tick_of(message, 3 * TICK) for message in (Twist(), PoseStamped(), late, wall)] == [3 * TICK] * 4
+@pytest.mark.parametrize(
+    ("message", "tick"),
+    [(pose(4 * TICK), 4), (pose(3 * TICK), 3), (pose(TICK), 3), (pose(3 * TICK + MAX_AHEAD + 1), 3), (Twist(), 3)],
+)
+def test_a_stamp_tells_the_tick_also_before_that_tick_comes(message: Message, tick: int) -> None:
+    """A message that overtakes its own tick belongs to that tick. One without a header or a stamp, with an old one or
+    with one of another clock is of the open tick."""
+    assert tick_of(message, 3 * TICK) == tick * TICK
 
 
 def test_a_robot_takes_the_last_message_of_each_tick() -> None:
     """The message of the tick before stays until its step; of two of one tick the last one counts, and none waits that
     another has replaced."""
-    messages, taken = TickMessages(), list[tuple[float, int]]()
-
-    def hold(stamp: int, value: float) -> None:
-        take = lambda _, sent, tick: taken.append((sent.pose.position.x, tick))  # noqa: E731
-        messages.hold(HeldMessage(1, "goal", pose(stamp, value), "a", False, None, take, newest_only=True), 2 * TICK)
-
-    hold(2 * TICK, 1.0)
-    for _ in range(MOST + 1):
-        hold(3 * TICK, 2.0)
-    hold(0, 3.0)
-    messages.handle_due(3 * TICK)
-    assert taken == [(1.0, 2 * TICK)]
-    messages.handle_due(4 * TICK)
-    assert taken[1:] == [(3.0, 3 * TICK)]
+    waiting = Waiting()
+    waiting.take("goal", 2 * TICK, newest_only=True, told="1")
+    for told in (*["2"] * (MOST + 1), "3"):
+        assert not waiting.take("goal", 3 * TICK, newest_only=True, told=told)
+    assert (waiting.next(), waiting.handled) == (["1"], [("1", 2 * TICK)])
+    assert (waiting.next(), waiting.handled) == (["3"], [("3", 3 * TICK)])

@@ -11,7 +11,7 @@ from zteam.config.numbers import counted
 from zteam.config.robot_ids import format_robot_ids
 from zteam.messages import RobotState, RobotStatus, TeamState
 from zteam.messages.topics import has_one_writer, is_sensed
-from zteam.monitor.doctor.facts import Facts, Finding, Load, UnusableMessages, note, ok, problem
+from zteam.monitor.doctor.facts import Facts, Finding, note, ok, problem
 from zteam.monitor.doctor.maps import check_map
 from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.node import kinds
@@ -221,7 +221,8 @@ def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:
         return ok(kind.title, "alive" if per_robot is None else ", ".join(found))
     text = f"no process {kind.name}" if per_robot is None else "none"
     if kind.name == names.AGGREGATOR:
-        text += _followers(facts)
+        pairs = [f"robot_{i} follows robot_{s.leader}" for i, s in sorted(facts.statuses.items()) if s.leader >= 0]
+        text += f": {', '.join(pairs)} and cannot without transforms" if pairs else ""
     # A team of fewer robots than the world has would leave some of them without GO.
     in_world = len(facts.sim.robots) if facts.sim else 0
     step = kind.hint.format(robots=max(1, len(facts.robots), in_world))
@@ -237,12 +238,6 @@ def _works_without(kind: kinds.Kind, facts: Facts) -> str:
         running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
         return "all robots run, but their health is not watched" if running else ""
     return ""
-
-
-def _followers(facts: Facts) -> str:
-    """What the missing transforms stop."""
-    pairs = [f"robot_{i} follows robot_{s.leader}" for i, s in sorted(facts.statuses.items()) if s.leader >= 0]
-    return f": {', '.join(pairs)} and cannot without transforms" if pairs else ""
 
 
 def check_robots_of_world(facts: Facts) -> Iterator[Finding]:
@@ -334,15 +329,9 @@ def format_refusals(count: KeyCount) -> str:
         return "none refused"
     if count.last_drop_age is None:
         return f"{count.dropped} refused"
-    last = "" if count.dropped == 1 else "the last one "
-    return f"{count.dropped} refused, {last}{format_age(count.last_drop_age)} ago: {count.last_drop_reason}"
-
-
-def format_age(seconds: float) -> str:
-    """`12 s`, `5 min`, `3 h`."""
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200.0 else f"{seconds / 3600:.0f} h"
+    last, age = "" if count.dropped == 1 else "the last one ", count.last_drop_age
+    shown = f"{age:.0f} s" if age < 120.0 else f"{age / 60:.0f} min" if age < 7200.0 else f"{age / 3600:.0f} h"
+    return f"{count.dropped} refused, {last}{shown} ago: {count.last_drop_reason}"
 
 
 def check_refusals(facts: Facts) -> Iterator[Finding]:
@@ -358,68 +347,25 @@ def check_refusals(facts: Facts) -> Iterator[Finding]:
         yield problem("refusals", text, "'zteam certs explain NAME' lists what it may (docs/security.md)")
     if not rows and not facts.faults and not facts.dropped:
         yield ok("refusals", "no message was refused")
-    recent = [row for row in rows if is_recent(row[2]) and not _lacks_its_robot(facts, row[0])]
+    # A robot that the world lacks and that has a process is told already, as the cause.
+    absent = {names.robot_name(i) for i in facts.robots if facts.lacks(i)}
+    recent = [row for row in rows if is_recent(row[2]) and row[0].partition("/")[0] not in absent]
     faults = {fault.key: fault for fault in reversed(facts.faults)}
     for key, fault in sorted(faults.items()):
-        yield _of_fault(fault, [name for refused, name, _ in recent if refused == key])
+        receivers = ", ".join(name for refused, name, _ in recent if refused == key)
+        text = f"{key}: {fault.writer} sends {fault.reason}{f'; refused by {receivers}' if receivers else ''}"
+        yield problem("refusals", text, "end or mend what sends it: 'zteam node list' has the processes")
     unexplained = {row[0]: row for row in reversed(recent) if row[0] not in faults}
-    for _, row in sorted(unexplained.items()):
-        yield _of_count(facts, *row)
-    past = [row for row in rows if not is_recent(row[2])]
+    for key, name, count in sorted(unexplained.values(), key=lambda row: row[0]):
+        writing = ", ".join(facts.writers.get(key, ()))
+        step = f"look at {writing}, which writes {key} now" if writing else f"no process writes {key} now"
+        step = f"{step}; {HISTORY_AFTER:g} s after the last refusal this is history"
+        yield problem("refusals", f"{key}: {name}: {format_refusals(count)}", step)
+    past = [f"{key} by {name} ({format_refusals(count)})" for key, name, count in rows if not is_recent(count)]
     if past:
-        yield _of_history(past)
-
-
-def _lacks_its_robot(facts: Facts, key: str) -> bool:
-    """Whether the world lacks the robot of a key that has a process: that is told already, as the cause."""
-    target = names.split_robot_key(key)
-    return target is not None and target[0] in facts.robots and facts.lacks(target[0])
-
-
-def _of_fault(fault: UnusableMessages, receivers: list[str]) -> Finding:
-    by = f"; refused by {', '.join(receivers)}" if receivers else ""
-    text = f"{fault.key}: {fault.writer} sends {fault.reason}{by}"
-    return problem("refusals", text, "end or mend what sends it: 'zteam node list' has the processes")
-
-
-def _of_count(facts: Facts, key: str, name: str, count: KeyCount) -> Finding:
-    writers = ", ".join(facts.writers.get(key, ()))
-    past = f"{HISTORY_AFTER:g} s after the last refusal this is history"
-    step = f"look at {writers}, which writes {key} now; {past}" if writers else f"no process writes {key} now; {past}"
-    return problem("refusals", f"{key}: {name}: {format_refusals(count)}", step)
-
-
-def _of_history(rows: list[tuple[str, str, KeyCount]]) -> Finding:
-    shown = [f"{key} by {name} ({format_refusals(count)})" for key, name, count in rows[:_SHOWN_REFUSALS]]
-    more = f", and {len(rows) - _SHOWN_REFUSALS} more" if len(rows) > _SHOWN_REFUSALS else ""
-    return note("refusals", f"none within {HISTORY_AFTER:g} s; before: {'; '.join(shown)}{more}")
-
-
-_MOST_ON_A_KEY = 500.0
-"""Messages a host second on one key; more need ticks that come as fast."""
-_MOST_IN_ALL = 3000.0
-"""Messages a host second that a sender that is no process of the team sends on all keys."""
-_MOST_BYTES = 20e6
-"""Bytes a host second of such a sender."""
-_PER_TICK = 5.0
-"""Messages that a process sends on one key in a tick, at most."""
-
-
-def is_flood(load: Load, tick_rate: float) -> bool:
-    """Whether a sender sends more than any process of a team needs to, with so many ticks in a host second."""
-    if load.rate > max(_MOST_ON_A_KEY, _PER_TICK * tick_rate):
-        return True
-    return not load.known and (load.total_rate > _MOST_IN_ALL or load.bytes_rate > _MOST_BYTES)
-
-
-def check_floods(facts: Facts) -> Iterator[Finding]:
-    """Senders that flood the bus. The team bears it, but its messages come later."""
-    for load in facts.loads:
-        if is_flood(load, facts.tick_rate):
-            more = f" and {counted(load.keys - 1, 'other key')}" if load.keys > 1 else ""
-            text = f"{load.writer} floods {load.key}{more}: {load.total_rate:.0f} messages a second"
-            text += f", {load.bytes_rate / 1e6:.1f} MB/s"
-            yield problem("load", text, f"end or mend {load.writer}{'' if load.known else ': see the sessions'}")
+        more = f", and {len(past) - _SHOWN_REFUSALS} more" if len(past) > _SHOWN_REFUSALS else ""
+        shown = "; ".join(past[:_SHOWN_REFUSALS])
+        yield note("refusals", f"none within {HISTORY_AFTER:g} s; before: {shown}{more}")
 
 
 def check_strangers(facts: Facts) -> Iterator[Finding]:
@@ -450,7 +396,6 @@ def check_clocks(facts: Facts) -> Iterator[Finding]:
 
 _CHECKS = (
     check_processes,
-    check_floods,
     check_strangers,
     check_clocks,
     check_world,

@@ -1,7 +1,7 @@
 """Everything that the checks of a team need, learned from the bus within a moment."""
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 
@@ -27,7 +27,7 @@ from zteam.messages import (
 )
 from zteam.messages.message import zeros
 from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
-from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
+from zteam.monitor.doctor.facts import Facts, HostClock, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
 from zteam.transforms import Buffer
@@ -46,13 +46,13 @@ _MAX_ROUTERS = 32
 
 def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
-    before, begin = find_status(bus), monotonic()
+    before = find_status(bus)
     nodes = find_nodes(bus)
     graph = Graph(bus.declarations(), nodes)
     tree = TreeListener(bus)
     survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
     strangers = find_strangers(options)
-    after, seconds = find_status(bus), monotonic() - begin
+    after = find_status(bus)
     heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
@@ -64,8 +64,6 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         return graph.name_sessions([sample.source], sample.key)[0]
 
     places = describe_sessions(bus, _rivals(heard, graph.declarations))
-    loads = _loads(survey, name_of, {node.instance for node in nodes})
-    tick_rate = max(0, after.tick - before.tick) / seconds if before and after else 0.0
     faults, newest = _decode(heard, name_of)
     statuses = {key: message for key, (_, message) in newest.items() if isinstance(message, RobotStatus)}
     team, (map_sample, grid) = newest.get(names.TEAM_STATUS), newest.get(names.MAP, (None, None))
@@ -91,36 +89,12 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
-        loads=loads,
-        tick_rate=tick_rate,
         strangers=strangers,
         clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
     )
-
-
-def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
-    """What each session sends; `known` are those of the team's processes."""
-    counts = defaultdict[str, Counter[str]](Counter)
-    for (session, key), times in survey.times.items():
-        counts[session][key] = len(times)
-    found = []
-    for session, own in counts.items():
-        key, most = own.most_common(1)[0]
-        found.append(
-            Load(
-                writer=name_of(survey.newest[key][session]),
-                known=session in known,
-                key=key,
-                rate=most / survey.seconds,
-                total_rate=own.total() / survey.seconds,
-                keys=len(own),
-                bytes_rate=survey.sizes[session] / survey.seconds,
-            )
-        )
-    return found
 
 
 def _stands(sim: SimStatus) -> bool:
@@ -146,18 +120,14 @@ def _compare_clocks(bus: Bus, nodes: Sequence[ProcessInfo]) -> dict[str, HostClo
     found: dict[str, HostClock] = {}
     hosts = {node.host: node.name for node in nodes if node.now}
     for host, name in [*hosts.items()][:_MOST_HOSTS]:
-        looks = [_compare_clock(bus, host, name) for _ in range(_CLOCK_QUESTIONS)]
-        if known := [clock for clock in looks if clock is not None]:
-            found[host] = min(known, key=lambda clock: clock.error)
+        for _ in range(_CLOCK_QUESTIONS):
+            begin, asked = wall_ns(), monotonic()
+            answers = find_processes(bus, name)
+            error = 0.5 * (monotonic() - asked)
+            times = [info.now for info in answers if info.host == host]
+            if times and (host not in found or error < found[host].error):
+                found[host] = HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4))
     return found
-
-
-def _compare_clock(bus: Bus, host: str, name: str) -> HostClock | None:
-    begin, asked = wall_ns(), monotonic()
-    answers = find_processes(bus, name)
-    error = 0.5 * (monotonic() - asked)
-    times = [info.now for info in answers if info.host == host]
-    return HostClock(round(to_seconds(times[0] - begin) - error, 4), round(error, 4)) if times else None
 
 
 def _rivals(heard: Mapping[str, Sequence[RawSample]], declarations: Iterable[Declaration]) -> list[str]:

@@ -62,25 +62,6 @@ class HostClock(msgspec.Struct, frozen=True):
     """The most that `ahead` may be wrong: half the time that question and answer took."""
 
 
-class Load(msgspec.Struct, frozen=True):
-    """What one sender sends."""
-
-    writer: str
-    """The name of the process, or its session."""
-    known: bool
-    """Whether it is a process of the team."""
-    key: str
-    """The one on which it sends most."""
-    rate: float
-    """Messages a host second on that key."""
-    total_rate: float
-    """Messages a host second on all keys."""
-    keys: int
-    """On how many keys it sends."""
-    bytes_rate: float
-    """Bytes a host second on all keys."""
-
-
 class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """One team. An empty field says that nothing of the kind was heard."""
 
@@ -110,10 +91,6 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """The map that a late subscriber gets; its cells are left out."""
     map_writer: str = ""
     """The process that published it, by name."""
-    loads: Sequence[Load] = ()
-    """What each sender sends."""
-    tick_rate: float = 0.0
-    """Ticks of the simulator in a host second."""
     strangers: Sequence[str] = ()
     """Sessions at the router that are none of zteam's, as text, with address and process where they are known."""
     clocks: Mapping[str, HostClock] = {}

@@ -48,12 +48,9 @@ class Poses:
         while not self._stop.is_set():
             frames = {i: names.robot_frame(i, names.BASE_FOOTPRINT) for i in self._robots()}
             self.newest = self._client.find_poses({i: Lookup(names.MAP_FRAME, frame) for i, frame in frames.items()})
-            self.restarts = self._ask_launcher()
+            answers = self._bus.find(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
+            self.restarts = answers[0][1] if answers else {}
             self._stop.wait(PERIOD)
-
-    def _ask_launcher(self) -> dict[str, Restarted]:
-        answers = self._bus.find(names.service_key(names.LAUNCHER, names.RESTARTS), dict[str, Restarted])
-        return dict(answers[0][1]) if answers else {}
 
 
 _event_log = logging.getLogger("zteam.monitor.events")

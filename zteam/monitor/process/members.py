@@ -6,24 +6,18 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.clock import to_ns, to_seconds
 from zteam.errors import short
-from zteam.messages import RobotState, RobotStatus, ns_from_time
+from zteam.messages import RobotState, RobotStatus
 
 SILENT_AFTER = 3.0
 """Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer. One whose
 time stood still for as long gets no data."""
-_WALL = to_ns(1e8)
-"""Stamps beyond are of the host's clock, and no time of a run."""
-
-
 _WHILE = 10.0
 """Host seconds within which events of one kind are counted."""
 _MOST_EVENTS = 8
 """Of one kind and robot that are shown within a while."""
 _MOST_OF_STRANGERS = 16
 """As many of all robots that do not count."""
-_STRANGER = -1
 
 
 class Event(NamedTuple):
@@ -52,7 +46,7 @@ class EventLimit:
     def admit(self, event: Event, counts: bool, now: float) -> Event | None:
         """The event as it is shown at host time `now`; None if it is left out. `counts` is whether its robot does."""
         known = event.robot is None or counts
-        key, most = (event.kind, event.robot if known else _STRANGER), _MOST_EVENTS if known else _MOST_OF_STRANGERS
+        key, most = (event.kind, event.robot if known else -1), _MOST_EVENTS if known else _MOST_OF_STRANGERS
         if now >= self._until:
             self._made.clear()
             self._until = now + _WHILE
@@ -110,5 +104,4 @@ class KnownRobot(msgspec.Struct):
         status, quiet = self.status, now - self.moved
         if status is None or status.state != RobotState.RUNNING or quiet <= SILENT_AFTER or ticks:
             return ""
-        stamp = ns_from_time(status.header.stamp)
-        return f"no data since {to_seconds(stamp):.1f} s" if stamp < _WALL else f"no data for {quiet:.0f} s"
+        return f"no data for {quiet:.0f} s"

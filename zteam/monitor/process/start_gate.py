@@ -18,12 +18,8 @@ from zteam.simulator.client import absence_text
 
 _NAMED = 8
 """Robots that the text of what GO waits for names at most."""
-_SETTLED = 1.0
-"""Host seconds until all processes and statuses that are there are known."""
 _LAST_EPOCH = 2**32 - 1
 """On the wire; a robot may tell any epoch, and the newest one that a robot obeys is taken over."""
-
-
 _MOST_LOST = 64
 """Robots that do not count and are gone are remembered up to this number."""
 
@@ -52,10 +48,6 @@ class Gate:
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
         """Whether another monitor gave the GO that stands."""
-        self.follow_problems: list[FollowProblem] = []
-        """Robots that cannot follow, as of the last look."""
-        self._cannot_follow: dict[FollowProblem, float] = {}
-        """The host time at which each was found."""
         if expected is not None:
             self.expect(expected)
 
@@ -173,7 +165,8 @@ class Gate:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
             member.was_ready = True
-            self.tell("ready", robot_id, f"ready ({self._progress()})")
+            done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
+            self.tell("ready", robot_id, f"ready ({done}; waiting for {awaited})" if awaited else f"ready ({done})")
         elif not member.ready:
             member.was_ready = False
         return True
@@ -219,7 +212,8 @@ class Gate:
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
-        self.check_leaders(0.0, at_once=True)
+        for problem in self.find_follow_problems():
+            self.tell("follow", None, problem.text)
         self._next_epoch()
         self.gone, self.go_stamp = True, stamp
         for member in self.members.values():
@@ -263,16 +257,10 @@ class Gate:
         there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
         return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
 
-    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
-        """Tell of robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
+    def find_follow_problems(self) -> list[FollowProblem]:
+        """Robots that cannot follow, as of now."""
         leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
-        found = list(follow_problems(leaders, self._may_lead))
-        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
-        for each in found:
-            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
-                self.follow_problems.append(each)
-                self.tell("follow", None, each.text)
-        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
+        return list(follow_problems(leaders, self._may_lead))
 
     def _may_lead(self, robot_id: int) -> bool:
         """Whether a robot is there, is still to come, or was lost, which is reported as a loss."""
@@ -280,10 +268,6 @@ class Gate:
             return True
         member = self.members.get(robot_id)
         return member is not None and (member.alive or member.was_lost)
-
-    def _progress(self) -> str:
-        done, awaited = f"{len(self.ready)} of {self.team_size}", self.waiting_for(reasons=False)
-        return f"{done}; waiting for {awaited}" if awaited else done
 
     def status(self, stamp: int) -> TeamStatus:
         """What to publish, at time `stamp` (ns)."""

@@ -2,15 +2,12 @@
 
 import logging
 import math
-from collections.abc import Sequence
 
 import msgspec
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo, find_processes
 from zteam.clock import monotonic
-from zteam.config.numbers import counted
-from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import UsageError
 from zteam.messages import TeamState, TeamStatus
 from zteam.monitor.process.display import TeamDisplay, showing
@@ -28,10 +25,8 @@ class FollowedTeam(Gate):
     """The gate of a running monitor, which decides which robots GO waits for, and when it is out. The robots and their
     processes are observed directly."""
 
-    def __init__(self, team_size: int = 0, ids: Sequence[int] | None = None) -> None:
-        """The size and the ids that were asked for; 0 for none."""
+    def __init__(self) -> None:
         super().__init__(None, 0)
-        self._asked_size, self._asked = team_size, ids
         self.newest: TeamStatus | None = None
         """What the running monitor said last."""
 
@@ -48,8 +43,6 @@ class FollowedTeam(Gate):
             ready = f"{status.ready.size} of {status.team_size} ready"
             waiting_for = status.waiting_for or self.waiting_for()
             self.tell("status", None, f"GO is out; {ready}" if self.gone else f"{ready}; waiting for {waiting_for}")
-        if before is None and self._asked_size and (difference := self._difference(ids)):
-            self.tell("team", None, difference)
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
         if kind not in _OF_THE_MONITOR:
@@ -63,16 +56,6 @@ class FollowedTeam(Gate):
 
     def waiting_for(self, *, reasons: bool = True) -> str:
         return super().waiting_for(reasons=reasons) or "the running monitor"
-
-    def _difference(self, ids: list[int]) -> str:
-        """How the running monitor's team differs from the one asked for; empty if it does not."""
-        if self.team_size != self._asked_size:
-            has = counted(self.team_size, "robot")
-            return f"the running monitor's team has {has}, not {self._asked_size} as asked for here"
-        if self._asked is not None and ids and ids != sorted(self._asked):
-            has, asked = format_robot_ids(ids), format_robot_ids(self._asked)
-            return f"the running monitor's team has robots {has}; asked for here: {asked}"
-        return ""
 
 
 log = logging.getLogger("zteam")
@@ -97,7 +80,7 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
-    team = FollowedTeam(options.team_size, options.ids)
+    team = FollowedTeam()
     watch = TeamWatch(node, team)
     watch.on(names.TEAM_STATUS, lambda _key, status: team.take_team(status))
     with showing(options) as output:

@@ -6,14 +6,12 @@ from typing import Any
 
 from zteam import names
 from zteam.bus.graph import tell_rivals
-from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.messages.topics import has_one_writer
 from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
-from zteam.node.rivals import Writers
 from zteam.node.tokens import TokenLossFilter
 from zteam.simulator.client import SimStatus, find_status
 
@@ -45,9 +43,9 @@ class WriterWatch:
     """Tells of robots that more than one process commands, or is the base of, and the team which robots the simulator
     has. The processes themselves are told too.
 
-    The simulator tells which ones command: a subscription to all commands would slow down every tick of lock-step.
-    Where there is no simulator, the watch subscribes to the commands itself. Of all other keys that have one publisher
-    at a time, zteam's sessions say what they publish.
+    The simulator tells which ones command: a subscription to all commands would slow down every tick of lock-step. Of
+    all other keys that have one publisher at a time, and of commands where there is no simulator, zteam's sessions say
+    what they publish.
     """
 
     def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
@@ -55,7 +53,6 @@ class WriterWatch:
         self._team = team
         self._seen = seen
         self._due = Every(LOOK)
-        self._heard: Writers[int] | None = None
         self._told: dict[str, list[str]] = {}
         """By key: the sessions that publish on it, where there is more than one."""
         self._published: dict[str, list[str]] = {}
@@ -71,7 +68,7 @@ class WriterWatch:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
         if not self._due.due():
             return
-        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else self._listen()
+        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else {}
         if self._ask_all.due():
             self._published = self._find_publishers()
         if commanding is not None:
@@ -83,7 +80,8 @@ class WriterWatch:
         found: dict[str, set[str]] = {}
         for each in self._node.bus.declarations():
             # On cmd_vel the simulator publishes what a robot answers in lock-step.
-            if each.publishes and has_one_writer(each.key) and not each.key.endswith(f"/{names.CMD_VEL}"):
+            is_answer = each.key.endswith(f"/{names.CMD_VEL}") and self._seen.alive(names.SIMULATOR)
+            if each.publishes and has_one_writer(each.key) and not is_answer:
                 found.setdefault(each.key, set()).add(each.session)
         return {key: sorted(sessions) for key, sessions in found.items() if len(sessions) > 1}
 
@@ -97,23 +95,6 @@ class WriterWatch:
             self._team.take_world(status.robots)
             self._team.take_tick(status.tick, monotonic())
         return status.writers
-
-    def _listen(self) -> dict[int, list[str]] | None:
-        clock = self._node.clock
-        if not clock.decided or clock.simulated:
-            return None
-        if self._heard is None:
-            self._heard = Writers[int]()
-            self._node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_command)
-        with self._node.changed:
-            heard = self._heard.recent(monotonic())
-        return {robot_id: sorted(sessions) for robot_id, sessions in heard.items() if len(sessions) > 1}
-
-    def _on_command(self, sample: RawSample) -> None:
-        target = names.split_robot_key(sample.key)
-        if target is not None and self._heard is not None:
-            with self._node.changed:
-                self._heard.take(target[0], sample.source, monotonic())
 
     def _tell(self, found: dict[str, list[str]]) -> None:
         texts = []
@@ -138,15 +119,12 @@ _SERVERS = {
 }
 """Processes that a team needs besides its robots: what they are called, and what it means that one is gone."""
 
-_STRANGE = 1.0
-"""Host seconds after which a robot that publishes a status, and has no process, is reported."""
-
 
 class TeamWatch:
     """Passes what the bus shows of a team on to `team`. Callbacks run under `node.changed`.
 
-    A robot becomes a member with its process. A status without one may come before its presence token; a sender can
-    invent any number.
+    A robot becomes a member with its process: a sender can invent any number of statuses. One may come before its
+    presence token.
     """
 
     def __init__(self, node: ProcessNode, team: Gate) -> None:
@@ -154,9 +132,6 @@ class TeamWatch:
         self._team = team
         self._seen = TeamObserver(node.bus)
         self._losses = TokenLossFilter()
-        self._strangers: dict[int, float] = {}
-        """By robot without a process, which the team does not expect: the host time of its first status."""
-        self._told_strangers = False
         self._servers: set[str] = set()
         self.servers_gone: dict[str, str] = {}
         """Those processes that were there and are gone, by name: what that means, in words."""
@@ -204,8 +179,9 @@ class TeamWatch:
         """A process has come, or is gone for good."""
         robot_id = names.robot_id_of(name)
         if robot_id is not None:
+            is_new = robot_id not in self._team.members
             self._team.take_token(robot_id, alive)
-            if self._strangers.pop(robot_id, None) and (status := self._seen.robot(robot_id).status):
+            if is_new and (status := self._seen.robot(robot_id).status):
                 self._team.take_status(robot_id, status, monotonic())
         elif alive and name not in self._servers:
             self._servers.add(name)
@@ -222,9 +198,7 @@ class TeamWatch:
         if status.robot_id != robot.id:
             key = names.robot_key(robot.id, names.STATUS)
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
-        elif robot.id not in self._team.members:
-            self._strangers.setdefault(robot.id, monotonic())
-        else:
+        elif robot.id in self._team.members:
             self._team.take_status(robot.id, status, monotonic())
 
     def look(self) -> None:
@@ -243,25 +217,14 @@ class TeamWatch:
     def _take_losses(self, now: float) -> None:
         for name in self._losses.take_due(now):
             self._take(name, False)
-        self._tell_strangers(now)
         if self._losses.trusted(now):
             self._team.check_silence(now)
-            self._team.check_leaders(now)
-
-    def _tell_strangers(self, now: float) -> None:
-        """Report once, in one line, the robots that have a status and no process."""
-        if self._told_strangers or now - min(self._strangers.values(), default=now) < _STRANGE:
-            return
-        self._told_strangers, count = True, len(self._strangers)
-        rest = f" and {count - 1} other robots have" if count > 1 else " has"
-        text = f"{names.robot_name(min(self._strangers))}{rest} a status but no process"
-        self._team.tell("strangers", None, f"{text}: the monitor leaves such robots out")
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""
         found = [] if self._seen.link_up else ["the router is lost: nothing can be heard"]
         found += self.servers_gone.values()
-        found += (each.text for each in self._team.follow_problems)
+        found += (each.text for each in self._team.find_follow_problems())
         found += self.writers.notes()
         if why := self._why_time_stands():
             found.append(why)

@@ -212,8 +212,7 @@ class RobotNode:
         with self._node.between_steps():
             return CancelReply(self.driver.behavior.cancel_goal())
 
-    def _on_scan(self, key: str, scan: LaserScan, source: str) -> None:
-        self._node.rivals.take(key, source)
+    def _on_scan(self, _key: str, scan: LaserScan, _source: str) -> None:
         self._inputs.on_scan(scan)
         self._node.hear_stamp(self._inputs.scan_stamp)
         self._node.first_data = self._node.first_data or monotonic()

@@ -1,6 +1,5 @@
 """A view of a monitor that runs already: on a bus in memory, beside the real monitor."""
 
-import json
 import threading
 from collections.abc import Callable, Iterator
 
@@ -35,26 +34,21 @@ class Second:
         self._thread = threading.Thread(target=run_monitor, args=[self.node, options], daemon=True)
         self._thread.start()
 
-    @property
-    def shown(self) -> str:
-        """What it has printed so far."""
-        self._shown += self._capsys.readouterr().out
-        return self._shown
-
     def wait_for(self, text: str) -> None:
         """Wait until it has printed that."""
         with self.node.changed:
             # It prints without the lock, so nothing notifies: look again from time to time.
             for _ in range(int(LIMIT / 0.05)):
-                if text in self.shown:
+                self._shown += self._capsys.readouterr().out
+                if text in self._shown:
                     return
                 wait_until(self.node.changed, lambda: False, 0.05)
-        raise AssertionError(self.shown)
+        raise AssertionError(self._shown)
 
     def join(self) -> None:
         """Wait for its end."""
         self._thread.join(LIMIT)
-        assert not self._thread.is_alive(), self.shown
+        assert not self._thread.is_alive(), self._shown
 
     def close(self) -> None:
         """Stop it."""
@@ -80,8 +74,8 @@ def open_second(
     monkeypatch.setattr(display, "_STATUSES", 0.0)
     made: list[Second] = []
 
-    def start(team_size: int = 0, ids: tuple[int, ...] | None = None, **more: bool) -> Second:
-        made.append(Second(hub, MonitorOptions(team_size, ids, **more), capsys))
+    def start(**options: bool) -> Second:
+        made.append(Second(hub, MonitorOptions(0, **options), capsys))
         return made[-1]
 
     yield start
@@ -123,76 +117,34 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
     for robot in robots:
         robot.say(RobotState.RUNNING, epoch=1)
     second.join()
-    third = open_second(exit_on_go=True)
-    third.wait_for("GO is out; 2 of 2 ready")
+    third = open_second(exit_on_go=True, json=True)
+    third.wait_for('{"event":"status","robot":null,"text":"GO is out; 2 of 2 ready"}')
     first.pass_by(display.LEAVE_AFTER + 1)
     third.join()
 
 
-@pytest.mark.parametrize(
-    ("size", "ids", "told"),
-    [
-        (4, None, "the running monitor's team has 2 robots, not 4 as asked for here"),
-        (2, (0, 3), "the running monitor's team has robots 0, 1; asked for here: 0, 3"),
-        (2, (1, 0), ""),
-        (2, None, ""),
-    ],
-)
-def test_another_team_than_asked_for_is_named(
-    open_second: Callable[..., Second], size: int, ids: tuple[int, ...] | None, told: str
-) -> None:
-    """The sizes, or the ids if the sizes agree; nothing is said of a team that is the one asked for."""
-    second = open_second(size, ids)
-    second.wait_for("robot_1  absent")
-    assert ("asked for here" in second.shown) == bool(told)
-    assert told in second.shown
-
-
-def test_its_lines_as_json(first: Desk, open_second: Callable[..., Second]) -> None:
-    """Events and the table are one JSON object each."""
-    second = open_second(json=True)
-    second.wait_for('"event":"table"')
-    status, table = (json.loads(line) for line in second.shown.splitlines()[:2])
-    assert (status["event"], status["robot"]) == ("status", None)
-    assert status["text"].startswith("0 of 2 ready; waiting for robot_0")
-    assert [(row["robot"], row["state"], row["pose"]) for row in table["robots"]] == [
-        ("robot_0", "absent", None),
-        ("robot_1", "absent", None),
-    ]
-
-
-def test_without_a_monitor_and_a_team_there_is_nothing_to_show(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_monitor_there_is_nothing_to_show(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says how to be the monitor."""
     monkeypatch.setattr(view, "LOOK_FOR", 0.0)
     node = ProcessNode(names.MONITOR, hub.bus(), Stop())
-    with pytest.raises(UsageError, match=r"no monitor is running: give .*--team-size 4"):
+    with pytest.raises(UsageError):
         run_monitor(node, MonitorOptions(0))
     node.close()
 
 
-def test_a_monitor_of_an_older_version_names_the_missing() -> None:
-    """Its status has no words for what it waits for."""
+def test_go_and_its_epoch_are_the_running_monitors() -> None:
+    """Robots that run give no GO, and another simulator no epoch: the status that comes has both."""
     team = FollowedTeam()
+    # A monitor of an older version has no words for what it waits for.
     team.take_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
-    assert [event.text for event in team.take_events()] == [
-        "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet"
-    ]
-
-
-def test_robots_that_run_give_no_go() -> None:
-    """A view that has not received the running monitor's status yet would end before it has named the difference."""
-    team = FollowedTeam(3)
     come(team, 0, 1, state=RobotState.RUNNING, epoch=1)
     assert not team.gone
-    team.take_team(TeamStatus(state=TeamState.GO, epoch=1, team_size=2, ready=np.array([0, 1], np.int32)))
-    assert team.all_running()
-    assert [event.kind for event in team.take_events()] == ["status", "team"]
-
-
-def test_the_epoch_is_the_running_monitors() -> None:
-    """Another simulator after GO changes nothing here: the status that comes has its epoch."""
-    team = FollowedTeam()
-    for session, epoch in (("one", 1), ("two", 2)):
-        team.take_team(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=1, ready=np.array([0], np.int32)))
+    for epoch, session in ((1, "one"), (2, "two")):
+        team.take_team(TeamStatus(state=TeamState.GO, epoch=epoch, team_size=2, ready=np.array([0, 1], np.int32)))
         team.take_simulator(frozenset({session}))
-    assert team.epoch == 2
+        assert (team.epoch, team.all_running()) == (epoch, epoch == 1)
+    assert [event.text for event in team.take_events()] == [
+        "0 of 2 ready; waiting for robot_1: no process yet; robot_4: no process yet",
+        "All robots GO!",
+        "GO is out; 2 of 2 ready",
+    ]

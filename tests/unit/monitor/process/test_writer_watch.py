@@ -1,4 +1,4 @@
-"""Which processes command a robot, and what the monitor tells of that."""
+"""Which processes command a robot or are its base, and what the monitor tells of that."""
 
 import os
 import socket
@@ -9,14 +9,15 @@ from support.log_capture import captured_log
 from support.named_sessions import open_named
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.graph import tell_rivals
 from zteam.clock import Every
-from zteam.messages import Odometry, TFMessage, Twist
+from zteam.messages import LaserScan, Odometry, TFMessage, Twist
+from zteam.messages.topics import has_one_writer
 from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import watch
 from zteam.monitor.process.start_gate import Gate
 from zteam.monitor.process.watch import WriterWatch
 from zteam.node.process_node import ProcessNode
-from zteam.node.rivals import RECENT, Writers
 from zteam.node.shutdown import Stop
 from zteam.simulator.client import SimStatus
 
@@ -32,48 +33,28 @@ class Desk:
     def tell(self) -> list[tuple[str, int | None, str]]:
         """What the next look tells."""
         self.watch.look()
-        events = self._gate.take_events()
-        return [tuple(event) for event in events]
+        return [tuple(event) for event in self._gate.take_events()]
 
 
 @pytest.fixture
 def desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Desk:
-    """A watch that looks whenever it is asked to."""
+    """A watch that looks, and asks all sessions, whenever it is asked to."""
     monkeypatch.setattr(watch, "LOOK", 0.0)
-    return Desk(hub)
-
-
-def test_writers_are_forgotten() -> None:
-    """A session counts for a while after its last command."""
-    writers = Writers[int]()
-    writers.take(0, "a", 10.0)
-    writers.take(0, "b", 12.0)
-    writers.take(1, "a", 12.0)
-    assert writers.recent(10.0 + RECENT) == {0: {"a", "b"}, 1: {"a"}}
-    assert writers.recent(11.0 + RECENT) == {0: {"b"}, 1: {"a"}}
-    assert writers.recent(13.0 + RECENT) == {}
-
-
-def test_invented_sessions_take_no_memory() -> None:
-    """A robot has so many writers at most, and those that are known stay known."""
-    writers = Writers[int]()
-    for number in range(1000):
-        writers.take(0, f"{number}", 0.0)
-    writers.take(0, "0", RECENT)
-    assert len(writers.recent(0.0)[0]) == 64
-    assert writers.recent(RECENT + 1.0) == {0: {"0"}}
+    made = Desk(hub)
+    monkeypatch.setattr(made.watch, "_ask_all", Every(0.0))
+    return made
 
 
 def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk) -> None:
-    """Each change is told once, with the names of the processes that have one."""
+    """Each change is told once, with the names of the processes that have one; without an answer nothing changes."""
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
-    simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance))
     commanding = [open_named(hub, name) for name in ("robot_0", "joystick")]
     publishers = [bus.publisher("robot_0/cmd_vel", Twist) for bus in commanding]
     robot, joystick = (bus.instance for bus in commanding)
     place = f"(process {os.getpid()} on {socket.gethostname()})"
     assert desk.tell() == []
+    simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     status.writers = {0: [robot, "b2"]}
     text = f"is commanded by 2 processes: robot_0 {place}, session b2 (see 'zteam topic info robot_0/cmd_vel')"
     assert desk.tell() == [("writers", 0, text)]
@@ -84,46 +65,58 @@ def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk)
     assert len(publishers) == 2
     status.writers = {}
     assert desk.tell() == [("writers", 0, "is commanded by one process again")]
-    assert desk.tell() == []
 
 
-def test_two_bases_of_a_robot_are_told(hub: MemoryHub, desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All sessions are asked what they publish: two on a sensor's key are named with host and process, and told."""
+@pytest.mark.parametrize(
+    ("topic", "kind", "found", "over"),
+    [
+        (names.ODOM, Odometry, "has 2 publishers on odom: ", "has one publisher again on odom"),
+        (names.CMD_VEL, Twist, "is commanded by 2 processes: ", "is commanded by one process again"),
+    ],
+)
+def test_two_publishers_are_told(
+    hub: MemoryHub, desk: Desk, topic: str, kind: type[Odometry | Twist], found: str, over: str
+) -> None:
+    """All sessions are asked what they publish, without a simulator also of commands: two are named with host and
+    process, and told themselves."""
     bases = [hub.bus() for _ in range(2)]
-    publishers = [bus.publisher("robot_0/odom", Odometry) for bus in bases]
+    publishers = [bus.publisher(f"robot_0/{topic}", kind) for bus in bases]
     bases[0].publisher("robot_0/tf", TFMessage), bases[1].publisher("robot_0/tf", TFMessage)
-    desk.node.clock.use_wall()
-    assert desk.tell() == []
-    monkeypatch.setattr(desk.watch, "_ask_all", Every(0.0))
     with captured_log() as log:
-        ((kind, robot_id, text),) = desk.tell()
-    assert (kind, robot_id) == ("writers", 0)
-    assert text.startswith("has 2 publishers on odom: ") and text.count("(process ") == 2
-    assert log.count("robot_0/odom is also published by ") == 2
-    assert desk.watch.notes() == ["robot_0/odom has 2 publishers"]
+        ((event, robot_id, text),) = desk.tell()
+    assert (event, robot_id) == ("writers", 0)
+    assert text.startswith(found) and text.count("(process ") == 2
+    assert log.count(f"robot_0/{topic} is also published by ") == 2
+    assert desk.watch.notes() == [f"robot_0/{topic} has 2 publishers"]
     publishers[0].close()
-    assert desk.tell() == [("writers", 0, "has one publisher again on odom")]
+    assert desk.tell() == [("writers", 0, over)]
 
 
-def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
-    """Without an answer of the simulator nothing new is told."""
-    hub.bus().declare_token(names.token_key(names.SIMULATOR, "s1"))
+def test_an_answer_of_lock_step_is_no_second_command(hub: MemoryHub, desk: Desk) -> None:
+    """The simulator publishes it on `cmd_vel`, beside the robot."""
+    robot, simulator = (open_named(hub, name) for name in ("robot_0", names.SIMULATOR))
+    for bus in (robot, simulator):
+        bus.publisher("robot_0/cmd_vel", Twist)
+    simulator.serve(
+        names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: SimStatus("w", [0], 100, 1, 0, 0, 1.0)
+    )
+    simulator.declare_token(names.token_key(names.SIMULATOR, simulator.instance))
     assert desk.tell() == []
 
 
-def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
-    """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
-    robot, rival = open_named(hub, "robot_3"), open_named(hub, "joystick")
-    publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
-    desk.tell()
-    for publisher in publishers:
-        publisher.put(Twist())
-    assert desk.tell() == []
-    desk.node.clock.use_wall()
-    assert desk.tell() == []
-    publishers[0].put(Twist())
-    assert desk.tell() == []
-    publishers[1].put(Twist())
-    ((kind, robot_id, text),) = desk.tell()
-    assert (kind, robot_id) == ("writers", 3)
-    assert "2 processes: robot_3 (process " in text and ", joystick (process " in text
+def test_a_forged_session_accuses_nobody(hub: MemoryHub) -> None:
+    """The session in a time stamp is what the sender wrote: one that does not publish on the key is not named."""
+    sim, tf = open_named(hub, "sim"), open_named(hub, "tf")
+    publisher = sim.publisher("robot_0/base_scan", LaserScan)
+    texts = tell_rivals(hub.bus(), "robot_0/base_scan", [sim.instance, tf.instance, "f0"])
+    assert [text.split(" (")[0] for text in texts] == ["sim", "session f0", "a sender with forged time stamps"]
+    publisher.close()
+
+
+def test_keys_with_one_publisher() -> None:
+    """Sensors, the base, and each source of a velocity; not goals, transforms, and what belongs to no robot."""
+    topics = ["base_scan", "base_scan_1", "odom", "sonar_3", "cmd_vel_teleop", "base_info"]
+    others = ["robot_0/tf", "robot_0/goal_pose", "robot_0/plan", "map", "clock", "base_scan"]
+    assert [key for key in (*others, *(f"robot_0/{topic}" for topic in topics)) if has_one_writer(key)] == [
+        f"robot_0/{topic}" for topic in topics
+    ]

@@ -21,7 +21,7 @@ from zteam.messages import PoseStamped, Twist, TwistStamped
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.simulator.process import commands
-from zteam.simulator.process.commands import RobotCommands
+from zteam.simulator.process.commands import RECENT, RobotCommands, Writers
 from zteam.simulator.process.statistics import RunStatistics
 
 
@@ -153,3 +153,15 @@ def test_late_commands_are_refused_and_counted() -> None:
         assert (refused.received, refused.dropped, "late: its link" in refused.last_drop_reason) == (2, 1, True)
     finally:
         harness.close()
+
+
+def test_writers_are_forgotten() -> None:
+    """A session counts for a while after its last command; a robot has 64 at most, and those that are known stay so."""
+    writers = Writers()
+    for number in range(1000):
+        writers.take(0, f"{number}", 10.0)
+    writers.take(1, "a", 12.0)
+    writers.take(0, "0", 12.0)
+    assert len(writers.recent(10.0 + RECENT)[0]) == 64
+    assert writers.recent(11.0 + RECENT) == {0: {"0"}, 1: {"a"}}
+    assert writers.recent(13.0 + RECENT) == {}
