@@ -169,8 +169,8 @@ class TeamRun:
             job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
             log.info("%s is started on request, with behaviour %s", name, request.behavior)
             if name not in self.plan.jobs:
-                self.plan.beside |= {name}
                 self.plan.optional |= {name}
+                self.plan.unawaited |= {name}
             self.supervisor.start_job(name, job)
         return name
 
@@ -223,7 +223,7 @@ class TeamRun:
             if self._stop.requested or progress.wall is not None:
                 return True
             missing[:] = self._missing(progress.go_after is not None)
-            return bool(missing) or supervisor.members.keys() - self.plan.beside <= supervisor.ended
+            return bool(missing) or supervisor.members.keys() - self.plan.optional <= supervisor.ended
 
         if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
             progress.check_begun(go_timeout)
@@ -240,10 +240,10 @@ class TeamRun:
         """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
         if not self.launch.has_end:
             return []
-        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.beside]
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.optional]
         if begun:
-            return [name for name in ended if (kind := kind_of(name)) is not None and kind.carries_run]
-        return [name for name in ended if name not in self.plan.optional]
+            return [name for name in ended if (kind := kind_of(name)) is not None and kind.required_to_finish]
+        return [name for name in ended if name not in self.plan.unawaited]
 
     def _last_words(self, name: str) -> str:
         """Why a member ended: its exit code and the last line of its output."""
@@ -255,7 +255,7 @@ class TeamRun:
     @property
     def failed(self) -> set[str]:
         """Names of the members that have failed for good, or hang, without those that the team does not need."""
-        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.beside
+        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.optional
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
@@ -283,7 +283,7 @@ class TeamRun:
         running = [member for member in self.supervisor.members.values() if member.running]
         for group in stop_order(self.supervisor.members):
             self.supervisor.stop(group, lambda: self._hurry)
-        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside
+        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.optional
         for member in () if self._hurry else running:
             if member.exit_code == -signal.SIGKILL:
                 # A busy machine or a pause may be the reason.

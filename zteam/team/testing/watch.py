@@ -142,13 +142,13 @@ class Watch:
     def expect_members(self) -> None:
         """From here on the members of the plan belong to the team."""
         self.participants = {*self.run.launch.participants}
-        self.may_end.update(self.run.plan.beside)
+        self.may_end.update(self.run.plan.optional)
 
     def wait_for_members(self) -> None:
         """Wait until all that belong to the team are there, and any robot's pose may be read."""
         plan, threads = self.run.plan, self.threads
         self.watch_others(self.run.launch.pace.expect)
-        members = [name for name in plan.jobs if name not in plan.optional] if threads is None else [*threads.parts]
+        members = [name for name in plan.jobs if name not in plan.unawaited] if threads is None else [*threads.parts]
         self.wait_for_processes(*members)
         if names.SIMULATOR in members:
             known = self.sim.status().robots

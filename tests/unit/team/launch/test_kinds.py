@@ -95,7 +95,7 @@ def test_a_node_cannot_take_the_place_of_a_process(kind: Kind) -> None:
 
 def test_a_run_needs_its_router_and_its_simulator() -> None:
     """These alone end a run with a time limit after GO."""
-    assert [kind.name for kind in KINDS if kind.carries_run] == ["router", "sim"]
+    assert [kind.name for kind in KINDS if kind.required_to_finish] == ["router", "sim"]
 
 
 def test_an_empty_plan_still_stops_its_router() -> None:

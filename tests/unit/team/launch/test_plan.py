@@ -113,7 +113,7 @@ def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
         "planner": Job([sys.executable, "planner.py", "2"], folder=Path("/t"), restarts=True, may_end=True),
         "camera": Job(["/bin/camera"], folder=Path("/u"), may_end=True),
     }
-    assert plan.optional == {"camera"}
+    assert plan.unawaited == {"camera"}
     lockstep = told(plan, "sim", SimOptions).lockstep
     assert lockstep is not None
     assert lockstep.expected == ("tf", "robot_0", "planner")

@@ -19,7 +19,7 @@ def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
     """Without it no process differs."""
     plain, viewed = plan_team(TeamLaunch(TEAM, WORLD)), plan_team(TeamLaunch(TEAM, WORLD, view=VIEW_OPTIONS))
     assert plain.jobs == {name: job for name, job in viewed.jobs.items() if name != "view"}
-    assert plain.beside == frozenset()
+    assert plain.optional == frozenset()
     assert from_line(viewed.jobs["view"].words) == ("view", VIEW_OPTIONS)
 
 
@@ -34,7 +34,7 @@ def test_the_run_does_not_wait_for_the_view() -> None:
     plan = plan_team(TeamLaunch(team, WORLD, view=VIEW_OPTIONS))
     assert plan.jobs["view"].may_end
     assert plan.jobs["view"].restarts
-    assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)
+    assert (plan.optional, {"view", "mine"} <= plan.unawaited) == ({"view"}, True)
     assert "view" in stop_order([*plan.jobs, "router"])[0]
 
 
