@@ -64,18 +64,6 @@ def test_a_cut_link_does_not_change_a_run_of_lock_step(team: TeamFixture) -> Non
     assert team.report.hung == []
 
 
-def test_a_link_that_is_reset_is_told_in_lock_step(team: TeamFixture) -> None:
-    """It loses what was on its way, so the run is another one: the report names the robot when it is back."""
-    team.start("office", robots=2, follow={1: 0}, chaos=True)
-    team.wait_for_go()
-    team.expect_end("robot_1")
-    link_of(team, "robot_1").reset()
-    team.wait_for(lambda: not team.alive("robot_1"))
-    team.run(1.0)
-    link_of(team, "robot_1").change()
-    team.wait_for(lambda: team.report.hung == ["robot_1"])
-
-
 def drive_in_line(team: TeamFixture, folder: Path) -> Watchdog:
     """Start four robots in real time, wait until all drive, and watch that none moves without commands."""
     (folder / "team.toml").write_text(LINE)

@@ -131,13 +131,6 @@ class TeamRun:
         self._connected()
         self._enter(RunState.OPEN)
 
-    def reconnect(self) -> None:
-        """Have a new session in place of the one before."""
-        assert self.members.bus is not None
-        self.members.bus.close()
-        self.members.open()
-        self._connected()
-
     def start(self) -> None:
         """Start the members."""
         self._enter(RunState.STARTING)

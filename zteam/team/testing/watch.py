@@ -72,10 +72,6 @@ class Watch:
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self.silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
-        self.begin_test()
-
-    def begin_test(self) -> None:
-        """Forget what happened in the test before."""
         self.log: list[tuple[str, str]] = []
         """(process, line) in the order of arrival, for the report of a failed test: the newest."""
         self._at_end = False
