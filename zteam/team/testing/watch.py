@@ -26,7 +26,7 @@ from zteam.team.launch.supervisor import Member
 from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Threads, in_thread
 from zteam.team.testing.hangs import LOOK, Stacks
-from zteam.team.testing.others import RETURN, Others
+from zteam.team.testing.others import Others
 
 OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
 """What a test sees of its team without asking."""
@@ -34,6 +34,8 @@ _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
 START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for processes to start: many times the longest start on a crowded machine."""
+RETURN = 2.5 * HOST_FACTOR
+"""Host seconds for a process to be there again whose token is gone: the test may start it again."""
 _SILENT_AFTER = 1.5
 """Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
@@ -126,7 +128,7 @@ class Watch:
         """Watch the team on a session that was opened."""
         self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
         if self.threads is None:
-            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited, self._own_pids)
+            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited)
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
         """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
@@ -164,22 +166,17 @@ class Watch:
             self._check_others(self._others)
 
     def _check_others(self, others: Others) -> None:
-        for gone in others.gone():
-            words = self.words(gone.name) or "it has logged nothing"
-            if others.fault(gone.name):
-                raise TeamFailure(f"{gone}: {words}")
-            if gone.is_failure(self._at_end):
-                raise TeamFailure(f"{gone}, without team.expect_end({gone.name!r}): {words}")
-        if (missing := others.missing()) and (ended := others.ended_child()):
-            raise TeamFailure(f"{', '.join(missing)}: expected, and not there; {ended}")
+        for name, seconds in others.gone().items():
+            words = self.words(name) or "it has logged nothing"
+            if others.fault(name):
+                raise TeamFailure(f"{name} is gone: {words}")
+            # The end of a test may have ended what the test had started.
+            if seconds > RETURN and name in others.expected and not self._at_end:
+                raise TeamFailure(f"{name} is gone, without team.expect_end({name!r}): {words}")
 
     def _not_awaited(self) -> set[str]:
         """Names of the processes that may end, or that this fixture has started itself."""
         return {*self.may_end, *self.run.supervisor.members}
-
-    def _own_pids(self) -> set[int]:
-        """Of the children of this process that the fixture has started."""
-        return {process.pid for process in self.run.supervisor.processes.values()} | {*self.run.members.pids.values()}
 
     def take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -281,7 +278,7 @@ class Watch:
         self.watch_others(status.participants, expected=False)
         if (others := self._others) is not None and left - self._not_awaited():
             # `check` fails for those that stay away.
-            self.wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
+            self.wait(lambda: others.expected.isdisjoint(others.gone()), 2.0 * RETURN)
         for name in left.intersection(self.run.supervisor.members) - self.may_end - self.restarts:
             if not self.wait(partial(self._has_ended_or_joined, name), self.silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
@@ -363,12 +360,9 @@ class Watch:
             # Without its router a team sees nothing of itself.
             return
         self.wait_for_silent()
-        others = self._others
-        if others is not None:
-            self.wait(lambda: all(gone.settled for gone in others.gone() if gone.code), RETURN)
-            # In lock-step the world has not moved without them.
-            if not self.interval and (missing := others.missing()):
-                raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
+        # In lock-step the world has not moved without them.
+        if self._others is not None and not self.interval and (missing := self._others.missing()):
+            raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
         ended = self.run.supervisor.ended
         gone = [n for n in self._present - self.may_end if n not in ended and not self.seen.alive(n)]
         self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone))
