@@ -127,17 +127,6 @@ def test_a_node_by_its_name(team):
     team.run(20)
 """
 
-
-REFUSED = """
-from zteam.errors import ZteamError
-
-def test_shadowed(team):
-    with pytest.raises(ZteamError, match=r"^team.start: robots.0..behavior: .* module lab is .*src.* import .*away"):
-        team.start("arena", 1, behavior="lab.guard:Guard")
-    with pytest.raises(ZteamError, match=r"^node 'crowd': .* module lab is .*src.* import .*away"):
-        team.start("arena", 1, nodes={"crowd": "lab.counter:main"})
-    assert team._watch.log == []
-"""
 OWN_CLASS = """
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
@@ -186,19 +175,6 @@ def test_a_behavior_may_stand_in_the_test(pytester: pytest.Pytester, importmode:
     make_lab(pytester.path, OWN_CLASS, importmode=importmode)
     result = pytester.runpytest_subprocess("hw1", "-p", "no:cacheprovider")
     result.assert_outcomes(passed=2)
-
-
-def test_a_module_of_another_file_is_refused(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The children would take another package of this name from PYTHONPATH: one line names both files, and nothing
-    starts."""
-    make_lab(pytester.path, REFUSED)
-    away = pytester.path / "away" / "lab"
-    away.mkdir(parents=True)
-    for name in ("__init__", "guard", "counter"):
-        (away / f"{name}.py").touch()
-    monkeypatch.setenv("PYTHONPATH", str(away.parent))
-    result = pytester.runpytest_subprocess("hw1", "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=1)
 
 
 @pytest.mark.real_time

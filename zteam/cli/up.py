@@ -215,10 +215,9 @@ def _print_arguments(args: argparse.Namespace) -> int:
 def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.node.process_options import ViewOptions
-    from zteam.simulator.world import load_world
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
-    from zteam.team.launch.check import check_team, random_parts, refuse_nodes
+    from zteam.team.launch.check import check_team, refuse_nodes
     from zteam.team.launch.team_launch import Pace, TeamLaunch
     from zteam.team.run.report import check_writable
 
@@ -230,12 +229,6 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
         refuse_nodes(file, "say --bus too, or leave --in-process out")
     if world is None:
         _refuse_without_simulator(args)
-    if args.seed is not None and not random_parts(file.team, load_world(world) if world else None):
-        log.info(
-            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
-            "the behaviour wander, behaviours of your own)",
-            args.seed,
-        )
     resolved = world.resolve() if world else None
     pace = Pace(args.speed, args.lockstep, args.timeout, tuple(args.expected))
     view = None

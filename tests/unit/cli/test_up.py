@@ -166,26 +166,3 @@ def test_a_new_users_mistakes_are_named_with_the_way_out(
     told = captured.err.splitlines()
     assert len(told) == len(lines), told
     assert all(line.startswith(f"up: {start}") for line, start in zip(told, lines, strict=True)), told
-
-
-@pytest.mark.parametrize(
-    ("arguments", "count"),
-    [("ok.toml --seed 7", 1), ("ok.toml", 0), ("mine.toml --seed 7", 0), ("real.toml --seed 7", 1)],
-)
-def test_a_seed_that_changes_nothing_is_noted_once(
-    arguments: str,
-    count: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """A note that says what a seed is for, and the team starts; none without --seed or where something is random."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "ok.toml").write_text(FILES["ok.toml"])
-    (tmp_path / "mine.toml").write_text(TEAM + 'id = 0\nbehavior = "wander"\n')
-    (tmp_path / "real.toml").write_text(TEAM.replace("arena", "none") + "id = 0\n")
-    with pytest.raises(AssertionError, match="a process was started"):
-        up.main(arguments.split())
-    told = capsys.readouterr().err
-    assert told.count("[up] --seed 7 changes nothing: this team draws no random numbers (noise of lasers") == count
-    assert told.count("--seed") == count

@@ -85,8 +85,6 @@ BEHAVIORS: dict[str, type[Behavior]] = {
     "formation": Formation,
 }
 _STEP = "def step(self, view): return Twist(Vector3(0.2))"
-DETERMINISTIC = BEHAVIORS.keys() - {"wander"}
-"""Those that draw no random numbers: with them, every seed gives the same run."""
 
 
 def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None) -> Behavior:

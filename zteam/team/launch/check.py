@@ -1,5 +1,4 @@
-"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once; what of
-a team depends on the seed.
+"""Checks a team file against everything it names, before any process starts, and reports all mistakes at once.
 
 The check covers behaviours and their parameters, robot descriptions, and ids and poses in the world. A child process
 imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
@@ -8,7 +7,7 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,12 +16,12 @@ from zteam.config.problems import Problem
 from zteam.config.resources import existing_file, is_folder
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import ConfigError, UsageError, WorldError
-from zteam.robot.behaviors.registry import BEHAVIORS, DETERMINISTIC
+from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.simulator.world import add_robot, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import Robot, World
 from zteam.simulator.world.placing import find_hindrance
-from zteam.team.file.entries import RobotEntry, Team, behavior_of, navigation_of
+from zteam.team.file.entries import RobotEntry, behavior_of, navigation_of
 from zteam.team.file.groups import GROUP_KEYS
 from zteam.team.file.reading import TeamFile, team_world
 from zteam.team.file.sources import error_of
@@ -37,19 +36,17 @@ def check_team(
     world_file: Path | None = None,
     *,
     here: bool = False,
-    right: Container[str] | None = None,
 ) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else with
-    `right` a module is refused of which this process has another file, unless it lies in one of these folders.
-    Raises ConfigError of one line for each mistake, in the team file or in the world's.
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Raises
+    ConfigError of one line for each mistake, in the team file or in the world's.
     """
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, right) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
@@ -209,24 +206,3 @@ def _sensor_problems(
                 text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
                 way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
                 yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
-
-
-def random_parts(team: Team, world: World | None) -> list[str]:
-    """What draws random numbers in a team, in words; empty if every seed gives the same run.
-
-    A behaviour of the user's own counts, because it may.
-    """
-    own = {behavior_of(entry)[0] for entry in team.robots} - DETERMINISTIC
-    if world is None:
-        return sorted(own)
-    robots = list(world.robots) if team.team.world_robots else []
-    for entry in team.robots:
-        if entry.model is not None and entry.pose is not None:
-            robots.append(add_robot(world, entry.model, entry.pose, names.robot_name(entry.id)))
-    options, lasers = team.simulation, [ranger for robot in robots for ranger in robot.rangers]
-    found = {
-        "noise of lasers": options.gaussian_noise or options.proportional_noise or any(any(r.noise) for r in lasers),
-        "noise of odometry": any(any(options.odom_alphas or robot.odom_alphas) for robot in robots),
-        "dazzle": options.dazzle != "off",
-    }
-    return [name for name, is_there in found.items() if is_there] + sorted(own)
