@@ -23,7 +23,8 @@ def places_of(folder: Path, text: str, *words: str) -> list[str]:
     """Where the mistakes stand in a file of this text."""
     with pytest.raises(ConfigError) as caught:
         load(folder, text, *words)
-    return [line.removeprefix(f"{folder}/team.toml:").rpartition(":")[0] for line in str(caught.value).splitlines()]
+    lines = str(caught.value).replace(f"{folder}/team.toml:", "").splitlines()
+    return [": ".join(line.split(": ")[:2]) for line in lines]
 
 
 @pytest.mark.parametrize(
