@@ -15,6 +15,7 @@ FRAME = f"{ROBOT}[[static_transforms]]\nparent='map'\n"
 CHILD = f"{FRAME}child='a'\n"
 NODE = f"{ROBOT}[[nodes]]\n"
 GRANTS = f"{ROBOT}[security.grants]\n"
+NODES = ("a b", "tf", "sim", "map", "monitor", "router", "robot_0", "nav_0", "up", "view_2", "operator", "clock", "ca")
 MISTAKES = [
     # Robots and their groups.
     ("", ""),
@@ -80,7 +81,21 @@ MISTAKES = [
     # Nodes: a name that the bus can carry and that nothing else of the team has, and a command.
     *(
         (f"{NODE}name='{name}'\ncommand=['x']", "4: nodes[0].name")
-        for name in ("a b", "tf", "router", "robot_0", "nav_0", "up", "view_2", "operator", "clock", "ca")
+        for name in [
+            "a:b",
+            "tf",
+            "sim",
+            "map",
+            "monitor",
+            "router",
+            "robot_0",
+            "nav_0",
+            "up",
+            "view_2",
+            "operator",
+            "clock",
+            "ca",
+        ]
     ),
     (f"{NODE}name='a'\ncommand=['x']\n[[nodes]]\nname='a'\ncommand=['x']", "7: nodes[1].name"),
     (f"{NODE}name='a'\ncommand=[]", "5: nodes[0].command"),
