@@ -124,7 +124,7 @@ ALONE = (
     _robot("[[robots]]\nid = 0", "team.toml:6: robots[1].id: robot 0 is robots[0] already", "its own id"),
     _robot("[[robots]]\nid = 5", "team.toml:6:", "the world has no robot 5 (it has 0, 1)", "model and pose add one"),
     _robot('[[robots]]\nid = 5\nmodel = "erratic"\npose = [1, 2, 90]', "team.toml:8:", "radians", "1.5708"),
-    Mistake("zteam up --report no/such/run.json --for 1", ("--report no/such/run.json", "folder no/such", "make it")),
+    Mistake("zteam up --report no/such/run.json --for 1", ("--report no/such/run.json", "name another file")),
     Mistake("zteam up my.world", ("that is a world", "--world my.world"), file=("my.world", 'position( name "r0" )\n')),
     Mistake("zteam up a.toml", ("a.toml", "symbolic link", "Too many levels"), file=("a.toml", "a.toml"), is_link=True),
     Mistake(

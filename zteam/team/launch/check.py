@@ -42,6 +42,8 @@ def check_team(
     With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Raises
     ConfigError of one line for each mistake, in the team file or in the world's.
     """
+    if not file.is_filled:
+        raise error_of(file.mistakes)
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
@@ -51,7 +53,9 @@ def check_team(
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
-            if world_file is None and not _has_doubtful_world(file):
+            # A missing world may be a misspelt key, which is told already.
+            is_told = not file.team.team.world and any(each.place.path[:1] == ("team",) for each in file.mistakes)
+            if world_file is None and not is_told:
                 world_file = team_world(file)
             if world_file is not None:
                 name = world_file.name
@@ -67,13 +71,6 @@ def check_team(
     if told:
         raise ConfigError("\n".join(told))
     return world_file
-
-
-def _has_doubtful_world(file: TeamFile) -> bool:
-    """Whether a mistake that is told already may be about the world: a missing argument, or a misspelt key."""
-    if file.team.team.world is None:
-        return any(mistake.place.path[:1] == ("team",) for mistake in file.mistakes)
-    return file.is_unfilled("team", "world")
 
 
 def _question(entry: RobotEntry) -> Question:

@@ -42,13 +42,8 @@ _PATIENCE = 60.0 * HOST_FACTOR
 
 def can_fork() -> bool:
     """Whether this system has what a warm parent needs, and the user has not refused it."""
-    if sys.platform != "linux" or os.environ.get(NO_FORK) or any(name in os.environ for name in _HOOKS):
-        return False
-    try:
-        os.close(os.pidfd_open(os.getpid()))
-    except (AttributeError, OSError):
-        return False
-    return True
+    refused = os.environ.get(NO_FORK) or any(name in os.environ for name in _HOOKS)
+    return hasattr(os, "pidfd_open") and not refused
 
 
 class _Server:

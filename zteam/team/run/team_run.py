@@ -50,18 +50,6 @@ class RunState(Enum):
     NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
 
 
-_NEXT = {
-    RunState.NEW: {RunState.OPEN, RunState.STARTING, RunState.STOPPING},
-    RunState.OPEN: {RunState.STARTING, RunState.STOPPING},
-    RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
-    RunState.RUNNING: {RunState.STOPPING},
-    # `finish` stops the members, and leaving the context once more what is left.
-    RunState.STOPPING: {RunState.STOPPING},
-    RunState.ENDED: set[RunState](),
-}
-"""The states that may follow each state."""
-
-
 class TeamRun:
     """Use as: `with … as run: run.start(); run.watch(); report = run.finish()`."""
 
@@ -106,10 +94,6 @@ class TeamRun:
         if launch is not None:
             self.plan_for(launch)
 
-    def _enter(self, state: RunState) -> None:
-        assert state in _NEXT[self.state], f"{self.state} -> {state}"
-        self.state = state
-
     def plan_for(self, launch: TeamLaunch) -> None:
         """Choose the team that `start` starts."""
         self.launch, self.plan = launch, plan_team(launch)
@@ -129,11 +113,11 @@ class TeamRun:
         """Have a router and a session, before there are members."""
         self.members.open()
         self._connected()
-        self._enter(RunState.OPEN)
+        self.state = RunState.OPEN
 
     def start(self) -> None:
         """Start the members."""
-        self._enter(RunState.STARTING)
+        self.state = RunState.STARTING
         self.members.start(self._connected)
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
@@ -146,7 +130,7 @@ class TeamRun:
             means = Means(self.signals.send, self.members.change_link)
             self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
             self._ends.callback(self._end_faults)
-        self._enter(RunState.RUNNING)
+        self.state = RunState.RUNNING
         if self._stop.requested:
             self._wake()
 
@@ -271,7 +255,7 @@ class TeamRun:
 
     def _stop_all(self) -> None:
         with self._start_lock:
-            self._enter(RunState.STOPPING)
+            self.state = RunState.STOPPING
         self._hung |= self.members.hung
         running = [member for member in self.supervisor.members.values() if member.running]
         for group in stop_order(self.supervisor.members):

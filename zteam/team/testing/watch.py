@@ -36,13 +36,8 @@ START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for processes to start: many times the longest start on a crowded machine."""
 RETURN = 2.5 * HOST_FACTOR
 """Host seconds for a process to be there again whose token is gone: the test may start it again."""
-_SILENT_AFTER = 1.5
-"""Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
-_LONGEST_LOOK = 5.0
-"""More host seconds between two looks are a pause of this process, or of the machine: the silence of others is its own.
-"""
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
 
@@ -222,8 +217,7 @@ class Watch:
 
     def wait(self, condition: Callable[[], bool], limit: float = START_LIMIT) -> bool:
         """Whether `condition()` comes true within `limit` host seconds."""
-        # From `since` on the silence of a process is its own.
-        since = looked = now = monotonic()
+        looked = now = monotonic()
         deadline = now + limit
         while True:
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
@@ -231,11 +225,9 @@ class Watch:
             if condition():
                 return True
             now = monotonic()
-            if now - looked > _LONGEST_LOOK:
-                since = looked = now
-            elif now - looked >= LOOK:
+            if now - looked >= LOOK:
                 looked = now
-                self.look_for_hangs(since)
+                self._look_for_hangs()
             if now >= deadline:
                 return False
             # The end of a process is no news on the bus, so check from time to time.
@@ -307,19 +299,14 @@ class Watch:
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
         self.hangs[name] = f"{name} hangs: {text}"
 
-    def look_for_hangs(self, since: float) -> None:
-        """Notice the processes that were left behind, or that are silent in a wait `since` this host time; of nodes in
-        this process the watch on the calls does so."""
+    def _look_for_hangs(self) -> None:
+        """Lock-step: notice the processes that were left behind; of nodes in this process the watch on the calls does
+        so."""
         if self.threads is not None or not self._is_in_view:
             return
         if self.interval:
             with suppress(BusError):
                 self._note_left_behind(self.status(LOOK))
-        else:
-            limit = max(self.silence_limit, _SILENT_AFTER)
-            for name, spoke in self._silent():
-                if max(spoke, since) < monotonic() - limit:
-                    self._note_hang(name, f"it gives no sign of life for {self.silence_limit:g} s")
         self.check()
 
     @property
@@ -329,37 +316,13 @@ class Watch:
         paused = self.may_end & {ROUTER, names.SIMULATOR}
         return router is not None and router.running and (simulator is None or simulator.running) and not paused
 
-    def _silent(self) -> list[tuple[str, float]]:
-        """The robots that live and whose last status is long ago, and the host time of that."""
-        now, robots = monotonic(), {i: name for name in self._present if (i := names.robot_id_of(name)) is not None}
-        spoke = {name: self.seen.robot(i).spoke for i, name in robots.items()}
-        return [
-            (name, at)
-            for name, at in spoke.items()
-            if name not in self.may_end and self.seen.alive(name) and 0.0 < at < now - _SILENT_AFTER
-        ]
-
-    def wait_for_silent(self) -> None:
-        """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
-        if self.interval:
-            return
-        self.wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self.silence_limit))
-        self.check()
-
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
-        try:
-            self._check_at_end()
-        finally:
-            self._at_end = False
-
-    def _check_at_end(self) -> None:
         self.check()
         if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
-        self.wait_for_silent()
         # In lock-step the world has not moved without them.
         if self._others is not None and not self.interval and (missing := self._others.missing()):
             raise TeamFailure(f"{', '.join(missing)}: expected, and never came")

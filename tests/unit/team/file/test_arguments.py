@@ -56,9 +56,9 @@ def test_a_whole_text_stands_for_a_value(tmp_path: Path, text: str, words: list[
 
 
 def test_a_missing_argument_is_told_once_at_each_place(tmp_path: Path) -> None:
-    """What else is wrong with the key is not told, because its value is not known; other mistakes are."""
+    """Nothing else is told, because other values may follow from it."""
     text = '[team]\nworld = "${map}"\nseed = -1\n[[robots]]\nid = "${id}"\n[[robots]]\nid = 1\nfollow = "${id}"\n'
-    assert places_of(tmp_path, text) == ["2: team.world", "3: team.seed", "5: robots[0].id", "8: robots[1].follow"]
+    assert places_of(tmp_path, text) == ["2: team.world", "5: robots[0].id", "8: robots[1].follow"]
 
 
 def test_mistakes_in_arguments_are_one_line(tmp_path: Path) -> None:

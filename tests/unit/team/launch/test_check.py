@@ -90,7 +90,7 @@ behavior = "my_stopper"
 id = 8
 model = "erratic"
 pose = [0, 0, 0]
-navigation = { controller_frequency = "fast" }
+navigation = { params = "none.yaml" }
 [simulation]
 gaussian_noise = -1
 """

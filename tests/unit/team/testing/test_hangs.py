@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.team.testing import watch
 from zteam.team.testing.hangs import Stacks
-from zteam.team.testing.watch import Watch
 
 Start = Callable[..., "subprocess.Popen[str]"]
 CHILD = """
@@ -117,22 +115,3 @@ def test_the_files_go_with_the_team(stacks: Stacks) -> None:
     assert folder.exists()
     stacks.close()
     assert not folder.exists()
-
-
-def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch, stacks: Stacks) -> None:
-    """After a long time without a look the silence of others begins anew."""
-    now, steps, looks = 100.0, iter((0.5, 0.6, 1.0, 20.0, 1.0, 0.5)), list[tuple[float, float]]()
-
-    class Seen:
-        version = 0
-
-        def wait_for_news(self, _seen: int, _timeout: float) -> None:
-            nonlocal now
-            now += next(steps)
-
-    watched = Watch(stacks, live=False)
-    monkeypatch.setattr(watch, "monotonic", lambda: now)
-    monkeypatch.setattr(watched, "seen", Seen(), raising=False)
-    monkeypatch.setattr(watched, "look_for_hangs", lambda since: looks.append((now, since)))
-    assert not watched.wait(lambda: False, 23.5)
-    assert looks == [(101.1, 100.0), (102.1, 100.0), (123.1, 122.1)]
