@@ -44,10 +44,11 @@ step()
 
 @pytest.fixture
 def stacks() -> Iterator[Stacks]:
-    """Those of a team."""
+    """Those of a team. Their files go with it."""
     stacks = Stacks()
     yield stacks
     stacks.close()
+    assert not Path(stacks.environment["ZTEAM_STACKS"]).exists()
 
 
 def end(child: "subprocess.Popen[str]") -> None:
@@ -107,11 +108,3 @@ def test_a_wait_of_zteam_is_no_call_of_the_user(stacks: Stacks, start: Start) ->
     """A script that waits below no function of zteam is in none of its calls."""
     start("node", "script")
     assert stacks.where("node") == ""
-
-
-def test_the_files_go_with_the_team(stacks: Stacks) -> None:
-    """Nothing is left behind."""
-    folder = Path(stacks.environment["ZTEAM_STACKS"])
-    assert folder.exists()
-    stacks.close()
-    assert not folder.exists()
