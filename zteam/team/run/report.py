@@ -17,7 +17,7 @@ from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.lockstep import RoundTiming
 from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
-from zteam.team.chaos.run import ChaosReport
+from zteam.team.chaos.carry_out import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
 
 S = TypeVar("S")

@@ -24,8 +24,8 @@ from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
+from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.chaos.run import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.launch.plan import LaunchPlan, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
