@@ -92,7 +92,7 @@ def test_over_a_slow_link_the_first_robot_comes_soon_and_frames_two_at_a_time(
     with closing(Links()) as links:
         link = links.open("127.0.0.1", url.port or 0)
         link.change(SLOW, SLOW)
-        address = url._replace(netloc=link.endpoint.removeprefix("tcp/")).geturl()
+        address = url._replace(netloc=f"127.0.0.1:{link.port}").geturl()
         took: list[float] = []
         while True:
             screen = open_screen()

@@ -240,6 +240,7 @@ ALONE = (
     _refused("zteam-sim arena --odom-alphas 0,0,0", "--odom-alphas takes four numbers"),
     _refused("zteam-sim arena --dazzle-angle inf", "dazzle_angle must be from 0 to"),
     Mistake("zteam-sim my.world", ("my.world:1:9: this '(' is never closed",), file=("my.world", "position( \n")),
+    Mistake("zteam up --report no/such/run.json --for 1", ("--report no/such/run.json", "name another file")),
     Mistake("zteam up my.world", ("that is a world", "--world my.world"), file=("my.world", 'position( name "r0" )\n')),
     Mistake(
         "zteam up arena --world lost.world",

@@ -23,6 +23,7 @@ class Started:
             "child",
             command,
             on_line=self._take,
+            on_report=lambda *_: self.up.set(),
             on_exit=lambda _process: self.up.set(),
             environment=environment,
             start_child=start,

@@ -11,9 +11,10 @@ from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.resources import find_world
 from zteam.messages import Odometry, ns_from_time
 from zteam.monitor.observer import TeamObserver
+from zteam.team.chaos.carry_out import Watchdog
 from zteam.team.chaos.links import Link
 from zteam.team.chaos.means import Wire
-from zteam.team.chaos.run import Watchdog
+from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

@@ -1,21 +1,21 @@
 """Mistakes beside a team: each answer is short, names place and way out, and ends with the right exit code."""
 
-import os
 import re
 import shlex
-import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from support.forks import Ended, Forks
 from support.limits import LIMIT
 from support.mistakes import BESIDE_A_TEAM, Mistake
 from zteam.errors import UsageError
+from zteam.team.launch.process import Process, zteam_command
+from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.testing.team import TeamFixture, TeamTimeout
 
 pytestmark = pytest.mark.team
@@ -24,29 +24,37 @@ _PROGRESS = re.compile(r"\d\d:\d\d:\d\d \[[^]]+\] (?!error)|publishing ")
 """The beginning of a line that tells what goes on and no mistake."""
 
 
-def _run_script(words: Sequence[str], environment: Mapping[str, str], folder: Path) -> Ended:
-    done = subprocess.run(
-        [sys.executable, *words],
-        env={**os.environ, **environment},
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=LIMIT,
-        check=False,
-        stdin=subprocess.DEVNULL,
+@pytest.fixture(scope="module")
+def warm() -> Iterator[WarmParent]:
+    """Commands start fast."""
+    with closing(WarmParent()) as parent:
+        yield parent
+
+
+def run(words: Sequence[str], warm: WarmParent, environment: Mapping[str, str], folder: Path) -> tuple[int | None, str]:
+    """The exit code and the output of a command."""
+    lines: list[str] = []
+    first, *rest = words
+    process = Process(
+        "mistake",
+        [sys.executable, *rest] if first == "python" else zteam_command(first, *rest),
+        on_line=lambda _process, line: lines.append(line),
+        on_exit=lambda _process: None,
+        environment=environment,
+        folder=folder,
+        start_child=warm.start,
     )
-    return Ended(done.returncode, done.stdout)
+    process.write_line("")
+    assert process.join(LIMIT)
+    return process.exit_code, "".join(f"{line}\n" for line in lines)
 
 
-def faults_of(mistake: Mistake, forks: Forks, environment: Mapping[str, str], folder: Path) -> str:
+def faults_of(mistake: Mistake, warm: WarmParent, environment: Mapping[str, str], folder: Path) -> str:
     """What is wrong with the answer to a mistake that is made in an empty `folder`; empty if nothing is."""
     name, text = mistake.file
     if name:
         (folder / name).write_text(text)
-    first, *rest = shlex.split(mistake.command)
-    run, words = (_run_script, rest) if first == "python" else (forks.run, [first, *rest])
-    exit_code, answer = run(words, environment, folder)
+    exit_code, answer = run(shlex.split(mistake.command), warm, environment, folder)
     faults = [f"{told!r} is missing" for told in mistake.told if told not in answer]
     if exit_code != mistake.exit_code:
         faults.append(f"exit code {exit_code} instead of {mistake.exit_code}")
@@ -58,21 +66,22 @@ def faults_of(mistake: Mistake, forks: Forks, environment: Mapping[str, str], fo
 
 
 @pytest.mark.real_time
-def test_mistakes_beside_a_team_are_answered(team: TeamFixture, tmp_path: Path) -> None:
+def test_mistakes_beside_a_team_are_answered(team: TeamFixture, warm: WarmParent, tmp_path: Path) -> None:
     """All answers are given by the same team, which goes on undisturbed (one team, because its start is slow)."""
     team.start("arena", robots="0-1", behavior="forward", params={i: {"speed": 0.05} for i in (0, 1)}, lockstep=False)
     team.wait_for_go()
     for i, place in enumerate([(-4, -4), (-2, -4), (0, -4), (2, -4)]):
         assert team.sim.spawn(*place, 0.0) == i + 2
 
-    def make(mistakes: Sequence[Mistake], forks: Forks) -> list[str]:
-        folders = [Path(tempfile.mkdtemp(dir=tmp_path)) for _ in mistakes]
-        return [faults_of(mistake, forks, team.environment, folders.pop()) for mistake in mistakes]
+    # What is forked takes no PYTHONPATH.
+    environment = {name: value for name, value in team.environment.items() if name.startswith("ZTEAM_")}
 
-    with Forks() as one, Forks() as other, ThreadPoolExecutor(2) as pool:
-        # Many of them wait for something; a process forks one command at a time.
-        answers = pool.map(make, (BESIDE_A_TEAM[::2], BESIDE_A_TEAM[1::2]), (one, other))
-        faults = [fault for half in answers for fault in half if fault]
+    def make(mistake: Mistake) -> str:
+        return faults_of(mistake, warm, environment, Path(tempfile.mkdtemp(dir=tmp_path)))
+
+    with ThreadPoolExecutor(2) as pool:
+        # Many of them wait for something.
+        faults = [*filter(None, pool.map(make, BESIDE_A_TEAM))]
     assert not faults, "\n".join(faults)
     assert team.alive("robot_0")
 

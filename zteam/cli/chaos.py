@@ -18,7 +18,7 @@ from zteam.errors import UsageError, ZteamError
 
 if TYPE_CHECKING:
     from zteam.bus import Bus
-    from zteam.team.chaos.run import ChaosReport
+    from zteam.team.chaos.carry_out import ChaosReport
 
 
 def build_parser() -> Parser:
@@ -64,9 +64,9 @@ def _one_fault(args: argparse.Namespace) -> Fault:
 def _work(args: argparse.Namespace) -> int:
     from zteam.monitor.observer import TeamObserver
     from zteam.simulator.client import find_status
+    from zteam.team.chaos.carry_out import Watchdog, carry_out
     from zteam.team.chaos.means import means_on_bus
     from zteam.team.chaos.plan import choose_plan, describe, plan_text
-    from zteam.team.chaos.run import Watchdog, carry_out
 
     with open_bus(args) as bus:
         status = find_status(bus)
@@ -105,7 +105,7 @@ def _processes(bus: "Bus") -> list[str]:
 
 def print_report(report: "ChaosReport") -> None:
     """Print the recoveries as a table."""
-    from zteam.team.chaos.run import HEADER, rows, summary
+    from zteam.team.chaos.carry_out import HEADER, rows, summary
 
     if report.faults:
         print_block(format_table(HEADER, rows(report)))

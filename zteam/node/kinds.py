@@ -30,21 +30,21 @@ class Kind(msgspec.Struct, frozen=True):
     Empty for a kind that a team can work without."""
     in_lockstep: bool = False
     """Whether every tick of lock-step waits for it."""
-    carries_run: bool = False
+    required_to_finish: bool = False
     """Whether a run with a time limit cannot be finished without it."""
     on_bus: bool = True
     """Whether it holds its name on the bus."""
-    beside: bool = False
-    """Whether a team runs on as before without it: it may come and go at any time."""
-    is_one: Callable[[str], bool] | None = None
+    optional: bool = False
+    """Whether a team runs without it as well: it may come and go at any time."""
+    matches: Callable[[str], bool] | None = None
     """Where several of its processes may run: whether a name is that of one."""
     robot_id_of: Callable[[str], int | None] | None = None
     """For one process per robot: the robot's id in a process name, None where the name is of another kind."""
 
     def includes(self, name: str) -> bool:
         """Whether a process of this name is of this kind."""
-        if self.is_one is not None:
-            return self.is_one(name)
+        if self.matches is not None:
+            return self.matches(name)
         return name == self.name if self.robot_id_of is None else self.robot_id_of(name) is not None
 
 
@@ -54,7 +54,7 @@ ROUTER_KIND = Kind(
     command="zteam-router",
     stop_rank=3,
     hint="start anything of zteam (it brings a router), or 'zteam-router'",
-    carries_run=True,
+    required_to_finish=True,
     on_bus=False,
 )
 
@@ -68,7 +68,7 @@ KINDS: tuple[Kind, ...] = (
         command="zteam-sim",
         stop_rank=2,
         hint="zteam-sim WORLD (or real robots that publish the same keys)",
-        carries_run=True,
+        required_to_finish=True,
     ),
     Kind(
         title="map",
@@ -102,7 +102,7 @@ KINDS: tuple[Kind, ...] = (
         in_lockstep=True,
         robot_id_of=names.robot_id_of,
     ),
-    Kind(title="view", name=names.VIEW, command="zteam-view", stop_rank=0, beside=True, is_one=names.is_view),
+    Kind(title="view", name=names.VIEW, command="zteam-view", stop_rank=0, optional=True, matches=names.is_view),
 )
 """In the order of starting."""
 

@@ -411,13 +411,6 @@ class SimulatorClient:
         status = self._ask("reset", SimStatus, ResetRequest(), timeout=CHANGE_LIMIT)
         return self.stand(SETTLE).status if status.paused else status
 
-    def begin_anew(self) -> None:
-        """As a simulator that has just started: no GO, and pace, stops and faults as its options say.
-
-        The processes of the team are to be started anew too. Does not wait for the first tick.
-        """
-        self._ask("reset", SimStatus, ResetRequest(anew=True), timeout=CHANGE_LIMIT)
-
     def spawn(
         self,
         x: float,

@@ -201,7 +201,7 @@ def _listed(found: Sequence[str]) -> str:
 
 def check_processes(facts: Facts) -> Iterator[Finding]:
     """One finding per kind of process, and one for each of some names whose process does not answer."""
-    findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.beside]
+    findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.optional]
     yield from (finding for finding in findings if finding.good or finding.next_step)
     silent = Counter(node.name for node in facts.nodes if not node.pid)
     for name, count in sorted(silent.items())[:_SHOWN]:

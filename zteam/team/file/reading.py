@@ -18,7 +18,7 @@ from zteam.errors import ConfigError, did_you_mean
 from zteam.team.file.entries import NO_WORLD, NodeEntry, RobotEntry, Security, StaticTransform, Team, TeamSection
 from zteam.team.file.groups import Expansion
 from zteam.team.file.rules import check_follows, check_grants, check_nodes, check_robots, check_transforms
-from zteam.team.file.sources import LISTS, Argument, Files, KeyPlace, Mistake, Table, error_of
+from zteam.team.file.sources import LISTS, Argument, Files, Mistake, Table, error_of
 
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -40,17 +40,12 @@ class TeamFile(msgspec.Struct):
     mistakes: list[Mistake]
     arguments: list[Argument]
     """What it takes."""
-    unfilled: frozenset[KeyPlace]
-    """Of the keys whose argument is missing."""
+    is_filled: bool
+    """Whether none of them is missing. Otherwise that is all that is told: other values are not known."""
 
     def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
-        """Problems of the expanded team where their keys stand, but for values that are not known."""
-        found = [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
-        return [mistake for mistake in found if mistake.place not in self.unfilled]
-
-    def is_unfilled(self, *path: str | int) -> bool:
-        """Whether the value of this key is not known, because its argument is missing."""
-        return self.table.place_of(*path) in self.unfilled
+        """Problems of the expanded team where their keys stand."""
+        return [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
 
     def error(self, problems: Iterable[Problem]) -> ConfigError:
         """An error with one line per problem of the expanded team."""
@@ -99,7 +94,7 @@ def team_world(file: TeamFile) -> Path | None:
 
 
 def _read_entries(files: Files, table: Table) -> TeamFile:
-    mistakes = [*files.missing, *files.mistakes, *_check_keys(table)]
+    mistakes = [*files.mistakes, *_check_keys(table)]
     ids_known = isinstance(table.get("robots"), list)
     for name in LISTS:
         table.put(name, _tables_of(table, name, mistakes), table.place_of(name))
@@ -129,10 +124,8 @@ def _read_entries(files: Files, table: Table) -> TeamFile:
         security=security,
         folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
     )
-    unfilled = frozenset(mistake.place for mistake in files.missing)
-    file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, unfilled)
-    file.mistakes = [found for found in mistakes if found in files.missing or found.place not in unfilled]
-    file.mistakes += file.locate(problems)
+    file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, not files.missing)
+    file.mistakes = files.missing or [*mistakes, *file.locate(problems)]
     return file
 
 

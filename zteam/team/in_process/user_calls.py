@@ -14,8 +14,6 @@ log = logging.getLogger("zteam")
 _PERIOD = 0.5
 """Host seconds between two looks at the threads."""
 
-_UNSEEN = "a call has not returned (faulthandler shows no more than 100 threads)"
-
 Call = tuple[int, str]
 """The number of a call that is under way, and its node."""
 
@@ -80,16 +78,14 @@ class CallWatch:
         while not ended.wait(_PERIOD):
             calls = {call: thread for call, thread in self._calls().items() if call not in self._calls_before}
             # Only calls that were seen before last long enough to be shown.
-            dump = dump_stacks() if looks.keys() & calls.keys() else ""
-            shown = unreturned_calls(dump)
-            texts = {
-                call: shown.get(thread) or ("" if f"{thread:x}" in dump else _UNSEEN) for call, thread in calls.items()
-            }
+            shown = unreturned_calls(dump_stacks() if looks.keys() & calls.keys() else "")
             # Looks are counted and not seconds: a frozen process does not look, and the time in a debugger is left out.
-            looks = {call: looks.get(call, 0) + 1 for call, text in texts.items() if text}
-            for call in looks:
-                if looks[call] * _PERIOD > self._timeout:
-                    self._name(call[1], texts[call])
+            looks = {
+                call: looks.get(call, 0) + 1 for call, thread in calls.items() if call not in looks or thread in shown
+            }
+            for call, count in looks.items():
+                if count * _PERIOD > self._timeout and calls[call] in shown:
+                    self._name(call[1], shown[calls[call]])
                     if call in self._calls():
                         end_call(calls[call])
 

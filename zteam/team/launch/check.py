@@ -1,5 +1,4 @@
-"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once; what of
-a team depends on the seed.
+"""Checks a team file against everything it names, before any process starts, and reports all mistakes at once.
 
 The check covers behaviours and their parameters, robot descriptions, and ids and poses in the world. A child process
 imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
@@ -8,7 +7,7 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 import os
 import re
 import shutil
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -37,24 +36,26 @@ def check_team(
     world_file: Path | None = None,
     *,
     here: bool = False,
-    right: Container[str] | None = None,
 ) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
-    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Else with
-    `right` a module is refused of which this process has another file, unless it lies in one of these folders.
-    Raises ConfigError of one line for each mistake, in the team file or in the world's.
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module. Raises
+    ConfigError of one line for each mistake, in the team file or in the world's.
     """
+    if not file.is_filled:
+        raise error_of(file.mistakes)
     problems, told = list[Problem](), []
     name, robots = "", dict[int, Robot]()
     topics = dict[int, list[str]]()
     own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.team.folders, right) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
             if i not in own:
                 problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
-            if world_file is None and not _has_doubtful_world(file):
+            # A missing world may be a misspelt key, which is told already.
+            is_told = not file.team.team.world and any(each.place.path[:1] == ("team",) for each in file.mistakes)
+            if world_file is None and not is_told:
                 world_file = team_world(file)
             if world_file is not None:
                 name = world_file.name
@@ -70,13 +71,6 @@ def check_team(
     if told:
         raise ConfigError("\n".join(told))
     return world_file
-
-
-def _has_doubtful_world(file: TeamFile) -> bool:
-    """Whether a mistake that is told already may be about the world: a missing argument, or a misspelt key."""
-    if file.team.team.world is None:
-        return any(mistake.place.path[:1] == ("team",) for mistake in file.mistakes)
-    return file.is_unfilled("team", "world")
 
 
 def _question(entry: RobotEntry) -> Question:

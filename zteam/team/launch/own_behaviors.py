@@ -7,7 +7,7 @@ must survive that. `Inquiry` sends the questions; this module, run as a program,
 import base64
 import os
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -20,7 +20,7 @@ from zteam.node.shutdown import Stop, exit_hard_later
 from zteam.robot.behaviors.registry import find_behavior, look_in
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.own_code import files_since, find_body, other_file
+from zteam.team.own_code import find_body
 
 LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
@@ -45,12 +45,11 @@ class Question(msgspec.Struct, frozen=True):
 
 class Answer(msgspec.Struct, frozen=True):
     """Why it cannot be used, empty if it can; of a behaviour, the mistakes in its parameters as (path, text), and the
-    topics of the inputs that it declares; and the files of the modules that were imported for it."""
+    topics of the inputs that it declares."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
     topics: list[str] = []
-    files: dict[str, str] = {}
 
 
 def answer(question: Question) -> Answer:
@@ -70,14 +69,9 @@ def answer(question: Question) -> Answer:
 class Inquiry:
     """Questions that a child process answers in the background. Leaving the context ends the child."""
 
-    def __init__(
-        self, questions: Sequence[Question], folders: Sequence[str], right: Container[str] | None = None
-    ) -> None:
-        """The child imports from `folders` besides the installed packages and the current folder.
-
-        With `right` what uses a module is refused of which this process has an `other_file`.
-        """
-        self._questions, self._right = questions, right
+    def __init__(self, questions: Sequence[Question], folders: Sequence[str]) -> None:
+        """The child imports from `folders` besides the installed packages and the current folder."""
+        self._questions = questions
         self._answers: list[Answer] = []
         self._last_line = ""
         self._supervisor = Supervisor(self._take_line)
@@ -100,21 +94,13 @@ class Inquiry:
     def _take_line(self, _name: str, line: str) -> None:
         self._last_line = line.strip() or self._last_line
 
-    def _refuse_other_files(self, question: Question, answered: Answer) -> Answer:
-        for module, file in answered.files.items():
-            mine = None if self._right is None else other_file(module, file, self._right)
-            if mine is not None:
-                text = f"module {module} is {mine} here, but the team's processes import {file}: rename one of the two"
-                return Answer(f"{question.subject}: {text}")
-        return answered
-
     def answers(self, limit: float = LIMIT) -> list[Answer]:
         """Wait for the answers: one for each question. `limit` is in host seconds."""
         process = self._process
         if process is None:
             return []
         ended = process.join(limit)
-        answers = [*map(self._refuse_other_files, self._questions, self._answers)]
+        answers = [*self._answers]
         missing = len(self._questions) - len(answers)
         if missing:
             subject = self._questions[len(answers)].subject
@@ -134,9 +120,7 @@ def main() -> None:
     look_in([*sys.argv[1:], ""])
     questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
     for question in questions:
-        before = frozenset(sys.modules)
-        answered = msgspec.structs.replace(answer(question), files=files_since(before))
-        report(answer=answered)
+        report(answer=answer(question))
     # A thread that a module started must not keep this process alive.
     os._exit(0)
 

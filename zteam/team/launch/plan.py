@@ -29,10 +29,10 @@ class LaunchPlan(msgspec.Struct):
     """The processes of zteam: they start at once, import, and read the router's endpoint."""
     nodes: dict[str, Job] = {}
     """The user's own processes, which start when the router listens."""
+    unawaited: frozenset[str] = frozenset()
+    """Names of the members without which the run begins."""
     optional: frozenset[str] = frozenset()
-    """Names of the nodes without which the run begins."""
-    beside: frozenset[str] = frozenset()
-    """Names of the nodes that come with zteam and that the team does not need: they may end at any time."""
+    """Names of the members that come with zteam and that the team does not need: they may end at any time."""
 
     @property
     def jobs(self) -> dict[str, Job]:
@@ -58,7 +58,7 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
     # Another simulator begins another run.
     restarts[names.SIMULATOR] = launch.restarts and not launch.has_end
     own: dict[str, Job] = {}
-    beside: set[str] = set()
+    optional: set[str] = set()
     for kind in kinds.KINDS:
         for name, options in options_of(kind, launch).items():
             words = to_line(name, options)
@@ -66,19 +66,18 @@ def plan_team(launch: TeamLaunch) -> LaunchPlan:
                 MEMBER,
                 words=words,
                 # A view takes no part in the run, so a new one changes nothing of it.
-                restarts=restarts.get(name, launch.restarts) or kind.beside,
-                may_end=kind.beside,
+                restarts=restarts.get(name, launch.restarts) or kind.optional,
+                may_end=kind.optional,
                 learn=partial(_keep_page, name, options) if isinstance(options, ViewOptions) else None,
             )
-            if kind.beside:
-                beside.add(name)
+            if kind.optional:
+                optional.add(name)
     nodes = {
         node.name: Job(command_line(node.command), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes
     }
     awaited = launch.participants if launch.pace.lockstep else ()
-    optional = frozenset({*beside, *nodes}).difference(awaited)
-    return LaunchPlan(own, nodes, optional, frozenset(beside))
+    return LaunchPlan(own, nodes, frozenset({*optional, *nodes}).difference(awaited), frozenset(optional))
 
 
 def robot_job(launch: TeamLaunch, robot_id: int, behavior: str) -> tuple[str, Job]:

@@ -313,13 +313,6 @@ class Supervisor:
             if isinstance(member, Process) or not member.running:
                 member.join(GRACE)
 
-    def forget(self, names: Collection[str]) -> None:
-        """These have ended, and are as if they had never been started."""
-        with self.changed:
-            self.members = {name: member for name, member in self.members.items() if name not in names}
-            self.failures = [member for member in self.failures if member.name not in names]
-            self.ended.difference_update(names)
-
     def close(self) -> None:
         """Kill every process that still runs."""
         self.restarts.cancel([*self.members])

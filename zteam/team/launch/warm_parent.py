@@ -42,13 +42,8 @@ _PATIENCE = 60.0 * HOST_FACTOR
 
 def can_fork() -> bool:
     """Whether this system has what a warm parent needs, and the user has not refused it."""
-    if sys.platform != "linux" or os.environ.get(NO_FORK) or any(name in os.environ for name in _HOOKS):
-        return False
-    try:
-        os.close(os.pidfd_open(os.getpid()))
-    except (AttributeError, OSError):
-        return False
-    return True
+    refused = os.environ.get(NO_FORK) or any(name in os.environ for name in _HOOKS)
+    return hasattr(os, "pidfd_open") and not refused
 
 
 class _Server:
@@ -81,13 +76,13 @@ class _Server:
         """Whether it can be asked."""
         return self._end.fileno() >= 0 and self.process.poll() is None
 
-    def fork(self, start: StartChild, descriptors: Sequence[int]) -> "ForkedChild":
-        """A child with this standard input, output, error and link. Raises OSError."""
-        folder = os.open(".", os.O_PATH)
+    def fork(self, start: StartChild, descriptors: Sequence[int], folder: Path | None) -> "ForkedChild":
+        """A child with this standard input, output, error and link, in a folder. Raises OSError."""
+        place = os.open(folder or ".", os.O_PATH)
         try:
-            pid = self._ask(start, [*descriptors, folder])
+            pid = self._ask(start, [*descriptors, place])
         finally:
-            os.close(folder)
+            os.close(place)
         try:
             child = ForkedChild(pid, os.pidfd_open(pid), self)
         except OSError:
@@ -197,19 +192,16 @@ class WarmParent:
         self, command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None = None
     ) -> Child:
         """Start a child, as StartChild says."""
-        if (
-            folder is None
-            and can_fork()
-            and runs_zteam(command)
-            and all(n.startswith(_OWN_VARIABLES) for n in environment)
-        ):
+        if can_fork() and runs_zteam(command) and all(n.startswith(_OWN_VARIABLES) for n in environment):
             try:
-                return self._fork(command, link, environment)
+                return self._fork(command, link, environment, folder)
             except OSError as error:
                 log.debug("%s is spawned: %s", command[3], error)
         return spawn(command, link, environment, folder)
 
-    def _fork(self, command: Sequence[str], link: int, environment: Mapping[str, str]) -> ForkedChild:
+    def _fork(
+        self, command: Sequence[str], link: int, environment: Mapping[str, str], folder: Path | None
+    ) -> ForkedChild:
         given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
         start = StartChild(command[3], list(command[4:]), given)
         with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
@@ -219,7 +211,7 @@ class WarmParent:
             reader, stdout = os.pipe()
             theirs.callback(os.close, stdout)
             ours.callback(os.close, reader)
-            child = self._find_server().fork(start, [stdin, stdout, stdout, link])
+            child = self._find_server().fork(start, [stdin, stdout, stdout, link], folder)
             ours.pop_all()
         # As subprocess.Popen opens them.
         child.stdin = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")

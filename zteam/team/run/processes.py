@@ -166,22 +166,19 @@ class Processes:
                 assert self.bus is not None
                 refuse_second_team(self.bus, plan.jobs)
                 connected()
-            self.start_missing(plan.own)
+            self._start_jobs(plan.own)
         else:
             router = self._start_router(restarts=launch.restarts)
-            self.start_missing(plan.own)
+            self._start_jobs(plan.own)
             self._wait_for_router(router)
             for name in plan.own:
                 self.supervisor.tell(name, self._endpoint_for(name))
             self._connect()
             connected()
-        self.start_missing(plan.nodes)
+        self._start_jobs(plan.nodes)
 
-    def start_missing(self, jobs: Mapping[str, Job]) -> None:
-        """Start those of these jobs whose processes do not run."""
-        members = self.supervisor.members
-        for name in [name for name in jobs if name not in members or not members[name].running]:
-            job = jobs[name]
+    def _start_jobs(self, jobs: Mapping[str, Job]) -> None:
+        for name, job in jobs.items():
             self.supervisor.start_job(name, msgspec.structs.replace(job, environment=self.environment(name)))
 
     def _start_router(self, *, restarts: bool) -> Process:

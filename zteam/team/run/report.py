@@ -1,8 +1,6 @@
 """The report of a run, which `zteam up --report` writes."""
 
-import errno
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -14,13 +12,12 @@ from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.numbers import counted, format_factor
-from zteam.config.resources import is_folder
 from zteam.errors import UsageError, ZteamError
 from zteam.node.launcher import Restarted, restarts_text
 from zteam.node.lockstep import RoundTiming
 from zteam.robot.client import SAFETY, SafetyReply
 from zteam.simulator.client import RunFigures, SimReport
-from zteam.team.chaos.run import ChaosReport
+from zteam.team.chaos.carry_out import ChaosReport
 from zteam.team.launch.process import PROC, Usage, measure_usage
 
 S = TypeVar("S")
@@ -142,33 +139,19 @@ def process_row(
 
 def check_writable(path: Path) -> None:
     """Raise UsageError before the run if the report cannot be written after it."""
-    if is_folder(path):
-        raise UsageError(f"--report {path}: that is a folder; name a file in it")
-    if not is_folder(path.parent):
-        raise UsageError(f"--report {path}: there is no folder {path.parent}; make it first")
+    is_new = not path.exists()
     try:
-        if not path.exists():
-            tempfile.TemporaryFile(dir=path.parent).close()
-        elif not os.access(path, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        path.open("ab").close()
+        if is_new:
+            path.unlink()
     except OSError as error:
         raise UsageError(f"--report {path}: cannot write: {error.strerror or error}; name another file") from None
 
 
 def write_report(path: Path, text: bytes) -> None:
-    """Write the whole of `text`, or nothing: on a failure an older file stays as it was. Raises ZteamError."""
-    path = path.resolve()
+    """Write the file of the report. Raises ZteamError."""
     try:
-        if path.exists() and not (path.is_file() and os.access(path.parent, os.W_OK)):
-            # A device or a pipe must not be replaced by a file, and a read-only folder takes no further file.
-            path.write_bytes(text)
-            return
-        part = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            part.write_bytes(text)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        path.write_bytes(text)
     except OSError as error:
         raise ZteamError(f"--report {path}: cannot write: {error.strerror or error}") from None
 

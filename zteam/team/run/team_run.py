@@ -24,8 +24,8 @@ from zteam.node.kinds import kind_of
 from zteam.node.log_client import LogPublisher
 from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
+from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.chaos.run import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.launch.plan import LaunchPlan, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
@@ -48,18 +48,6 @@ class RunState(Enum):
     """How far a run is."""
 
     NEW, OPEN, STARTING, RUNNING, STOPPING, ENDED = range(6)
-
-
-_NEXT = {
-    RunState.NEW: {RunState.OPEN, RunState.STARTING, RunState.STOPPING},
-    RunState.OPEN: {RunState.STARTING, RunState.STOPPING},
-    RunState.STARTING: {RunState.RUNNING, RunState.STOPPING},
-    RunState.RUNNING: {RunState.STOPPING},
-    # `finish` stops the members, and leaving the context once more what is left.
-    RunState.STOPPING: {RunState.STOPPING},
-    RunState.ENDED: set[RunState](),
-}
-"""The states that may follow each state."""
 
 
 class TeamRun:
@@ -106,10 +94,6 @@ class TeamRun:
         if launch is not None:
             self.plan_for(launch)
 
-    def _enter(self, state: RunState) -> None:
-        assert state in _NEXT[self.state], f"{self.state} -> {state}"
-        self.state = state
-
     def plan_for(self, launch: TeamLaunch) -> None:
         """Choose the team that `start` starts."""
         self.launch, self.plan = launch, plan_team(launch)
@@ -129,18 +113,11 @@ class TeamRun:
         """Have a router and a session, before there are members."""
         self.members.open()
         self._connected()
-        self._enter(RunState.OPEN)
-
-    def reconnect(self) -> None:
-        """Have a new session in place of the one before."""
-        assert self.members.bus is not None
-        self.members.bus.close()
-        self.members.open()
-        self._connected()
+        self.state = RunState.OPEN
 
     def start(self) -> None:
         """Start the members."""
-        self._enter(RunState.STARTING)
+        self.state = RunState.STARTING
         self.members.start(self._connected)
         tools = self.members.tools_bus
         if self._is_launcher and tools is not None:
@@ -153,7 +130,7 @@ class TeamRun:
             means = Means(self.signals.send, self.members.change_link)
             self._end_faults = carry_out_beside(self.launch.faults, watchdog, means, self.launch.is_simulated)
             self._ends.callback(self._end_faults)
-        self._enter(RunState.RUNNING)
+        self.state = RunState.RUNNING
         if self._stop.requested:
             self._wake()
 
@@ -169,8 +146,8 @@ class TeamRun:
             job = msgspec.structs.replace(job, environment=self.members.environment_of_new(name))
             log.info("%s is started on request, with behaviour %s", name, request.behavior)
             if name not in self.plan.jobs:
-                self.plan.beside |= {name}
                 self.plan.optional |= {name}
+                self.plan.unawaited |= {name}
             self.supervisor.start_job(name, job)
         return name
 
@@ -223,7 +200,7 @@ class TeamRun:
             if self._stop.requested or progress.wall is not None:
                 return True
             missing[:] = self._missing(progress.go_after is not None)
-            return bool(missing) or supervisor.members.keys() - self.plan.beside <= supervisor.ended
+            return bool(missing) or supervisor.members.keys() - self.plan.optional <= supervisor.ended
 
         if go_timeout is not None and not supervisor.wait(is_over, go_timeout - self._since_start()):
             progress.check_begun(go_timeout)
@@ -240,10 +217,10 @@ class TeamRun:
         """The members that have ended without which a run with a time limit cannot end: GO waits for the whole team."""
         if not self.launch.has_end:
             return []
-        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.beside]
+        ended = [name for name in self.supervisor.members if name in self.supervisor.ended - self.plan.optional]
         if begun:
-            return [name for name in ended if (kind := kind_of(name)) is not None and kind.carries_run]
-        return [name for name in ended if name not in self.plan.optional]
+            return [name for name in ended if (kind := kind_of(name)) is not None and kind.required_to_finish]
+        return [name for name in ended if name not in self.plan.unawaited]
 
     def _last_words(self, name: str) -> str:
         """Why a member ended: its exit code and the last line of its output."""
@@ -255,7 +232,7 @@ class TeamRun:
     @property
     def failed(self) -> set[str]:
         """Names of the members that have failed for good, or hang, without those that the team does not need."""
-        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.beside
+        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.optional
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
@@ -278,12 +255,12 @@ class TeamRun:
 
     def _stop_all(self) -> None:
         with self._start_lock:
-            self._enter(RunState.STOPPING)
+            self.state = RunState.STOPPING
         self._hung |= self.members.hung
         running = [member for member in self.supervisor.members.values() if member.running]
         for group in stop_order(self.supervisor.members):
             self.supervisor.stop(group, lambda: self._hurry)
-        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside
+        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.optional
         for member in () if self._hurry else running:
             if member.exit_code == -signal.SIGKILL:
                 # A busy machine or a pause may be the reason.

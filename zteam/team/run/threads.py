@@ -67,7 +67,7 @@ def parts_of(
     parts = {
         name: _part(options, transforms, partial(say, name))
         for kind in KINDS
-        if not kind.beside
+        if not kind.optional
         for name, options in options_of(kind, launch).items()
     }
     for name, body in (nodes or {}).items():

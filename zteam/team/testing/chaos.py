@@ -9,8 +9,8 @@ from zteam.config.fault import Fault
 from zteam.errors import UsageError
 from zteam.monitor.motion import Motion
 from zteam.simulator.faults import is_simulated
+from zteam.team.chaos.carry_out import Outcome, Watchdog, carry_out
 from zteam.team.chaos.means import Means, strike
-from zteam.team.chaos.run import Outcome, Watchdog, carry_out
 from zteam.team.testing.watch import TeamFailure, Watch
 from zteam.team.testing.world import World
 

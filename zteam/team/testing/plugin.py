@@ -50,11 +50,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
 
 @pytest.fixture(scope="module")
 def team_module(request: pytest.FixtureRequest) -> Iterator["SharedTeam"]:
-    """One team for the tests of a module: what `start` or `launch` has started is put back to its start for each test.
-
-    Router and simulator go on. The world is reset, all other processes are started anew, and stops, pauses and faults
-    are undone.
-    """
+    """One team for the tests of a module: what `start` or `launch` has started is started anew for each test."""
     from zteam.team.testing.shared import SharedTeam
 
     yield from _give(request, SharedTeam)
@@ -74,26 +70,13 @@ def _teams(item: pytest.Item) -> "list[TeamFixture]":
     return [node.stash[_TEAM] for node in item.listchain() if isinstance(node, used) and _TEAM in node.stash]
 
 
-def _shared_teams(item: pytest.Item) -> "list[SharedTeam]":
-    return [fixture for fixture in _teams(item) if hasattr(fixture, "put_back")]  # type: ignore[misc]
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
-    """Put the teams back that an earlier test has used."""
-    for fixture in _shared_teams(item):
-        _call(fixture.put_back)
+    """Start the teams anew that an earlier test has used."""
+    for fixture in _teams(item):
+        if hasattr(fixture, "put_back"):
+            _call(fixture.put_back)
     return (yield)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object]:
-    """End what a test has used of a team that goes on."""
-    try:
-        return (yield)
-    finally:
-        for fixture in _shared_teams(item):
-            fixture.clear()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -60,7 +60,7 @@ def node_jobs(nodes: Mapping[str, Body | str], folders: Sequence[str]) -> dict[s
     """Own nodes by name as processes. A child imports them first; their modules are looked for in `folders` too."""
     _check_nodes(nodes, here=False)
     texts = {name: str(body) for name, body in nodes.items()}
-    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders, ()) as inquiry:
+    with Inquiry([Question(text, {}, node=name) for name, text in texts.items()], folders) as inquiry:
         if refused := [answered.refused for answered in inquiry.answers() if answered.refused]:
             raise UsageError("\n".join(refused))
     options = {name: NodeOptions(name, text, (*folders, "")) for name, text in texts.items()}

@@ -264,11 +264,9 @@ class TeamFixture:
             self._processes.certificates = Path(secure)
         path = find_team(team)
         file = read_team_file(path, argument_texts(arguments or {}))
-        # A module that lies beside the team file is the right one: a team in this process has to find it too.
-        of_file = () if in_process else file.team.folders
         file.team = structs.replace(file.team, folders=(*file.team.folders, *self._folders))
         replaced = find_world(world).resolve() if world is not None else None
-        chosen = check_team(file, replaced, right=of_file)
+        chosen = check_team(file, replaced)
         if in_process:
             refuse_nodes(file, "leave in_process out")
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
@@ -312,7 +310,7 @@ class TeamFixture:
         file.team = structs.replace(file.team, folders=tuple(self._folders))
         if in_process:
             look_in([*file.team.folders, ""])
-        chosen = check_team(file, find_world(world).resolve(), here=in_process, right=())
+        chosen = check_team(file, find_world(world).resolve(), here=in_process)
         own: Mapping[str, Any] = node_bodies(nodes or {}) if in_process else node_jobs(nodes or {}, file.team.folders)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *own), paused=lockstep)
         self._give_links(chaos, in_process)

@@ -15,8 +15,9 @@ from zteam.bus import Bus
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.config.robot_ids import format_robot_ids
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.messages import TeamState
+from zteam.messages import Log, TeamState
 from zteam.monitor.observer import RobotView, TeamObserver
+from zteam.node.faults import log_fault
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
 from zteam.simulator.client import SimStatus, SimulatorClient
@@ -26,7 +27,6 @@ from zteam.team.launch.supervisor import Member
 from zteam.team.run.team_run import RunState, TeamRun
 from zteam.team.run.threads import Threads, in_thread
 from zteam.team.testing.hangs import LOOK, Stacks
-from zteam.team.testing.others import RETURN, Others
 
 OBSERVED = (names.CLOCK, names.TEAM_STATUS, names.GROUND_TRUTH, names.STATUS)
 """What a test sees of its team without asking."""
@@ -34,13 +34,10 @@ _LAST_LINES = 5
 """Of a process that has ended without an error of the user's code."""
 START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for processes to start: many times the longest start on a crowded machine."""
-_SILENT_AFTER = 1.5
-"""Host seconds without a status (they come at 1 Hz) after which a robot is waited for."""
+RETURN = 2.5 * HOST_FACTOR
+"""Host seconds for a process to be there again whose token is gone: the test may start it again."""
 _TRIES = 3
 """How often a team in this process is asked to end."""
-_LONGEST_LOOK = 5.0
-"""More host seconds between two looks are a pause of this process, or of the machine: the silence of others is its own.
-"""
 _KEPT_LINES = 50_000
 """Of all processes of a test, at least."""
 
@@ -58,6 +55,57 @@ class TeamTimeout(TeamFailure):
     __module__ = "zteam.testing"
 
 
+class Others:
+    """Processes that take part though the fixture has not started them, such as a node that the test starts by itself:
+    what they log, and which of them are gone."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        seen: TeamObserver,
+        take_log: Callable[[str, int, str], None],
+        not_awaited: Callable[[], set[str]],
+    ) -> None:
+        """`take_log(name, level, text)`: a process has logged that. `not_awaited()` are the processes that may end, or
+        that the fixture has started itself."""
+        self._bus, self._seen, self._take_log, self._not_awaited = bus, seen, take_log, not_awaited
+        self._watched: set[str] = set()
+        self.expected: set[str] = set()
+        """Those that the test has named."""
+        self._gone_since: dict[str, float] = {}
+        self._faults: dict[str, str] = {}
+        """The critical lines of those that an error has ended."""
+
+    def watch(self, processes: Iterable[str], *, expected: bool) -> None:
+        """Watch these from here on, which may come later if they are `expected`."""
+        if expected:
+            self.expected.update(processes)
+        for name in set(processes) - self._watched - self._not_awaited():
+            self._watched.add(name)
+            self._bus.subscribe(names.log_key(name), Log, partial(self._take, name))
+
+    def _take(self, name: str, _key: str, message: Log) -> None:
+        if message.level >= logging.CRITICAL and message.function == log_fault.__name__:
+            self._faults[name] = message.msg
+        self._take_log(name, message.level, message.msg)
+
+    def fault(self, name: str) -> str:
+        """The error that ended one, as it has logged it; empty if there is none."""
+        return self._faults.get(name, "").partition("\n")[2]
+
+    def missing(self) -> list[str]:
+        """Those that must not end and were never there."""
+        return sorted(self._watched - self._seen.were_there - self._not_awaited())
+
+    def gone(self) -> dict[str, float]:
+        """Those that must not end, were there and are not, and for how many host seconds. Without the router all would
+        be gone, so none is."""
+        gone = self._watched & self._seen.were_there - self._not_awaited() if self._seen.link_up else set[str]()
+        now, gone = monotonic(), {name for name in gone if not self._seen.alive(name)}
+        self._gone_since = {name: self._gone_since.get(name, now) for name in sorted(gone)}
+        return {name: now - since for name, since in self._gone_since.items()}
+
+
 class Watch:
     """The lines of the members, how they fail, and what the bus shows. `run` is the team that is watched."""
 
@@ -72,10 +120,6 @@ class Watch:
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
         self.silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
-        self.begin_test()
-
-    def begin_test(self) -> None:
-        """Forget what happened in the test before."""
         self.log: list[tuple[str, str]] = []
         """(process, line) in the order of arrival, for the report of a failed test: the newest."""
         self._at_end = False
@@ -130,7 +174,7 @@ class Watch:
         """Watch the team on a session that was opened."""
         self.seen = TeamObserver(self.bus, *OBSERVED, repeat=self._repeat)
         if self.threads is None:
-            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited, self._own_pids)
+            self._others = Others(self.bus, self.seen, self.take_log, self._not_awaited)
 
     def _repeat(self, arrived: Callable[[], bool]) -> None:
         """Wait until a subscribed topic arrives. A world that stands still is asked to publish its last tick again."""
@@ -142,13 +186,13 @@ class Watch:
     def expect_members(self) -> None:
         """From here on the members of the plan belong to the team."""
         self.participants = {*self.run.launch.participants}
-        self.may_end.update(self.run.plan.beside)
+        self.may_end.update(self.run.plan.optional)
 
     def wait_for_members(self) -> None:
         """Wait until all that belong to the team are there, and any robot's pose may be read."""
         plan, threads = self.run.plan, self.threads
         self.watch_others(self.run.launch.pace.expect)
-        members = [name for name in plan.jobs if name not in plan.optional] if threads is None else [*threads.parts]
+        members = [name for name in plan.jobs if name not in plan.unawaited] if threads is None else [*threads.parts]
         self.wait_for_processes(*members)
         if names.SIMULATOR in members:
             known = self.sim.status().robots
@@ -168,22 +212,17 @@ class Watch:
             self._check_others(self._others)
 
     def _check_others(self, others: Others) -> None:
-        for gone in others.gone():
-            words = self.words(gone.name) or "it has logged nothing"
-            if others.fault(gone.name):
-                raise TeamFailure(f"{gone}: {words}")
-            if gone.is_failure(self._at_end):
-                raise TeamFailure(f"{gone}, without team.expect_end({gone.name!r}): {words}")
-        if (missing := others.missing()) and (ended := others.ended_child()):
-            raise TeamFailure(f"{', '.join(missing)}: expected, and not there; {ended}")
+        for name, seconds in others.gone().items():
+            words = self.words(name) or "it has logged nothing"
+            if others.fault(name):
+                raise TeamFailure(f"{name} is gone: {words}")
+            # The end of a test may have ended what the test had started.
+            if seconds > RETURN and name in others.expected and not self._at_end:
+                raise TeamFailure(f"{name} is gone, without team.expect_end({name!r}): {words}")
 
     def _not_awaited(self) -> set[str]:
         """Names of the processes that may end, or that this fixture has started itself."""
         return {*self.may_end, *self.run.supervisor.members}
-
-    def _own_pids(self) -> set[int]:
-        """Of the children of this process that the fixture has started."""
-        return {process.pid for process in self.run.supervisor.processes.values()} | {*self.run.members.pids.values()}
 
     def take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -229,8 +268,7 @@ class Watch:
 
     def wait(self, condition: Callable[[], bool], limit: float = START_LIMIT) -> bool:
         """Whether `condition()` comes true within `limit` host seconds."""
-        # From `since` on the silence of a process is its own.
-        since = looked = now = monotonic()
+        looked = now = monotonic()
         deadline = now + limit
         while True:
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
@@ -238,11 +276,9 @@ class Watch:
             if condition():
                 return True
             now = monotonic()
-            if now - looked > _LONGEST_LOOK:
-                since = looked = now
-            elif now - looked >= LOOK:
+            if now - looked >= LOOK:
                 looked = now
-                self.look_for_hangs(since)
+                self._look_for_hangs()
             if now >= deadline:
                 return False
             # The end of a process is no news on the bus, so check from time to time.
@@ -285,7 +321,7 @@ class Watch:
         self.watch_others(status.participants, expected=False)
         if (others := self._others) is not None and left - self._not_awaited():
             # `check` fails for those that stay away.
-            self.wait(lambda: all(gone.settled for gone in others.gone()), 2.0 * RETURN)
+            self.wait(lambda: others.expected.isdisjoint(others.gone()), 2.0 * RETURN)
         for name in left.intersection(self.run.supervisor.members) - self.may_end - self.restarts:
             if not self.wait(partial(self._has_ended_or_joined, name), self.silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
@@ -314,19 +350,14 @@ class Watch:
         text = f"after {self.silence_limit:g} s {where}" if where else f"{how}; its last lines:\n{self.words(name)}"
         self.hangs[name] = f"{name} hangs: {text}"
 
-    def look_for_hangs(self, since: float) -> None:
-        """Notice the processes that were left behind, or that are silent in a wait `since` this host time; of nodes in
-        this process the watch on the calls does so."""
+    def _look_for_hangs(self) -> None:
+        """Lock-step: notice the processes that were left behind; of nodes in this process the watch on the calls does
+        so."""
         if self.threads is not None or not self._is_in_view:
             return
         if self.interval:
             with suppress(BusError):
                 self._note_left_behind(self.status(LOOK))
-        else:
-            limit = max(self.silence_limit, _SILENT_AFTER)
-            for name, spoke in self._silent():
-                if max(spoke, since) < monotonic() - limit:
-                    self._note_hang(name, f"it gives no sign of life for {self.silence_limit:g} s")
         self.check()
 
     @property
@@ -336,43 +367,16 @@ class Watch:
         paused = self.may_end & {ROUTER, names.SIMULATOR}
         return router is not None and router.running and (simulator is None or simulator.running) and not paused
 
-    def _silent(self) -> list[tuple[str, float]]:
-        """The robots that live and whose last status is long ago, and the host time of that."""
-        now, robots = monotonic(), {i: name for name in self._present if (i := names.robot_id_of(name)) is not None}
-        spoke = {name: self.seen.robot(i).spoke for i, name in robots.items()}
-        return [
-            (name, at)
-            for name, at in spoke.items()
-            if name not in self.may_end and self.seen.alive(name) and 0.0 < at < now - _SILENT_AFTER
-        ]
-
-    def wait_for_silent(self) -> None:
-        """Real time: wait for the next status of robots whose last one is long ago. One that sends none hangs."""
-        if self.interval:
-            return
-        self.wait(lambda: not self._silent(), max(START_LIMIT, 2.0 * self.silence_limit))
-        self.check()
-
     def check_at_end(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs unasked, and does not come back."""
         self._at_end = True
-        try:
-            self._check_at_end()
-        finally:
-            self._at_end = False
-
-    def _check_at_end(self) -> None:
         self.check()
         if self.run.state is RunState.NEW or (self.threads is None and not self.member(ROUTER).running):
             # Without its router a team sees nothing of itself.
             return
-        self.wait_for_silent()
-        others = self._others
-        if others is not None:
-            self.wait(lambda: all(gone.settled for gone in others.gone() if gone.code), RETURN)
-            # In lock-step the world has not moved without them.
-            if not self.interval and (missing := others.missing()):
-                raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
+        # In lock-step the world has not moved without them.
+        if self._others is not None and not self.interval and (missing := self._others.missing()):
+            raise TeamFailure(f"{', '.join(missing)}: expected, and never came")
         ended = self.run.supervisor.ended
         gone = [n for n in self._present - self.may_end if n not in ended and not self.seen.alive(n)]
         self.wait(lambda: all(n in ended or self.seen.alive(n) for n in gone))

@@ -99,7 +99,6 @@ class World:
         self._watch.wait(is_over, math.inf)
         if not came_true:
             raise self._not_true(within)
-        self._watch.wait_for_silent()
 
     def _not_true(self, within: float) -> TeamTimeout:
         """The error of a condition that did not come true, with where the robots are."""

@@ -6,8 +6,8 @@ from zteam import names
 from zteam.bus.memory import MemoryHub
 from zteam.messages import Clock, Odometry, TeamState, TeamStatus, Twist, Vector3, time_from_ns
 from zteam.monitor.observer import TeamObserver
-from zteam.team.chaos import run as module
-from zteam.team.chaos.run import ON_ITS_WAY, Violation, Watchdog
+from zteam.team.chaos import carry_out as module
+from zteam.team.chaos.carry_out import ON_ITS_WAY, Violation, Watchdog
 
 TENTH = 10**8
 

@@ -19,11 +19,12 @@ def write(folder: Path, **texts: str) -> Path:
     return folder / "team.toml"
 
 
-def error_of(path: Path) -> list[str]:
-    """The lines of the error, without the folder."""
+def places_of(path: Path) -> list[str]:
+    """Where the mistakes of a team file stand."""
     with pytest.raises(ConfigError) as caught:
         load_team(path)
-    return str(caught.value).replace(f"{path.parent}/", "").splitlines()
+    lines = str(caught.value).replace(f"{path.parent}/", "").splitlines()
+    return [":".join(line.split(":")[:3]) for line in lines]
 
 
 def test_the_includer_wins_and_lists_follow_each_other(tmp_path: Path) -> None:
@@ -102,78 +103,56 @@ def test_mistakes_have_the_file_in_which_they_stand(tmp_path: Path) -> None:
     """Mistakes of all files in one error, in the order of reading; a rule across files names the right one."""
     path = write(
         tmp_path,
-        base="[team]\nseed = 'x'\n[[robots]]\nid = 1\nfollow = 9\n",
-        team='include = ["base.toml"]\n[[robots]]\nid = -1\n[[robots]]\nid = 2\nfollow = 1\nwhen = 1979-05-27\n',
+        base="[team]\nseed = 'x'\n[[robots]]\nid = 1\nfollow = 9\n[[robots]]\nid = 4\n",
+        team='include = ["base.toml"]\n[[robots]]\nid = -1\n[[robots]]\nid = 2\nfollow = 1\nwhen = 1979-05-27\n'
+        "[[robots]]\nid = 4\n",
     )
-    assert error_of(path) == [
-        "team.toml:3: robots[0].id: a whole number of at least 0 is expected, not -1",
-        "team.toml:7: robots[1].when: a parameter is a number, text, true, false, or an array or table of such",
-        'base.toml:2: team.seed: a whole number is expected, not "x"',
-        "base.toml:5: robots[0].follow: no robot 9 in this team (it has -1, 1, 2)",
-    ]
-
-
-def test_a_robot_of_two_files_is_refused_with_both_places(tmp_path: Path) -> None:
-    """The id is that of the later table; the text names the earlier one."""
-    path = write(
-        tmp_path, base="[[robots]]\nid = 0\n[[robots]]\nid = 4\n", team='include = ["base.toml"]\n[[robots]]\nid = 4\n'
-    )
-    assert error_of(path) == [
-        f"team.toml:3: robots[0].id: robot 4 is robots[1] of {'base.toml'}:4 already; give each robot its own id"
+    assert places_of(path) == [
+        "team.toml:3: robots[0].id",
+        "team.toml:7: robots[1].when",
+        "team.toml:9: robots[2].id",
+        "base.toml:2: team.seed",
+        "base.toml:5: robots[0].follow",
     ]
 
 
 @pytest.mark.parametrize(
-    ("include", "told"),
+    ("include", "place"),
     [
-        ('["none.toml"]', "1: include[0]: 'none.toml' is neither a file beside this one nor a shipped team (arena, "),
-        ('["below"]', "1: include[0]: 'below' is a folder; name the team file in it (*.toml)"),
-        ('["team.toml"]', "1: include[0]: the files include each other in a circle (team.toml → team.toml)"),
-        ('["a\\u0000b"]', "1: include[0]: 'a\\x00b' is neither a file"),
-        ('"base.toml"', "1: include: a list of team files is expected, such as"),
-        ("[3]", "1: include[0]: the name of a team file is expected"),
-        ("{}", "1: include: a list of team files is expected"),
+        ('["none.toml"]', "1: include[0]"),
+        ('["below"]', "1: include[0]"),
+        ('["team.toml"]', "1: include[0]"),
+        ('["a\\u0000b"]', "1: include[0]"),
+        ('"base.toml"', "1: include"),
+        ("[3]", "1: include[0]"),
+        ("{}", "1: include"),
     ],
 )
-def test_what_cannot_be_included_is_one_line(tmp_path: Path, include: str, told: str) -> None:
+def test_what_cannot_be_included_is_one_line(tmp_path: Path, include: str, place: str) -> None:
     """With file, line and key of the include, next to the other mistakes."""
     (tmp_path / "below").mkdir()
     path = write(tmp_path, team=f"include = {include}\n[[robots]]\nid = 0\nfollow = 7\n")
-    first, second = error_of(path)
-    assert first.startswith(f"team.toml:{told}")
-    assert second == "team.toml:4: robots[0].follow: no robot 7 in this team (it has 0)"
+    assert places_of(path) == [f"team.toml:{place}", "team.toml:4: robots[0].follow"]
 
 
-def test_a_circle_of_files_is_named(tmp_path: Path) -> None:
+def test_a_circle_of_files_is_refused(tmp_path: Path) -> None:
     """At the include that closes it."""
-    path = write(
-        tmp_path,
-        a='include = ["b.toml"]\n',
-        b='include = ["./a.toml"]\n',
-        team='include = ["a.toml"]\n[[robots]]\nid = 0',
-    )
-    assert error_of(path) == [
-        "b.toml:1: include[0]: the files include each other in a circle (team.toml → a.toml → b.toml → a.toml)"
-    ]
+    a, b = 'include = ["b.toml"]\n', 'include = ["./a.toml"]\n'
+    path = write(tmp_path, a=a, b=b, team='include = ["a.toml"]\n[[robots]]\nid = 0')
+    assert places_of(path) == ["b.toml:1: include[0]"]
 
 
 def test_an_included_file_that_is_no_team_file_is_told(tmp_path: Path) -> None:
-    """Bytes that are not UTF-8, and a mistake in TOML, with the included file's name."""
-    (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'")
-    assert error_of(write(tmp_path, team='include = ["latin.toml"]\n')) == [
-        "latin.toml: not UTF-8 text (byte 5); save it as UTF-8"
-    ]
-    assert error_of(write(tmp_path, broken="[team\n", team='include = ["broken.toml"]\n')) == [
-        "broken.toml:1:6: not TOML: Expected ']' at the end of a table declaration"
-    ]
+    """With the included file's name."""
+    assert places_of(write(tmp_path, broken="[team\n", team='include = ["broken.toml"]\n')) == ["broken.toml:1:6"]
 
 
 def test_files_that_include_others_twice_do_not_multiply(tmp_path: Path) -> None:
     """Ten files would be read a thousand times; the reading ends at the limit with one line."""
     texts = {f"f{i}": f'include = ["f{i + 1}.toml", "f{i + 1}.toml"]\n' for i in range(10)}
     path = write(tmp_path, **texts, f10="[[robots]]\nid = 0\n", team='include = ["f0.toml"]\n')
-    (told,) = error_of(path)
-    assert told.endswith(f"more than {MAX_FILES} files are included")
+    with pytest.raises(ConfigError, match=str(MAX_FILES)):
+        load_team(path)
 
 
 def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:

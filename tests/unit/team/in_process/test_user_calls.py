@@ -4,7 +4,6 @@ import bdb
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 import pytest
 
@@ -143,27 +142,6 @@ def test_a_debugger_is_not_ended(deliver: Callable[..., threading.Thread]) -> No
         debugged.join(LIMIT)
     assert returned == [True]
     assert ended == [*watch.hangs] == ["robot_1"]
-
-
-def test_a_loop_among_many_threads_is_ended(deliver: Callable[..., threading.Thread]) -> None:
-    """`faulthandler` shows the newest 100 threads: the call is named without its frames."""
-    begun, done = threading.Event(), threading.Event()
-
-    def take(_news: object) -> None:
-        begun.wait(LIMIT)
-        loop()
-
-    watch = CallWatch(PACE, in_real_time=False)
-    world = deliver("robot_0", take)
-    others = [in_thread(partial(done.wait, LIMIT)) for _ in range(100)]
-    begun.set()
-    with watching(watch):
-        world.join(LIMIT)
-    done.set()
-    for each in others:
-        each.join(LIMIT)
-    assert watch.hangs["robot_0"].startswith("robot_0 hangs: after 0.05 s a call has not returned (")
-    assert not world.is_alive()
 
 
 def test_the_calls_of_nodes_alone_are_ended(deliver: Callable[..., threading.Thread]) -> None:

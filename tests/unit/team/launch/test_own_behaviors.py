@@ -1,8 +1,6 @@
 """The user's behaviours, imported in a process of their own."""
 
 import os
-import sys
-import types
 from pathlib import Path
 
 import pytest
@@ -44,20 +42,3 @@ def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
         assert first.refused == "behaviour 'slow:Robot': importing it is not done after 0.5 s"
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
-
-
-def test_a_module_of_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also one that a behaviour or a node only imports; what is asked beside it is answered."""
-    (tmp_path / "near.py").touch()
-    (tmp_path / "user.py").write_text("import near\ndef main(node): pass")
-    (tmp_path / "alone.py").write_text("def main(node): pass")
-    questions = [Question("alone:main", {}, node="a"), Question("user:main", {}, node="b"), Question("user:Robot", {})]
-    near = types.ModuleType("near")
-    near.__file__ = "/far/near.py"
-    monkeypatch.setitem(sys.modules, "near", near)
-    with Inquiry(questions, [str(tmp_path)], ()) as inquiry:
-        first, second, third = inquiry.answers()
-    assert first.refused == ""
-    text = f"module near is /far/near.py here, but the team's processes import {tmp_path / 'near.py'}"
-    assert second.refused == f"node 'b': 'user:main': {text}: rename one of the two"
-    assert "has no Robot" in third.refused

@@ -17,7 +17,6 @@ from zteam import names
 from zteam.bus import BusOptions, NoRequest
 from zteam.bus.memory import MemoryHub
 from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, RouterOptions
-from zteam.bus.presence import Claim
 from zteam.errors import BusError, ZteamError
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import to_line
@@ -133,11 +132,14 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
-def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
+@pytest.mark.parametrize("code", [WAIT, "raise SystemExit(0)"], ids=["killed", "ends with 0"])
+def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend, code: str) -> None:
     """A run without its simulator has no result: it ends with an error that names the simulator."""
     with pretend.run(run_for=1.0) as run:
+        run.plan.own[names.SIMULATOR] = Job(python(code))
         run.start()
-        run.supervisor.processes[names.SIMULATOR].kill()
+        if code == WAIT:
+            run.supervisor.processes[names.SIMULATOR].kill()
         with pytest.raises(ZteamError, match=names.SIMULATOR):
             run.watch()
 
@@ -160,15 +162,6 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.Monk
         stop_once_watched(run, pretend.stop, monkeypatch)
         run.watch()
         assert run.finish() is None
-
-
-def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """Without its simulator the run cannot end: the launcher raises an error instead of waiting for ever."""
-    with pretend.run(run_for=1.0) as run:
-        run.plan.own[names.SIMULATOR] = Job(python("raise SystemExit(0)"))
-        run.start()
-        with pytest.raises(ZteamError, match="sim"):
-            run.watch()
 
 
 @pytest.mark.few(2)
@@ -254,15 +247,6 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
         assert all(process.running for process in first.supervisor.processes.values())
     with pretend.run(1.0, bus) as third:
         third.start()
-
-
-def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
-    """A team is refused if a process of one of its names runs in the namespace already."""
-    claim = Claim(pretend.hub.bus(), names.MONITOR)
-    claim.win(lambda _: None)
-    bus = BusOptions(connect="tcp/127.0.0.1:5")
-    with pretend.run(bus=bus) as run, pytest.raises(BusError, match="already running here"):
-        run.start()
 
 
 def test_a_robot_is_started_on_request(pretend: Pretend) -> None:

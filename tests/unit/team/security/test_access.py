@@ -1,14 +1,8 @@
 """What each certificate of a team may do. Whether the router's access control does it is a matter of tests/team."""
 
-import re
-
-import msgspec
-import pytest
-
-from support.pages import DOCS
 from zteam.team.file.entries import Team
 from zteam.team.file.reading import read_team_tables
-from zteam.team.security.access import CHANGES, Rights, access_control, explain, rights_of
+from zteam.team.security.access import CHANGES, access_control, explain, rights_of
 
 
 def team(**tables: object) -> Team:
@@ -62,18 +56,6 @@ def test_a_node_that_is_a_command_of_zteam_may_do_what_it_is_for() -> None:
     }
 
 
-def test_each_query_that_changes_something_has_to_be_granted() -> None:
-    """Those that the page of keys marks with a star are all that no certificate may ask by itself."""
-    marked = re.findall(r"`([\w/]+)`\*", (DOCS / "keys.md").read_text())
-    assert {key.replace("robot_N", "robot_$*") for key in marked} == set(CHANGES)
-
-
-def test_rights_can_be_stored() -> None:
-    """They come back from JSON as they were."""
-    rights = rights_of(team())
-    assert msgspec.json.decode(msgspec.json.encode(rights), type=dict[str, Rights]) == rights
-
-
 def test_a_name_without_a_valid_certificate_has_no_rights() -> None:
     """A subject without names would be every session."""
     rights = rights_of(team())
@@ -82,9 +64,8 @@ def test_a_name_without_a_valid_certificate_has_no_rights() -> None:
     assert [policy["subjects"] for policy in section["policies"]] == [["robot_0"]]
 
 
-@pytest.mark.parametrize("name", ["robot_0", "router"])
-def test_rights_can_be_read(name: str) -> None:
-    """Each row has a verb and its object."""
-    rows = explain(rights_of(team())[name])
-    assert rows
-    assert all(verb and key for verb, key in rows)
+def test_rights_can_be_read() -> None:
+    """Each row has a verb and its object; what carries the messages of others may do everything."""
+    rights = rights_of(team())
+    assert ("publishes", "robot_0/cmd_vel") in explain(rights["robot_0"])
+    assert len(explain(rights["router"])) == 1

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.team.testing import watch
 from zteam.team.testing.hangs import Stacks
-from zteam.team.testing.watch import Watch
 
 Start = Callable[..., "subprocess.Popen[str]"]
 CHILD = """
@@ -46,10 +44,11 @@ step()
 
 @pytest.fixture
 def stacks() -> Iterator[Stacks]:
-    """Those of a team."""
+    """Those of a team. Their files go with it."""
     stacks = Stacks()
     yield stacks
     stacks.close()
+    assert not Path(stacks.environment["ZTEAM_STACKS"]).exists()
 
 
 def end(child: "subprocess.Popen[str]") -> None:
@@ -109,30 +108,3 @@ def test_a_wait_of_zteam_is_no_call_of_the_user(stacks: Stacks, start: Start) ->
     """A script that waits below no function of zteam is in none of its calls."""
     start("node", "script")
     assert stacks.where("node") == ""
-
-
-def test_the_files_go_with_the_team(stacks: Stacks) -> None:
-    """Nothing is left behind."""
-    folder = Path(stacks.environment["ZTEAM_STACKS"])
-    assert folder.exists()
-    stacks.close()
-    assert not folder.exists()
-
-
-def test_the_silence_of_a_frozen_test_is_its_own(monkeypatch: pytest.MonkeyPatch, stacks: Stacks) -> None:
-    """After a long time without a look the silence of others begins anew."""
-    now, steps, looks = 100.0, iter((0.5, 0.6, 1.0, 20.0, 1.0, 0.5)), list[tuple[float, float]]()
-
-    class Seen:
-        version = 0
-
-        def wait_for_news(self, _seen: int, _timeout: float) -> None:
-            nonlocal now
-            now += next(steps)
-
-    watched = Watch(stacks, live=False)
-    monkeypatch.setattr(watch, "monotonic", lambda: now)
-    monkeypatch.setattr(watched, "seen", Seen(), raising=False)
-    monkeypatch.setattr(watched, "look_for_hangs", lambda since: looks.append((now, since)))
-    assert not watched.wait(lambda: False, 23.5)
-    assert looks == [(101.1, 100.0), (102.1, 100.0), (123.1, 122.1)]
