@@ -14,7 +14,6 @@ from zteam.monitor.observer import TeamObserver
 from zteam.team.chaos.carry_out import Watchdog
 from zteam.team.chaos.links import Link
 from zteam.team.chaos.means import Wire
-from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
