@@ -75,9 +75,9 @@ class ScriptedSimulation:
         self.note(f"scans {robots}")
         return ScansReply([SensedScan(names.scan_key(robot_id, 0), b"scan") for robot_id in robots])
 
-    def reset(self, *, anew: bool = False) -> None:
+    def reset(self) -> None:
         """As `Simulation.reset`."""
-        self.note("reset" + " anew" * anew)
+        self.note("reset")
         self.tick = 0
         self.boundary.begin_anew()
 

@@ -210,6 +210,7 @@ def test_the_doctor_names_who_floods(team: TeamFixture) -> None:
     team.wait_for_go()
     with flood(team, partial(send_on, names.TF, GARBAGE)) as session:
         found = json.loads(team.command("doctor", "--json").stdout)
+    assert any(each["what"] == "load" and "messages a second" in each["text"] for each in found), found
     named = next(each["text"] for each in found if each["what"] == "sessions")
     assert session in named
     quiet = json.loads(team.command("doctor", "--json").stdout)

@@ -2,7 +2,7 @@
 
 import difflib
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import closing
 from itertools import chain
@@ -114,6 +114,8 @@ class Survey:
         """By key and session: the newest sample, the sessions in order of their first ones."""
         self.times: dict[tuple[str, str], list[float]] = defaultdict(list)
         """By session and key: the host times of live messages."""
+        self.sizes = Counter[str]()
+        """By session: bytes of live messages."""
         self.changed = threading.Condition()
         self.seconds = 0.0
         """Host time from begin to end; 0 before."""

@@ -61,9 +61,6 @@ class StepRequest(Change):
 class ResetRequest(Change):
     """`sim/reset`: everything as at the start; GO, if it was given, holds from the first tick on."""
 
-    anew: bool = False
-    """Also pace, stops and faults, and GO has to be given again: in lock-step the first tick waits for it."""
-
 
 class SpeedRequest(Change):
     """`sim/speed`: simulated seconds a second of the host; None = as fast as possible."""

@@ -141,25 +141,25 @@ class Pilot:
         self._behavior = load_behavior(part.behavior, part.parameters, robot_id)
         declared = declared_inputs(find_behavior(part.behavior).inputs, robot_id)
         self._inputs = RobotInputs(robot_id, declared=declared)
-        self._inputs.transforms.take_static(fixed)
+        self._inputs.transforms.on_static(fixed)
         for other, base in bases.items():
-            self._inputs.take_base(other, base)
+            self._inputs.on_base_info(other, base)
         self._layer = SafetyLayer()
         self._seconds = 0.0
 
     def take(self, tick: Tick, dt: float) -> None:
         """Everything of a tick has come, `dt` seconds after the one before."""
         inputs, part = self._inputs, self._part
-        inputs.take_scan(tick.scans[self._id])
-        inputs.take_odom(tick.odometries[self._id])
-        inputs.transforms.take_bundle(tick.bundle)
+        inputs.on_scan(tick.scans[self._id])
+        inputs.on_odom(tick.odometries[self._id])
+        inputs.transforms.on_bundle(tick.bundle)
         if part.goal is not None and not self._seconds:
             (goal,) = inputs.declared.declared
             pose = Pose(Point(*part.goal, 0.0))
-            inputs.declared.take(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
+            inputs.declared.receive(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
         if part.teleop:
             speed, turn = self._asked()
-            inputs.mux.take(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
+            inputs.mux.receive(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
         self._seconds += dt
 
     def step(self, now: int, dt: float, times: Iterator[int]) -> tuple[Twist, Cost]:

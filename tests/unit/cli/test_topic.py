@@ -73,7 +73,7 @@ def test_info_names_writers_and_receivers(run: Run) -> None:
 @pytest.mark.parametrize(
     ("key", "hint"),
     [
-        ("robt_0/odom", ": did you mean robot_0/odom or robot_1/odom?"),
+        ("robt_0/odom", ": did you mean robot_1/odom or robot_0/odom?"),
         ("nothing/like/it", ": see 'zteam topic list'"),
     ],
 )
@@ -96,7 +96,7 @@ def test_an_empty_bus_is_told(run: Run) -> None:
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("robot_2/odom", "nothing publishes robot_2/odom: did you mean robot_0/odom or robot_1/odom?"),
+        ("robot_2/odom", "nothing publishes robot_2/odom: did you mean robot_1/odom or robot_0/odom?"),
         ("robot_0/cmd_vel", "nothing publishes robot_0/cmd_vel: did you mean robot_1/cmd_vel?"),
         ("robot_1/cmd_vel", "robot_1/cmd_vel is published by robot_1, but nothing has come yet"),
     ],

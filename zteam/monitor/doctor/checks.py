@@ -368,6 +368,28 @@ def check_refusals(facts: Facts) -> Iterator[Finding]:
         yield note("refusals", f"none within {HISTORY_AFTER:g} s; before: {shown}{more}")
 
 
+_MOST_ON_A_KEY = 500.0
+"""Messages a host second on one key."""
+_PER_TICK = 5.0
+"""Messages that a process publishes on one key in a tick, at most: a fast simulator has more ticks in a host second."""
+_MOST_IN_ALL = 3000.0
+"""Messages a host second on all keys, of a session that is no process of the team."""
+_MOST_BYTES = 20e6
+"""Bytes a host second of such a session."""
+
+
+def check_floods(facts: Facts) -> Iterator[Finding]:
+    """Sessions that flood the bus. The team bears it, but its messages are delayed."""
+    for load in facts.loads:
+        key = max(load.rates, key=load.rates.__getitem__)
+        total = sum(load.rates.values())
+        is_flood = load.rates[key] > max(_MOST_ON_A_KEY, _PER_TICK * facts.tick_rate)
+        if is_flood or (not load.known and (total > _MOST_IN_ALL or load.size > _MOST_BYTES)):
+            more = f" and {counted(len(load.rates) - 1, 'other key')}" if len(load.rates) > 1 else ""
+            text = f"{load.writer} floods {key}{more}: {total:.0f} messages a second, {load.size / 1e6:.1f} MB/s"
+            yield problem("load", text, f"end or mend {load.writer}{'' if load.known else ': see the sessions'}")
+
+
 def check_strangers(facts: Facts) -> Iterator[Finding]:
     """Sessions that are none of zteam's. What the router drops of them, such as large messages, shows nowhere else."""
     if facts.strangers:
@@ -396,6 +418,7 @@ def check_clocks(facts: Facts) -> Iterator[Finding]:
 
 _CHECKS = (
     check_processes,
+    check_floods,
     check_strangers,
     check_clocks,
     check_world,

@@ -1,7 +1,7 @@
 """Everything that the checks of a team need, learned from the bus within a moment."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 
@@ -27,7 +27,7 @@ from zteam.messages import (
 )
 from zteam.messages.message import zeros
 from zteam.messages.topics import has_one_writer, is_sensed, type_of_key
-from zteam.monitor.doctor.facts import Facts, HostClock, UnusableMessages
+from zteam.monitor.doctor.facts import Facts, HostClock, Load, UnusableMessages
 from zteam.node import kinds
 from zteam.simulator.client import SimStatus, find_status
 from zteam.transforms import Buffer
@@ -46,13 +46,13 @@ _MAX_ROUTERS = 32
 
 def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
-    before = find_status(bus)
+    before, begin = find_status(bus), monotonic()
     nodes = find_nodes(bus)
     graph = Graph(bus.declarations(), nodes)
     tree = TreeListener(bus)
     survey = _listen(bus, nodes, [] if before is None or _stands(before) else graph.declarations)
     strangers = find_strangers(options)
-    after = find_status(bus)
+    after, seconds = find_status(bus), monotonic() - begin
     heard = {key: [*samples.values()] for key, samples in sorted(survey.newest.items())}
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
@@ -89,12 +89,26 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         lasers={} if frames is None else _find_laser_problems(tree.buffer, scans),
         map=msgspec.structs.replace(grid, data=zeros("int8")) if isinstance(grid, OccupancyGrid) else None,
         map_writer=name_of(map_sample) if map_sample else "",
+        loads=_loads(survey, name_of, {node.instance for node in nodes}),
+        tick_rate=max(0, after.tick - before.tick) / seconds if before and after else 0.0,
         strangers=strangers,
         clocks=_compare_clocks(bus, nodes),
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else at_other_routers(options, router_id),
     )
+
+
+def _loads(survey: Survey, name_of: Callable[[RawSample], str], known: Container[str]) -> list[Load]:
+    """What each session publishes; `known` are those of the team's processes."""
+    rates = defaultdict[str, dict[str, float]](dict)
+    for (session, key), times in survey.times.items():
+        rates[session][key] = len(times) / survey.seconds
+    return [
+        Load(name_of(survey.newest[key][session]), session in known, own, survey.sizes[session] / survey.seconds)
+        for session, own in rates.items()
+        for key in [*own][:1]
+    ]
 
 
 def _stands(sim: SimStatus) -> bool:

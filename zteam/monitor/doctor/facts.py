@@ -53,6 +53,19 @@ class UnusableMessages(msgspec.Struct, frozen=True):
     """What is wrong with them: `sends <reason>`."""
 
 
+class Load(msgspec.Struct, frozen=True):
+    """What one session publishes."""
+
+    writer: str
+    """The name of the process, or its session."""
+    known: bool
+    """Whether it is a process of the team."""
+    rates: Mapping[str, float]
+    """Messages a host second, by key; at least one."""
+    size: float
+    """Bytes a host second on all keys."""
+
+
 class HostClock(msgspec.Struct, frozen=True):
     """The clock of a host, compared with this host's."""
 
@@ -91,6 +104,9 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """The map that a late subscriber gets; its cells are left out."""
     map_writer: str = ""
     """The process that published it, by name."""
+    loads: Sequence[Load] = ()
+    tick_rate: float = 0.0
+    """Ticks of the simulator in a host second."""
     strangers: Sequence[str] = ()
     """Sessions at the router that are none of zteam's, as text, with address and process where they are known."""
     clocks: Mapping[str, HostClock] = {}

@@ -121,7 +121,7 @@ class Cores:
 
     def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
-        solid = solid_groups(groups)
+        solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
         self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)

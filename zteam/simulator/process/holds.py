@@ -56,10 +56,6 @@ class Holds:
                 partial(self._change, robot_id),
             )
 
-    def start_anew(self) -> None:
-        self._told.clear()
-        self._before.clear()
-
     def is_stopped(self, robot_id: int) -> bool:
         """Whether the body of this robot is held."""
         return self._told.get(robot_id, self._before.get(robot_id, False))

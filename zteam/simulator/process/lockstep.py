@@ -177,16 +177,10 @@ class LockStep:
             self._publisher.put_owned(self.tick.open(stamp, tick, robots, out))
         self._patience = Patience(self._timeout, monotonic())
 
-    def start_anew(self, *, whole: bool = False) -> None:
-        """The world returns to its start: answers to earlier ticks no longer count.
-
-        With `whole` the first tick is held again until all expected processes take part and GO is given.
-        """
+    def start_anew(self) -> None:
+        """The world returns to its start: answers to earlier ticks are ignored."""
         with self._changed:
-            if whole:
-                self.tick, self.resends = self.tick.renewed(), 0
-            else:
-                self.tick.start_anew()
+            self.tick.start_anew()
 
     def wait(self, resend: Resend) -> bool:
         """Wait until every participant has answered the open tick; False when the process is asked to stop."""

@@ -136,12 +136,6 @@ class OpenTick:
         """The world returns to its start, or another tick is opened: earlier answers no longer count."""
         self.message, self.answers, self.left = Tick(), {}, set()
 
-    def renewed(self) -> "OpenTick":
-        """As before the first tick of all, with the processes that hold their names."""
-        tick = OpenTick(self._expected, gate=self._gate)
-        tick.holders = self.holders
-        return tick
-
     def missing(self) -> list[str]:
         return [name for name in self.members if name not in self.answers]
 

@@ -208,16 +208,8 @@ class Simulation:
         for i in present if None in robots else ():
             outputs[i].put_rest(observation)
 
-    def reset(self, *, anew: bool = False) -> None:
-        """Put everything back to the start, where GO, if it was given, holds from the first tick on.
-
-        With `anew` this is as a simulator that has just started: GO, stops, faults and the pace are forgotten too.
-        """
-        if anew:
-            self._go = None
-            self.holds.start_anew()
-            self.faults = FaultPlan(self._options.faults, self.world.interval, to_ns(LATE))
-            self.pacer.paused, self.pacer.speed, self.pacer.steps = self._options.paused, self._options.speed, 0
+    def reset(self) -> None:
+        """Put everything back to the start, where GO, if it was given, holds from the first tick on."""
         self.engine.reset()
         self.match_robots()
         for robot_id in self.outputs:
@@ -230,7 +222,7 @@ class Simulation:
         self.pacer.start_anew()
         self._is_first = True
         if self.lockstep is not None:
-            self.lockstep.start_anew(whole=anew)
+            self.lockstep.start_anew()
         self.boundary.begin_anew()
 
     def match_robots(self) -> None:

@@ -24,7 +24,7 @@ from zteam.messages import (
 )
 from zteam.monitor.doctor import checks
 from zteam.monitor.doctor.checks import check_team
-from zteam.monitor.doctor.facts import Facts, Finding, HostClock, UnusableMessages
+from zteam.monitor.doctor.facts import Facts, Finding, HostClock, Load, UnusableMessages
 from zteam.monitor.doctor.maps import check_map_file, compare_with_world
 from zteam.node import kinds
 from zteam.simulator.client import MapInfo, SimStatus
@@ -554,3 +554,22 @@ def test_a_map_file_is_compared_with_the_world() -> None:
 def test_refusals_in_words(count: KeyCount, text: str) -> None:
     """As `zteam topic info` has them."""
     assert checks.format_refusals(count) == text
+
+
+@pytest.mark.parametrize(
+    ("rates", "size", "known", "tick_rate", "text"),
+    [
+        ({"junk": 400.0}, 100.0, False, 10.0, None),
+        ({"tf": 1.0, "junk": 5000.0}, 1e5, False, 10.0, "it floods junk and 1 other key: 5001 messages a second, 0.1 MB/s"),
+        ({f"k{number}": 1.0 for number in range(5000)}, 100.0, False, 10.0, "it floods k0 and 4999 other keys: 5000"),
+        ({"junk": 10.0}, 50e6, False, 10.0, "it floods junk: 10 messages a second, 50.0 MB/s"),
+        ({f"robot_{number}/tf": 1000.0 for number in range(20)}, 25e6, True, 1000.0, None),
+        ({"junk": 1000.0}, 100.0, True, 10.0, "it floods junk: 1000 messages a second"),
+    ],
+)
+def test_a_flood_is_named(
+    rates: dict[str, float], size: float, known: bool, tick_rate: float, text: str | None
+) -> None:
+    """Many messages on one key or on many, or many bytes; a simulator that ticks fast publishes as much by right."""
+    found = checks.check_floods(team_facts(loads=[Load("it", known, rates, size)], tick_rate=tick_rate))
+    assert [finding.text.startswith(text or "-") for finding in found] == [True] * (text is not None)

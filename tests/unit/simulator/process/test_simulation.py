@@ -123,20 +123,6 @@ def test_after_a_reset_go_holds_from_the_first_tick_on(half_second: SimulatorPar
     assert (half_second.statistics.go_stamp, half_second.statistics.ticks) == (half_second.world.interval, 1)
 
 
-def test_a_simulator_that_begins_anew_waits_for_go_again(half_second: SimulatorParts) -> None:
-    """It has forgotten GO, stops and the pace, as if it had just started."""
-    half_second.whole_tick()
-    half_second.set_go(half_second.engine.now)
-    half_second.whole_tick()
-    half_second.holds._change(0, True)
-    half_second.pacer.set_speed(7.0)
-    before = half_second._options.speed
-    half_second.reset(anew=True)
-    half_second.whole_tick()
-    assert (half_second.since_go, half_second.is_counting, half_second.statistics.ticks) == (None, False, 0)
-    assert (half_second.holds.stopped, half_second.pacer.speed) == ([], before)
-
-
 @pytest.fixture
 def ticked(hub: MemoryHub) -> Iterator[SimulatorParts]:
     """A simulator after its first tick, without a main loop."""
