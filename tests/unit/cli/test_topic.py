@@ -73,7 +73,7 @@ def test_info_names_writers_and_receivers(run: Run) -> None:
 @pytest.mark.parametrize(
     ("key", "hint"),
     [
-        ("robt_0/odom", ": did you mean robot_1/odom or robot_0/odom?"),
+        ("robt_0/odom", ": did you mean robot_0/odom or robot_1/odom?"),
         ("nothing/like/it", ": see 'zteam topic list'"),
     ],
 )
