@@ -36,10 +36,3 @@ def freeze(pids: Sequence[int], seconds: float) -> None:
                 os.kill(pid, signal.SIGCONT)
 
 
-def wait_until_frozen(pid: int) -> None:
-    """Wait until no thread of a process that was stopped runs: on a crowded machine the signal takes its time."""
-    deadline = monotonic() + LIMIT
-    threads = Path(f"/proc/{pid}/task")
-    while {(thread / "stat").read_text().rpartition(")")[2].split()[0] for thread in threads.iterdir()} != {"T"}:
-        assert monotonic() < deadline, f"process {pid} was stopped and still runs"
-        pause(0.001)
