@@ -262,8 +262,12 @@ class LinkCheck:
         self._cuts = 0
 
     def _mend(self, links: set[Ends]) -> None:
+        if self._options.tls is not None and read_admin(self._options) is None:
+            # No further link would carry more.
+            log.error("%s", ": ".join(why_refused(self._options)))
+            return
         if self._cuts == _LINK_CUTS:
-            log.error("no query reaches this process after %d new links: 'zteam doctor' may say why", _LINK_CUTS)
+            log.error("no query reaches this process after %d new links: start it again", _LINK_CUTS)
             return
         self._cuts += 1
         log.warning("no query reaches this process on the link that came back: opening another link")

@@ -3,7 +3,7 @@
 import socket
 
 from zteam.bus.options import TLS_VARIABLES, BusOptions, TlsFiles, host_port
-from zteam.bus.router import ANSWER_WITHIN, RouterRecord
+from zteam.bus.router import ANSWER_WITHIN, RouterRecord, find_local_routers
 from zteam.clock import monotonic
 
 _ALERT = b"\x15\x03"
@@ -28,15 +28,19 @@ def why_foreign(record: RouterRecord | None, endpoint: str) -> tuple[str, str] |
 
 
 def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
-    """What is answered to bytes that mean nothing; None if whatever is there stays silent."""
+    """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
+    host, port = address
     try:
         with socket.create_connection(address, timeout=ANSWER_WITHIN) as link:
+            host, port = link.getpeername()[:2]
             link.sendall(bytes(32))
-            return link.recv(64)
+            answer = link.recv(64)
     except TimeoutError:
         return None
     except OSError:
-        return b""
+        answer = b""
+    # A router that has too many connections to open ends some of them.
+    return None if not answer and f"tcp/{host}:{port}" in find_local_routers() else answer
 
 
 def why_refused(options: BusOptions) -> tuple[str, str]:
@@ -53,7 +57,8 @@ def why_refused(options: BusOptions) -> tuple[str, str]:
         step = f"use --connect tls/{place}, and set {', '.join(TLS_VARIABLES)} (docs/security.md)"
         return f"the router at {endpoint} takes certificates only", step
     if answer.startswith(_CLOSE):
-        step = f"use --connect tcp/{place}, and name in --config what it asks for, such as a user and a password"
+        unset = f" without {', '.join(TLS_VARIABLES)}" if options.tls is not None else ""
+        step = f"use --connect tcp/{place}{unset}, and name in --config what it asks for, such as a password"
         return f"the router at {endpoint} has no certificates, or refuses this process", step
     return (
         f"{endpoint} is held by something that does not speak Zenoh",

@@ -49,6 +49,8 @@ _POLL = 0.002
 _NOTE = "endpoint"
 _CONFIG_PERIOD = 0.25
 """Seconds between looks at the file of settings."""
+_OPEN_TRIES = 20
+"""Before a router that was closed for new settings gives up."""
 _UNREADABLE = msgspec.DecodeError, UnicodeDecodeError, RecursionError
 """What JSON of others may raise. `queries.decode_json` would import numpy: a router starts twice as fast without it."""
 _MOST = 1 << 26
@@ -236,9 +238,19 @@ class Router:
             self._session, self._config = self._open(config), config
         except BusError as error:
             log.error("--config %s: %s; the router keeps the settings it had", self._file, error)
-            self._session = self._open(self._config)
+            self._session = self._open_again()
         else:
             log.info("%s has changed: the router has taken it and opened all links again", self._file)
+
+    def _open_again(self) -> zenoh.Session:
+        """With the settings it had. Its certificate may be about to be replaced, and its key fit in a moment only."""
+        for _ in range(_OPEN_TRIES):
+            try:
+                return self._open(self._config)
+            except BusError as error:
+                log.debug("%s", error)
+                pause(_CONFIG_PERIOD)
+        return self._open(self._config)
 
     def _on_transport(self, links: LinkCount, event: zenoh.TransportEvent) -> None:
         with self._changed:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import msgspec
 
 from zteam import names
-from zteam.geometry import normalize_angle
+from zteam.geometry import Pose2, normalize_angle
 from zteam.monitor.doctor.facts import Facts, Finding, note, ok, problem
 from zteam.simulator.client import MapInfo, SimStatus, map_info
 
@@ -51,12 +51,13 @@ def compare_with_world(name: str, found: MapInfo, world: MapInfo, world_name: st
     size = f"{found.columns} x {found.rows} cells of {found.resolution:.6g} m"
     if not differences:
         return ok("map", f"{name} lies as the world {world_name} does ({size})")
+    same_cells = (found.columns, found.rows) == (world.columns, world.rows)
     step = (
         f"the world's grid has origin [{world.x:.6g}, {world.y:.6g}, {world.yaw:.6g}], "
         f"resolution {world.resolution:.6g}, {world.columns} x {world.rows} cells"
     )
     text = f"{name} differs from the world {world_name}: {'; '.join(differences)}"
-    if (found.columns, found.rows) == (world.columns, world.rows) or _has_size_of(found, world):
+    if same_cells or _has_size_of(found, world) or not _overlaps(found, world):
         return problem("map", text, step)
     return note("map", f"{text}: it may show another part", step)
 
@@ -86,3 +87,16 @@ def _has_size_of(found: MapInfo, world: MapInfo) -> bool:
     width = found.columns * found.resolution - world.columns * world.resolution
     height = found.rows * found.resolution - world.rows * world.resolution
     return abs(width) < slack and abs(height) < slack
+
+
+def _overlaps(found: MapInfo, world: MapInfo) -> bool:
+    (left, bottom, right, top), (low_x, low_y, high_x, high_y) = _box(found), _box(world)
+    return left < high_x and low_x < right and bottom < high_y and low_y < top
+
+
+def _box(grid: MapInfo) -> tuple[float, float, float, float]:
+    """Least x and y, greatest x and y."""
+    width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
+    origin = Pose2(grid.x, grid.y, grid.yaw)
+    xs, ys, _ = zip(*(origin.compose(Pose2(u, v, 0.0)) for u in (0.0, width) for v in (0.0, height)), strict=True)
+    return min(xs), min(ys), max(xs), max(ys)

@@ -16,6 +16,8 @@ from zteam.monitor.followers import FollowProblem, follow_problems
 from zteam.monitor.process.members import SILENT_AFTER, Event, KnownRobot
 from zteam.simulator.client import absence_text
 
+_SETTLED = 1.0
+"""Host seconds until all processes and statuses that are there are known."""
 _NAMED = 8
 """Robots that the text of what GO waits for names at most."""
 _LAST_EPOCH = 2**32 - 1
@@ -44,6 +46,10 @@ class Gate:
         self.team_size = team_size
         self.go_stamp = 0
         """Simulated time (ns) from which GO holds."""
+        self.follow_problems: list[FollowProblem] = []
+        """Robots that cannot follow, as of the last look."""
+        self._cannot_follow: dict[FollowProblem, float] = {}
+        """The host time at which each was found."""
         self._simulators = frozenset[str]()
         """The sessions of the newest simulator; empty before the first."""
         self._adopted = False
@@ -212,8 +218,7 @@ class Gate:
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
-        for problem in self.find_follow_problems():
-            self.tell("follow", None, problem.text)
+        self.check_leaders(0.0, at_once=True)
         self._next_epoch()
         self.gone, self.go_stamp = True, stamp
         for member in self.members.values():
@@ -257,10 +262,16 @@ class Gate:
         there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
         return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
 
-    def find_follow_problems(self) -> list[FollowProblem]:
-        """Robots that cannot follow, as of now."""
+    def check_leaders(self, now: float, *, at_once: bool = False) -> None:
+        """Report robots that cannot follow: `at_once`, or when that holds for a while, as names come one by one."""
         leaders = {i: m.status.leader for i, m in self.members.items() if m.alive and m.status and m.status.leader >= 0}
-        return list(follow_problems(leaders, self._may_lead))
+        found = list(follow_problems(leaders, self._may_lead))
+        self._cannot_follow = {each: self._cannot_follow.get(each, now) for each in found}
+        for each in found:
+            if each not in self.follow_problems and (at_once or now - self._cannot_follow[each] >= _SETTLED):
+                self.follow_problems.append(each)
+                self.tell("follow", None, each.text)
+        self.follow_problems = [each for each in self.follow_problems if each in self._cannot_follow]
 
     def _may_lead(self, robot_id: int) -> bool:
         """Whether a robot is there, is still to come, or was lost, which is reported as a loss."""

@@ -219,12 +219,13 @@ class TeamWatch:
             self._take(name, False)
         if self._losses.trusted(now):
             self._team.check_silence(now)
+            self._team.check_leaders(now)
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""
         found = [] if self._seen.link_up else ["the router is lost: nothing can be heard"]
         found += self.servers_gone.values()
-        found += (each.text for each in self._team.find_follow_problems())
+        found += (each.text for each in self._team.follow_problems)
         found += self.writers.notes()
         if why := self._why_time_stands():
             found.append(why)

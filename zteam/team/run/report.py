@@ -1,6 +1,7 @@
 """The report of a run, which `zteam up --report` writes."""
 
 import os
+import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -139,11 +140,11 @@ def process_row(
 
 def check_writable(path: Path) -> None:
     """Raise UsageError before the run if the report cannot be written after it."""
-    is_new = not path.exists()
     try:
-        path.open("ab").close()
-        if is_new:
-            path.unlink()
+        if not path.exists():
+            tempfile.TemporaryFile(dir=path.parent).close()
+        elif path.is_dir() or not os.access(path, os.W_OK):
+            path.open("ab").close()
     except OSError as error:
         raise UsageError(f"--report {path}: cannot write: {error.strerror or error}; name another file") from None
 
