@@ -33,5 +33,3 @@ def freeze(pids: Sequence[int], seconds: float) -> None:
         for pid in pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
-
-

@@ -11,6 +11,7 @@ from zteam.cli.arguments import add_path_option, folders_of
 from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.zteam_robot import add_param_option
+from zteam.config.numbers import counted
 from zteam.robot.behaviors.registry import find_behavior, look_in
 
 _WIDTH = 31
@@ -50,7 +51,8 @@ def _check(args: argparse.Namespace) -> int:
         if left:
             print_line(f"(the other {left} trials are left out, because these took too long)")
         faults = format_faults(results)
-        print_block("\n".join(["", *faults, f"{args.name}: {len(faults) or 'no'} faults in {len(results)} trials"]))
+        found = counted(len(faults), "fault") if faults else "no faults"
+        print_block("\n".join(["", *faults, f"{args.name}: {found} in {len(results)} trials"]))
     return 0 if is_good else 1
 
 

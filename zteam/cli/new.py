@@ -6,6 +6,7 @@ import re
 import string
 import sys
 from functools import partial
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from zteam import names
@@ -94,8 +95,8 @@ def _check_name(word: str, name: str) -> None:
         near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
         hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
         raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
-    if name in sys.stdlib_module_names:
-        raise UsageError(f"{name!r} is a module of Python: yours would hide it")
+    if _is_taken(name):
+        raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
     if word == "node" and (problem := names.name_problem(name)):
         raise UsageError(problem)
     if word == "node" and (names.is_taken(name) or names.robot_id_of(name) is not None):
@@ -104,6 +105,15 @@ def _check_name(word: str, name: str) -> None:
     example = (TEMPLATES / f"{word}.txt").read_text("utf-8")
     if word == "behavior" and (not kind.isidentifier() or re.search(rf"\b{kind}\b", example)):
         raise UsageError(f"{name!r}: the example cannot name its class {kind or name!r}; choose another name")
+
+
+def _is_taken(name: str) -> bool:
+    """Whether Python finds another module of this name than one in the current folder."""
+    here = Path().resolve()
+    elsewhere = [folder for folder in sys.path if folder and Path(folder).resolve() != here]
+    found = PathFinder.find_spec(name, elsewhere)
+    # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
+    return name in sys.stdlib_module_names or (found is not None and found.origin is not None)
 
 
 main = partial(run_tool, build_parser, None)

@@ -165,7 +165,8 @@ def _check_options(args: argparse.Namespace) -> None:
     if args.in_process and not args.bus:
         # A view is another process, which joins over a router.
         args.bus = args.view
-    if args.in_process and not args.bus and (args.expected or args.connect != os.environ.get("ZTEAM_CONNECT")):
+    asks_to_connect = (args.connect or "") != os.environ.get("ZTEAM_CONNECT", "")
+    if args.in_process and not args.bus and (args.expected or asks_to_connect):
         raise UsageError(
             "--expect and --connect need processes, or --bus: no process can join a team with --in-process"
         )

@@ -92,6 +92,7 @@ def unknown_command(name: str, rest: Sequence[str], known: Iterable[str]) -> str
         meant = [f"up {name}"]
     if meant:
         hint = _DID_YOU_MEAN.format(f"'zteam {' '.join([meant[0], *rest])}'")
+        hint += f" ({ENDS_TEAM})" if meant[0] == "stop" else ""
     elif name.startswith("-"):
         hint = ": options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
     else:

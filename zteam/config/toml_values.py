@@ -73,7 +73,9 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 def _paths(value: Any, path: KeyPath) -> list[KeyPath]:
-    """Those of all that a value holds; the value is at `path`."""
+    """Those of all that a value holds; the value is at `path`. Below a path that is too deep there are none."""
+    if len(path) > MAX_DEPTH:
+        return []
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [found for key, inner in items for found in ((*path, key), *_paths(inner, (*path, key)))]
 

@@ -40,6 +40,7 @@ def test_a_link_on_which_nothing_comes_is_ended_once_more(
     check.run(lambda: len(asked) < 3)
     assert asked == [True, False, False]
     check.run(lambda: True)
+    assert asked[:7] == [True, False, False, None, False, False, False]
     told.wait_for(True)
     assert told.items[:2] == [False, True]
     assert caplog.text.count("no query reaches this process") == 1

@@ -64,6 +64,7 @@ def test_both_kinds_of_line_break_count(ends: str) -> None:
         ".".join("a" * 50_000) + " = 1",
         "x = " + "[" * 5_000,
         "x = " + "{ a = " * 5_000,
+        "x = " + f"{{ {'.'.join('a' * (MAX_DEPTH - 1))} = " * (MAX_DEPTH - 1) + "1" + " }" * (MAX_DEPTH - 1),
         "[" + ".".join("a" * (MAX_DEPTH + 1)) + "]",
         "[a.b]\n" + ".".join("c" * (MAX_DEPTH - 1)) + " = 1",
     ],

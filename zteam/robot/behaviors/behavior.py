@@ -106,6 +106,12 @@ class Behavior:
     def __init__(self, params: Any) -> None:
         self.params = params
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        # What the class above it says of its own step need not be true of another one.
+        if "step" in vars(cls) and "why_it_rests" not in vars(cls):
+            cls.why_it_rests = Behavior.why_it_rests  # type: ignore[method-assign]
+
     def step(self, view: View) -> Twist:
         """The velocity from now on, in the base frame: m/s and rad/s."""
         raise BehaviorError(f"{type(self).__name__} has no step(view)")

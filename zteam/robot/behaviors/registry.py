@@ -53,7 +53,7 @@ def _way_out(error: BaseException) -> str:
         return " (zteam works without ROS: its message types are in zteam.messages, transforms in zteam.tf)"
     if isinstance(error, ModuleNotFoundError):
         return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
-    return " (message types are in zteam.messages)" if error.name == "zteam" else ""
+    return " (docs/api.md has its names; message types are in zteam.messages)" if error.name == "zteam" else ""
 
 
 BEHAVIORS: dict[str, type[Behavior]] = {

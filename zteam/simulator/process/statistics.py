@@ -21,7 +21,7 @@ Ints = NDArray[np.int_]
 
 Phase = Literal["wait", "physics", "sensors", "publish", "idle"]
 """Of a tick, as in `Timing`."""
-_MAX_LATENCIES = 10_000
+_MAX_LATENCIES = 100_000
 """Only the newest latencies are kept."""
 _FIRST_LATE_TICK = 2
 """Ticks after that of GO from which on a missing command is late. GO may arrive after the scans of two ticks, so

@@ -157,6 +157,25 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
     assert list(tick.commands({10})) == [10]
 
 
+def test_an_answer_to_another_tick_is_not_the_answer() -> None:
+    """Answers to older or newer ticks, or to the same number under another epoch, have no effect."""
+    tick = begun("robot_0", "tf")
+    for stray in (Done(0, 1), Done(0, 3), Done(1, 2)):
+        assert tick.on_done("tf", "session-tf", stray)
+    assert (tick.missing(), tick.answers) == (["robot_0", "tf"], {})
+
+
+def test_go_opens_the_held_tick_anew() -> None:
+    """The same tick under another epoch is another tick: all have to answer it."""
+    tick = OpenTick(["robot_0"])
+    join(tick, "robot_0")
+    tick.open(0, 1, [0])
+    answer(tick, "robot_0")
+    tick.on_go(1)
+    assert tick.reopen().epoch == 1
+    assert tick.missing() == ["robot_0"]
+
+
 def test_a_robot_that_leaves_stops() -> None:
     """Whether it has answered the open tick or not; with the next tick that rule has done its work."""
     tick = begun("robot_0", "robot_1", "tf")
