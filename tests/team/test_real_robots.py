@@ -125,25 +125,6 @@ def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subproces
     assert base.returncode == 0
 
 
-def test_a_base_without_base_info_is_not_waited_for(team: TeamFixture, tmp_path: Path) -> None:
-    """An older base: the robot says once that it takes the default footprint, and drives."""
-    code = block("python", "base_0.py")
-    silent = re.sub(r"\n    node\.publisher\(.*base_info.*\n", "\n", code)
-    assert silent != code
-    (tmp_path / "base_0.py").write_text(silent)
-    (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
-    watched = Watched(team)
-    with subprocess.Popen([sys.executable, tmp_path / "base_0.py"], env={**os.environ, **team.environment}) as process:
-        try:
-            team.launch(tmp_path / "real.toml")
-            watched.wait_for_x(0.05)
-            team.wait_for_line("robot_0", "its footprint (robot_0/base_info)")
-            told = [line for line in team.lines("robot_0") if "no robot_0/base_info: an erratic's footprint" in line]
-            assert len(told) == 1
-        finally:
-            process.kill()
-
-
 def test_a_base_that_does_not_say_where_its_laser_is_never_drives(team: TeamFixture, tmp_path: Path) -> None:
     """Its robot gets no GO and names the frame, as `zteam doctor` does with the way out; tilted, it names the angle.
     When somebody says where a level laser is, it drives; when that frame is lost, it stands."""

@@ -154,18 +154,6 @@ def test_what_fails_comes_back(team: TeamFixture, tmp_path: Path) -> None:
     assert report["robots"][0]["distance_m"] > 0.02
 
 
-def test_what_does_not_say_restart_stays_away(team: TeamFixture, tmp_path: Path) -> None:
-    """The team goes on without the robot and the node; the command names both and ends with 1."""
-    (tmp_path / "flaky.py").write_text(FLAKY)
-    (tmp_path / "team.toml").write_text(WITH_FLAKY.replace("on-failure", "no"))
-    again = "; it is not started again"
-    told = (f"robot_0 ended: killed by SIGKILL{again}", f"flaky ended: killed by SIGSEGV{again}")
-    code, output, report = up_until(team, tmp_path, *told)
-    assert code == 1
-    assert "up: flaky, robot_0 failed: see the log above" in output
-    assert report["restarts"] == {}
-
-
 RAISING = """
 import pathlib, zteam
 from zteam.messages import Twist, Vector3

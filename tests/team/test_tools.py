@@ -6,10 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from support.transports import wait_until_true
 from zteam import names
 from zteam.team.testing.team import TeamFixture
-from zteam.transforms.client import find_frames
 
 pytestmark = pytest.mark.team
 
@@ -89,67 +87,3 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     check_topic_tools(team)
     check_tf_tools(team, tmp_path / "frames.svg")
     check_node_tools(team)
-
-
-@pytest.mark.real_time
-def test_two_writers_of_one_command_are_reported(team: TeamFixture) -> None:
-    """`topic info`, doctor and the monitor report both writers, and the monitor reports when one of them has ended."""
-    team.start("arena", behavior="forward", params={0: {"speed": 0.05}}, lockstep=False)
-    team.wait_for_go()
-    team.spawn("zteam", "topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "20", name="pub")
-    team.wait_for_line(names.MONITOR, "robot_0 is commanded by 2 processes: ")
-    line = next(line for line in team.lines(names.MONITOR) if "is commanded by 2" in line)
-    assert "robot_0 (process " in line
-
-    info = json.loads(team.command("topic", "info", "robot_0/cmd_vel", "--json").stdout)
-    assert len(info["writers"]) == 2
-    assert "robot_0" in info["writers"]
-    shown = team.command("topic", "info", "robot_0/cmd_vel").stdout
-    assert "  writer    robot_0\n" in shown
-    assert "  writer    session " in shown
-
-    doctor = team.command("doctor", "--json")
-    assert doctor.returncode == 1
-    (finding,) = (row for row in json.loads(doctor.stdout) if row["what"] == "commands")
-    assert finding["text"].startswith("robot_0/cmd_vel has 2 writers: ")
-    team.stop("pub")
-    team.wait_for_line(names.MONITOR, "robot_0 is commanded by one process again")
-
-
-@pytest.mark.real_time
-def test_a_published_message_arrives(team: TeamFixture) -> None:
-    """`topic pub` moves a robot without a process, and sends its last message before it ends."""
-    team.spawn("zteam-sim", "arena", name="sim")
-    team.wait_for_processes("sim")
-    start = team.robot(0).commands
-    listed = json.loads(team.command("topic", "list", "--json").stdout)
-    (row,) = (row for row in listed if row["key"] == "robot_0/cmd_vel")
-    assert (row["count"], row["publishers"]) == (0, [])
-    assert "sim" in row["subscribers"]
-    done = team.command(
-        "topic", "pub", "-r", "10", "robot_0/cmd_vel", "Twist", "[0, 0, 0]", "[0, 0, 0.5]", "--times", "5"
-    )
-    assert done.returncode == 0
-    # The fixture subscribes as well.
-    assert done.stdout.startswith("publishing geometry_msgs/msg/Twist on robot_0/cmd_vel 5 times at 10 Hz to 2 ")
-    assert done.stdout.endswith(", sim\n")
-    assert done.stderr == ""
-    team.wait_for(lambda: team.robot(0).commands >= start + 5 and team.robot(0).pose.yaw > 0.1)
-    assert team.robot(0).commands == start + 5
-
-
-def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> None:
-    """`zteam tf static` adds a frame until the command ends."""
-    team.spawn("zteam-tf", name="tf")
-    team.wait_for_processes("tf")
-    arguments = ("static", "-0.1", "0", "0.2", "0", "0", "0", "map", "table")
-    team.spawn("zteam", "tf", *arguments, name="static")
-    team.wait_for_line("static", "holds until")
-    seen = json.loads(team.command("tf", "echo", "map", "table", "--once", "--json", "--timeout", "20").stdout)
-    assert seen["transform"]["translation"]["x"] == -0.1
-    team.stop("static")
-    # The aggregator waits a moment before it drops a vanished caller.
-    wait_until_true(lambda: "table" not in (find_frames(team.bus) or {}))
-    gone = team.command("tf", "echo", "map", "table", "--once", "--timeout", "1")
-    assert gone.returncode == 1
-    assert "does not exist" in gone.stderr

@@ -8,37 +8,12 @@ import pytest
 from support.limits import ASKED
 from support.transforms import stamped
 from zteam import names
-from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.team.testing.team import TeamFixture
-from zteam.tf import FrameInfo, LookupException
-from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
+from zteam.tf import FrameInfo
+from zteam.transforms.client import Lookup, TransformClient
 
 pytestmark = pytest.mark.team
-
-
-def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
-    """The client answers single and batched look-ups and histories, raises errors, and waits for a frame."""
-    team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
-    team.wait_for_go()
-    client = TransformClient(team.bus)
-    found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=ASKED)
-    where = found.transform.translation
-    assert math.dist((where.x, where.y), team.robot(0).pose[:2]) < 0.5
-    many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "unknown")])
-    assert not isinstance(many[0], Exception)
-    assert isinstance(many[1], LookupException)
-    with pytest.raises(LookupException, match="unknown"):
-        client.lookup_transform("map", "unknown")
-    team.run(1.0)
-    rows = client.history(HistoryRequest("map", "robot_0/base_footprint", step=100_000_000, start=-500_000_000)).rows
-    assert len(rows) == 6
-    assert rows == sorted(rows)
-    with pytest.raises(BusError, match="larger step"):
-        client.history(HistoryRequest("map", "robot_0/base_footprint", step=1, start=-500_000_000))
-    team.spawn("zteam", "tf", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
-    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=ASKED)
-    assert mast.transform.translation.z == 1.0
 
 
 def test_several_broadcasters_of_a_robot_live_side_by_side(team: TeamFixture) -> None:
