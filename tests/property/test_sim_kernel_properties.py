@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from support.examples import examples
-from support.ray_references import Point, cast_at_cells, cast_at_polygons, common_area, cosine_sine, is_on_border
+from support.ray_references import Point, cast_at_cells, cast_at_polygons, common_area, is_on_border
 from zteam.geometry import Pose2
 from zteam.kernels import binding, simulator
 from zteam.kernels.simulator import (
@@ -141,13 +141,6 @@ def test_rays_at_polygons_are_exact(seed: int, on_lattice: bool, degrees: float)
         assert ((hits >= 0) == (ranges < LIMIT)).all()
         for shape in np.unique(hits[hits >= 0]).tolist():
             assert (ranges == cast([shapes[shape]])).any(axis=0)[hits == shape].all()
-
-
-@given(st.floats(-1e4, 1e4))
-@examples(200)
-def test_sines_are_those_of_the_reference(angle: float) -> None:
-    """The reference's own sine, by which rays are judged, is within rounding of that of the C library."""
-    assert cosine_sine(angle) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-15 + 2e-16 * abs(angle))
 
 
 @given(st.tuples(odd, odd, odd), st.sampled_from([0, 1, 2, 63, 64, 65, 1000]), st.booleans())
