@@ -88,18 +88,6 @@ def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> Non
     screen.wait("zteam.app.store.robots.get(0).lease === null")
 
 
-def test_keys_mean_what_they_mean_in_teleop_twist_keyboard(team: TeamFixture, screen: Screen) -> None:
-    """o drives forwards with a turn to the right, at the speed that w has raised by a tenth."""
-    start_arena(team, screen)
-    heard = listen(team)
-    screen.page.keyboard.press("w")
-    screen.page.keyboard.down("o")
-    expected = pytest.approx((0.55, -1.0))
-    team.wait_for(lambda: any((twist.linear.x, twist.angular.z) == expected for twist in list(heard)))
-    screen.page.keyboard.up("o")
-    team.wait_for(lambda: heard[-1] == Twist())
-
-
 @pytest.mark.parametrize("end", ["blur", "hidden", "close", "hang"])
 def test_nothing_moves_after_the_hand_is_gone(team: TeamFixture, screen: Screen, end: str) -> None:
     """The page loses the focus, is hidden, closed, or hangs, while a key is held: the robot stands."""

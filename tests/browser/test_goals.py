@@ -237,17 +237,3 @@ def test_an_initial_pose_arrives_where_it_was_clicked(team: TeamFixture, screen:
     pose = heard[0].pose.pose
     assert (pose.position.x, pose.position.y) == pytest.approx((-3.0, -1.0), abs=PIXELS * screen.pixel)
     assert yaw_of(pose) == pytest.approx(-math.pi / 2, abs=0.05)
-
-
-@pytest.mark.gate
-def test_a_page_without_the_token_only_watches(team: TeamFixture, screen: Screen) -> None:
-    """Its tools that command are disabled, and what its code sends all the same is refused."""
-    team.start("arena", 2, behavior="go_to", lockstep=False)
-    heard = hear_goals(team, 0)
-    screen.open(start_view(team).partition("#")[0], 2)
-    assert screen.page.locator("#tools [data-tool=goal]").is_disabled()
-    assert "watching only" in screen.ask("zteam.app.send({op: 'goal', robots: [0], x: 0, y: 0, yaw: 0})")
-    screen.ask("zteam.app.tell({op: 'goal', robots: [0], x: 0, y: 0, yaw: 0, seq: 1})")
-    # Frames come in order after the refusal.
-    screen.wait("n => zteam.app.store.frame.number > n", screen.ask("zteam.app.store.frame.number"))
-    assert not heard

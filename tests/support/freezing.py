@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from support.limits import LIMIT
-from zteam.clock import monotonic, pause
+from zteam.clock import pause
 
 
 def descendants_of(pid: int) -> list[int]:
@@ -34,5 +33,3 @@ def freeze(pids: Sequence[int], seconds: float) -> None:
         for pid in pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
-
-
