@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import OpenScreen, Screen, show, start_view
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.presence import own_info
@@ -17,9 +17,7 @@ TICKS = 10
 
 def start_arena(team: TeamFixture, screen: Screen) -> str:
     """Two idle robots, the first one selected for driving on a page; the page's URL."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    url = start_view(team)
-    screen.open(url, 2)
+    url = show(team, screen)
     prepare(screen, 0)
     return url
 

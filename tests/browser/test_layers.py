@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.browser import Screen, start_view
+from support.browser import Screen, show
 from zteam.messages import (
     ColorRGBA,
     Header,
@@ -76,9 +76,7 @@ def test_a_layer_draws_what_a_node_publishes(
     team: TeamFixture, screen: Screen, layer: str, key: str, make: Callable[[], Message]
 ) -> None:
     """The ground at the place is coloured while the layer is shown, and white again without it."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.has('map')")
+    show(team, screen)
     message = make()
     publisher = team.bus.publisher(key, type(message))
 
@@ -105,9 +103,7 @@ def test_a_layer_draws_what_a_node_publishes(
 def test_costmaps_leave_the_map_in_sight_and_obey_opacity_and_robots(team: TeamFixture, screen: Screen) -> None:
     """Three costmaps above each other are as light as one; the slider makes them denser, and without their robots they
     are gone. The layout has all of it."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.has('map')")
+    show(team, screen)
     info = MapMetaData(resolution=0.1, width=8, height=8, origin=pose(X - 0.4, Y - 0.4))
     grid = OccupancyGrid(header=MAP, info=info, data=np.full(64, 100, np.int8))
     keys = ("robot_0/local_costmap/costmap", "robot_0/global_costmap/costmap", "robot_1/local_costmap/costmap")

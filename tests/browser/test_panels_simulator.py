@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from support.browser import Screen, start_view
+from support.browser import Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 SPARE = (0.0, -3.0)
@@ -15,8 +15,7 @@ LIMIT = 10.0
 
 def start(team: TeamFixture, screen: Screen, robots: int = 2) -> None:
     """A team that stands, in real time, and a page with the right to command it."""
-    team.start("arena", robots=robots, behavior="idle", lockstep=False)
-    screen.open(start_view(team), robots)
+    show(team, screen, robots)
     screen.wait("zteam.app.store.team?.sim.present")
 
 

@@ -2,7 +2,7 @@
 
 from urllib.parse import urlsplit
 
-from support.browser import VIEW, OpenScreen, Screen, start_view
+from support.browser import VIEW, OpenScreen, Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-by-this-browser"
@@ -24,8 +24,7 @@ def wait_for_text(screen: Screen, selector: str, text: str) -> None:
 def test_a_world_that_stands_says_so_on_the_map(team: TeamFixture, screen: Screen) -> None:
     """PAUSED stands on the map, and there are neither a real-time factor nor a robot's speed until the world goes on;
     the namespace is named."""
-    team.start("arena", robots=1, behavior="wander", lockstep=False)
-    screen.open(start_view(team), 1)
+    show(team, screen, 1, behavior="wander")
     factor = "#sim .value[title^=Real]"
     screen.wait("zteam.app.store.team.sim.state === 'running'")
     wait_for_text(screen, factor, "×")

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.team
 
 
 def check_topic_tools(team: TeamFixture) -> None:
-    """`topic echo`, `list` and `info` print the messages, types and writers of a running team."""
+    """`topic echo` prints the messages of a running team."""
     scan = team.command("topic", "echo", "/robot_0/base_scan", "--once", "--json")
     assert scan.returncode == 0
     message = json.loads(scan.stdout)
@@ -22,19 +22,6 @@ def check_topic_tools(team: TeamFixture) -> None:
 
     grid = json.loads(team.command("topic", "echo", "map", "--once", "--json").stdout)
     assert len(grid["data"]) == grid["info"]["width"] * grid["info"]["height"]
-
-    rows = {row["key"]: row for row in json.loads(team.command("topic", "list", "--json").stdout)}
-    assert rows["robot_1/cmd_vel"]["type"] == "geometry_msgs/msg/Twist"
-    assert rows["tf_static"]["type"] == "tf2_msgs/msg/TFMessage"
-    # In lock-step the simulator publishes what the robots answer.
-    assert rows["robot_1/cmd_vel"]["publishers"] == ["robot_1", "sim"]
-    assert rows["robot_1/cmd_vel"]["subscribers"] == ["sim"]
-    assert rows["robot_1/base_scan"]["subscribers"] == ["robot_1"]
-    assert rows["robot_1/tf"]["subscribers"] == ["tf"]
-
-    info = json.loads(team.command("topic", "info", "robot_1/base_scan", "--json").stdout)
-    assert info["writers"] == ["sim"]
-    assert info["receivers"]["robot_1"]["received"] > 0
 
 
 def check_tf_tools(team: TeamFixture, drawn: Path) -> None:
@@ -64,19 +51,8 @@ def check_tf_tools(team: TeamFixture, drawn: Path) -> None:
     assert "robot_1/base_laser_link" in drawn.read_text()
 
 
-def check_node_tools(team: TeamFixture) -> None:
-    """`node list` and doctor print the processes of a running team."""
-    nodes = {row["name"]: row["pid"] for row in json.loads(team.command("node", "list", "--json").stdout)}
-    assert nodes["robot_1"] == team.pid("robot_1")
-    assert set(nodes) == {"sim", "tf", "monitor", "robot_0", "robot_1"}
-
-    doctor = team.command("doctor", "--json")
-    assert doctor.returncode == 0, doctor.stdout
-    assert all(finding["good"] for finding in json.loads(doctor.stdout))
-
-
 def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
-    """Every tool prints the state of the same team as JSON (one team, because its start is slow)."""
+    """Tools print what the same team publishes as JSON (one team, because its start is slow)."""
     slow = {0: {"speed": 0.05}, 1: {"speed": 0.05}}
     team.start("arena", robots="0-1", behavior="forward", params=slow)
     team.wait_for_go()
@@ -86,4 +62,3 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     team.sim.resume()
     check_topic_tools(team)
     check_tf_tools(team, tmp_path / "frames.svg")
-    check_node_tools(team)
