@@ -12,7 +12,6 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from zteam.kernels import safety
-from zteam.robot.safety.motion import Outline
 
 Floats = NDArray[np.float64]
 Triple = Sequence[float]
@@ -112,15 +111,6 @@ def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: l
     assert not math.isnan(safety.look_along(axes, distances, n[0], n[1]))
     assert safety.first_clear(axes, distances, n[0], n[1], np.array(n)) < len(n)
     safety.move_points(known, n[0], n[1], n[2])
-
-
-def test_a_million_points_and_beams() -> None:
-    """Large arrays are no special case."""
-    known, axes, distances = np.ones((3, 10**6)), np.ones((2, 10**6)), np.full(10**6, 2.0)
-    assert safety.see(known, axes, distances, (0.0, 1e-6), 1, (0.0, 0.0, 0.0), 9.0, 5.0, 0.0).shape == (3, 10**6)
-    planes = Outline(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))).rows
-    assert safety.meet(known[:2], planes, (0.0, 1.0, 0.0), 9.0, 0.6, EVERYWHERE) == math.inf
-    assert safety.meet(known[:2] * 0.9, planes, (1.0, 1.0, 0.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(

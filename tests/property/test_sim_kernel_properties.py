@@ -158,18 +158,6 @@ def test_odd_poses_and_sizes_of_fans_are_defined(pose: tuple[float, float, float
         assert (fans.ranges[1] == LIMIT).all()
 
 
-def test_a_million_beams_are_cast() -> None:
-    """And they meet what a narrow fan meets in the same directions."""
-    maps, polygons = maps_of(bitmap(3), (0.2, 0.2)), make_polygons(random_groups(np.random.default_rng(1), False))
-    beams = np.linspace(-1.5, 1.5, 1_000_001)
-    wide = fan_of((-0.5, 0.7, 0.1), beams, 3e-6)
-    narrow = fan_of((-0.5, 0.7, 0.1), beams[::1000], 3e-3)
-    for fans in (wide, narrow):
-        cast_squares(maps, 0, fans, 1)
-        cast_edges(polygons, fans)
-    assert (wide.ranges[:, ::1000] == narrow.ranges).all()
-
-
 def boxes_of(rng: np.random.Generator, count: int) -> tuple[Polygons, np.ndarray, list[list[Point]]]:
     """Movers of one convex shape each, some far from their middle, their poses, and their corners there."""
     groups, poses, corners = [], rng.uniform(0.0, 6.0, (count, 3)), []

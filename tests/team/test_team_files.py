@@ -71,19 +71,6 @@ def test_a_node_of_the_team_takes_part_from_start_to_end(tmp_path: Path, options
     assert report["restarts"] == {}
 
 
-def test_a_node_of_the_team_has_its_log(team: Any, tmp_path: Path) -> None:
-    """`zteam log` shows its lines beside those of the robots; the fixture waits for a node with `expect`."""
-    (tmp_path / "counter.py").write_text(COUNTER)
-    (tmp_path / "team.toml").write_text(WITH_COUNTER)
-    team.launch(tmp_path / "team.toml", arguments={"who": "ours"})
-    team.wait_for_go()
-    team.run(0.5)
-    assert set(team.sim_status.participants) == {"counter", "robot_0", "robot_1", "tf"}
-    shown = team.command("log", "counter", "robot_0", "--once").stdout
-    assert "[counter] ours comes" in shown
-    assert "[robot_0] GO: driving" in shown
-
-
 FLAKY = """
 import os, pathlib, signal, zteam
 from zteam.messages import Twist, Vector3
