@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import OpenScreen, Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 MAP_AT = """([px, py]) => {
@@ -28,14 +28,7 @@ addEventListener('DOMContentLoaded', () => new ResizeObserver(keep).observe(docu
 @pytest.fixture
 def arena(team: TeamFixture, screen: Screen) -> Screen:
     """Two idle robots on a page."""
-    return show_arena(team, screen)
-
-
-def show_arena(team: TeamFixture, screen: Screen) -> Screen:
-    """Show two idle robots on this page."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.size === 1")
+    show(team, screen)
     return screen
 
 
@@ -46,9 +39,7 @@ def selection(screen: Screen) -> list[int]:
 
 def test_a_page_begins_with_the_robots(team: TeamFixture, screen: Screen) -> None:
     """In an office of 50 m it shows three metres round them; `f` shows the whole map."""
-    team.start("office", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.size === 1")
+    show(team, screen, world="office")
     xmin, ymin, xmax, ymax = screen.ask("zteam.app.camera.viewport()")
     places = screen.ask("[0, 1].map((id) => zteam.app.store.poses.at(id))")
     for pose in places:
@@ -148,7 +139,8 @@ def test_the_measure_is_that_of_the_map(arena: Screen) -> None:
 
 def test_two_fingers_zoom_and_turn_and_one_moves(team: TeamFixture, open_screen: OpenScreen) -> None:
     """On a phone: the places of the map under the fingers stay under them."""
-    screen = show_arena(team, open_screen(**PHONE))
+    screen = open_screen(**PHONE)
+    show(team, screen)
     session = screen.page.context.new_cdp_session(screen.page)
 
     def touch(kind: str, *fingers: tuple[float, float]) -> None:

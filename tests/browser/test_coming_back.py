@@ -4,7 +4,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from support.browser import VIEW, Screen, start_view
+from support.browser import VIEW, Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-for-this-test"
@@ -33,8 +33,7 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
 @pytest.mark.gate
 def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
     """When the simulator is gone its robots are no longer drawn; a new simulator's are."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
+    show(team, screen)
     team.kill("sim")
     screen.page.wait_for_selector("#notice :text('The simulator is gone')")
     assert screen.page.locator("button[aria-label=Pause]").is_disabled()
@@ -46,9 +45,7 @@ def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
 
 def test_a_lost_graphics_context_is_drawn_again(team: TeamFixture, screen: Screen) -> None:
     """When the browser takes WebGL's context away and gives it back, map and robots are there again."""
-    team.start("arena", 1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
-    screen.wait("zteam.app.store.grids.size === 1")
+    show(team, screen, 1)
     colors = """async () => {
       const picture = await createImageBitmap(await zteam.app.scene.png());
       const ctx = new OffscreenCanvas(picture.width, picture.height).getContext('2d');

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import OpenScreen, Screen, show, start_view
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.presence import own_info
@@ -17,9 +17,7 @@ TICKS = 10
 
 def start_arena(team: TeamFixture, screen: Screen) -> str:
     """Two idle robots, the first one selected for driving on a page; the page's URL."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    url = start_view(team)
-    screen.open(url, 2)
+    url = show(team, screen)
     prepare(screen, 0)
     return url
 
@@ -86,18 +84,6 @@ def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> Non
     assert team.robot(1).pose == pytest.approx(other, abs=1e-6)
     screen.page.keyboard.press("Escape")
     screen.wait("zteam.app.store.robots.get(0).lease === null")
-
-
-def test_keys_mean_what_they_mean_in_teleop_twist_keyboard(team: TeamFixture, screen: Screen) -> None:
-    """o drives forwards with a turn to the right, at the speed that w has raised by a tenth."""
-    start_arena(team, screen)
-    heard = listen(team)
-    screen.page.keyboard.press("w")
-    screen.page.keyboard.down("o")
-    expected = pytest.approx((0.55, -1.0))
-    team.wait_for(lambda: any((twist.linear.x, twist.angular.z) == expected for twist in list(heard)))
-    screen.page.keyboard.up("o")
-    team.wait_for(lambda: heard[-1] == Twist())
 
 
 @pytest.mark.parametrize("end", ["blur", "hidden", "close", "hang"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import OpenScreen, Screen, show, start_view
 from support.navigated_team import FAKE
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
@@ -32,17 +32,10 @@ def hear_goals(team: TeamFixture, *robots: int) -> list[tuple[str, PoseStamped]]
     return heard
 
 
-def start_arena(team: TeamFixture, screen: Screen) -> None:
-    """Two robots that stand until they have a goal, and a page that shows them."""
-    team.start("arena", 2, behavior="go_to", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.size === 1")
-
-
 @pytest.mark.gate
 def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) -> None:
     """A press and a drag with the goal tool send the selected robot alone to that place, with that heading."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     heard = hear_goals(team, 0, 1)
     screen.select(0)
     screen.tool("goal")
@@ -91,7 +84,7 @@ def click_goal(screen: Screen, robot: int, x: float, y: float) -> None:
 def test_a_goal_has_a_life_on_the_page(team: TeamFixture, screen: Screen) -> None:
     """It is called sent until the robot knows it, then the list says how far the robot is, and a ring is on the map;
     when it is there, a message says so, and the list and the ring are gone."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     start = screen.pose(0)
     goal = start["x"] + 0.8, start["y"]
     screen.page.click("button[aria-label=Pause]")
@@ -112,7 +105,7 @@ def test_a_goal_has_a_life_on_the_page(team: TeamFixture, screen: Screen) -> Non
 def test_a_goal_is_canceled_by_escape_and_by_its_button(team: TeamFixture, screen: Screen) -> None:
     """The first Esc leaves the tool, the next one stops the selected robot and its ring is gone; the button stops it
     too."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     click_goal(screen, 0, 0.0, -3.0)
     screen.wait(f"{STATES} === 'driving'")
     wait_for_ring(screen, 0.0, -3.0, shown=True)
@@ -131,7 +124,7 @@ def test_a_goal_is_canceled_by_escape_and_by_its_button(team: TeamFixture, scree
 
 def test_an_aborted_goal_says_why(team: TeamFixture, screen: Screen) -> None:
     """The reason is in a message, and in the list until it is put away."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     screen.wait(f"{STATES} === ''")
     goals = team.bus.publisher(names.robot_key(1, names.GOAL_POSE), PoseStamped)
     team.wait_for(lambda: goals.has_subscribers)
@@ -197,7 +190,7 @@ def test_a_goal_arrives_on_a_turned_and_zoomed_map_of_a_dense_screen(
 ) -> None:
     """Angle and scale of the camera, and a dense screen, do not move the place that was clicked."""
     screen = open_screen(device_scale_factor=2)
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     heard = hear_goals(team, 1)
     screen.select(1)
     screen.ask("turn => zteam.app.camera.set({x: -2, y: 1, scale: 90, angle: turn})", turn)
@@ -211,7 +204,7 @@ def test_a_goal_arrives_on_a_turned_and_zoomed_map_of_a_dense_screen(
 
 def test_several_robots_spread_their_goals(team: TeamFixture, screen: Screen) -> None:
     """One click for two robots gives each a goal of its own, far enough apart for both to stand there."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     heard = hear_goals(team, 0, 1)
     screen.select(0, 1)
     screen.tool("goal")
@@ -226,7 +219,7 @@ def test_several_robots_spread_their_goals(team: TeamFixture, screen: Screen) ->
 
 def test_an_initial_pose_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) -> None:
     """A press and a drag with the pose tool tell the selected robot's localisation this place and heading."""
-    start_arena(team, screen)
+    show(team, screen, behavior="go_to")
     heard: list[PoseWithCovarianceStamped] = []
     key = names.robot_key(1, names.INITIAL_POSE)
     team.bus.subscribe(key, PoseWithCovarianceStamped, lambda _key, sent: heard.append(sent))
@@ -237,17 +230,3 @@ def test_an_initial_pose_arrives_where_it_was_clicked(team: TeamFixture, screen:
     pose = heard[0].pose.pose
     assert (pose.position.x, pose.position.y) == pytest.approx((-3.0, -1.0), abs=PIXELS * screen.pixel)
     assert yaw_of(pose) == pytest.approx(-math.pi / 2, abs=0.05)
-
-
-@pytest.mark.gate
-def test_a_page_without_the_token_only_watches(team: TeamFixture, screen: Screen) -> None:
-    """Its tools that command are disabled, and what its code sends all the same is refused."""
-    team.start("arena", 2, behavior="go_to", lockstep=False)
-    heard = hear_goals(team, 0)
-    screen.open(start_view(team).partition("#")[0], 2)
-    assert screen.page.locator("#tools [data-tool=goal]").is_disabled()
-    assert "watching only" in screen.ask("zteam.app.send({op: 'goal', robots: [0], x: 0, y: 0, yaw: 0})")
-    screen.ask("zteam.app.tell({op: 'goal', robots: [0], x: 0, y: 0, yaw: 0, seq: 1})")
-    # Frames come in order after the refusal.
-    screen.wait("n => zteam.app.store.frame.number > n", screen.ask("zteam.app.store.frame.number"))
-    assert not heard

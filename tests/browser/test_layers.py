@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.browser import Screen, start_view
+from support.browser import Screen, show
 from zteam.messages import (
     ColorRGBA,
     Header,
@@ -76,9 +76,7 @@ def test_a_layer_draws_what_a_node_publishes(
     team: TeamFixture, screen: Screen, layer: str, key: str, make: Callable[[], Message]
 ) -> None:
     """The ground at the place is coloured while the layer is shown, and white again without it."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.has('map')")
+    show(team, screen)
     message = make()
     publisher = team.bus.publisher(key, type(message))
 
@@ -102,26 +100,10 @@ def test_a_layer_draws_what_a_node_publishes(
     team.wait_for(lambda: not is_ground())
 
 
-def test_a_robot_is_spawned_where_the_mouse_says(team: TeamFixture, screen: Screen) -> None:
-    """The model that is chosen in the simulator's panel stands at the place, with the heading of the drag."""
-    team.start("heights", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.page.click("#tab-simulator")
-    screen.page.select_option("select[aria-label='Model of the new robot']", "tower")
-    screen.page.click("text=Place in the map")
-    screen.drag((X, Y), (X, Y + 0.5))
-    team.wait_for(lambda: len(team.sim_status.robots) == 3)
-    team.wait_for(lambda: team.robot(2).truth is not None)
-    assert team.robot(2).pose == pytest.approx((X, Y, math.pi / 2), abs=0.05)
-    screen.wait("zteam.app.store.poses.at(2) !== null && zteam.app.store.robots.get(2)?.model === 'tower'")
-
-
 def test_costmaps_leave_the_map_in_sight_and_obey_opacity_and_robots(team: TeamFixture, screen: Screen) -> None:
     """Three costmaps above each other are as light as one; the slider makes them denser, and without their robots they
     are gone. The layout has all of it."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.has('map')")
+    show(team, screen)
     info = MapMetaData(resolution=0.1, width=8, height=8, origin=pose(X - 0.4, Y - 0.4))
     grid = OccupancyGrid(header=MAP, info=info, data=np.full(64, 100, np.int8))
     keys = ("robot_0/local_costmap/costmap", "robot_0/global_costmap/costmap", "robot_1/local_costmap/costmap")

@@ -175,20 +175,6 @@ def test_short_cuts_are_listed_and_work(url: str, screen: Screen) -> None:
     assert not screen.ask(SHOWN, "layers")
 
 
-def test_a_picture_of_the_map_is_saved(url: str, screen: Screen) -> None:
-    """The button saves a PNG as large as the map on the screen."""
-    screen.open(url, 2)
-    with screen.page.expect_download() as download:
-        screen.page.keyboard.press("Shift+P")
-    data = Path(download.value.path()).read_bytes()
-    assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    box = screen.page.locator("#scene").bounding_box()
-    assert box is not None
-    assert (width, height) == (round(box["width"]), round(box["height"]))
-    assert download.value.suggested_filename.endswith(".png")
-
-
 def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen) -> None:
     """At 390 pixels one drawer has all nine tabs, opens and closes by touch by a button that covers none of them, and
     nothing is wider than the screen."""
@@ -204,15 +190,3 @@ def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen)
     assert screen.ask("document.documentElement.scrollWidth") <= 390
     screen.page.tap("#panel [aria-label='Hide panels']")
     screen.wait(f"name => !({SHOWN})(name)", "plots")
-
-
-def test_every_control_has_a_name(url: str, screen: Screen) -> None:
-    """Each button and field has a name for screen readers."""
-    screen.open(url, 2)
-    screen.page.click("#tab-topics")
-    screen.page.click("#topics [data-topic='robot_1/odom'] button")
-    screen.page.wait_for_selector("button[aria-label^=Plot]")
-    nameless = """[...document.querySelectorAll('button, input, select')].filter((control) =>
-      !(control.textContent.trim() || control.ariaLabel || control.closest('label') || control.title))
-      .map((control) => control.outerHTML)"""
-    assert screen.ask(nameless) == []

@@ -1,6 +1,10 @@
 """The simulator's controls on the page; what they do is read from the bus."""
 
-from support.browser import Screen, start_view
+import math
+
+import pytest
+
+from support.browser import Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 SPARE = (0.0, -3.0)
@@ -11,8 +15,7 @@ LIMIT = 10.0
 
 def start(team: TeamFixture, screen: Screen, robots: int = 2) -> None:
     """A team that stands, in real time, and a page with the right to command it."""
-    team.start("arena", robots=robots, behavior="idle", lockstep=False)
-    screen.open(start_view(team), robots)
+    show(team, screen, robots)
     screen.wait("zteam.app.store.team?.sim.present")
 
 
@@ -91,18 +94,20 @@ def test_the_speed_is_chosen(team: TeamFixture, screen: Screen) -> None:
 
 
 def test_a_robot_is_placed_and_removed(team: TeamFixture, screen: Screen) -> None:
-    """The chosen model stands where the map was clicked; Remove asks once more and takes the robot out of the world."""
+    """A new robot stands where the mouse was pressed, with the heading of the drag; Remove asks once more and takes it
+    out of the world."""
     start(team, screen)
     known = team.sim_status.robots
     screen.page.click("#tab-simulator")
     screen.page.click("text=Place in the map")
-    screen.page.mouse.click(*screen.place(*SPARE))
+    screen.drag(SPARE, (SPARE[0], SPARE[1] + 0.5))
     team.wait_for(lambda: len(team.sim_status.robots) == len(known) + 1)
     (new,) = set(team.sim_status.robots) - set(known)
     team.wait_for(lambda: team.robot(new).truth is not None)
     pose = team.robot(new).pose
     assert abs(pose.x - SPARE[0]) < 2 * screen.pixel
     assert abs(pose.y - SPARE[1]) < 2 * screen.pixel
+    assert pose.yaw == pytest.approx(math.pi / 2, abs=0.05)
     screen.page.keyboard.press("Escape")
     screen.page.click("#tab-team")
     screen.page.click(f"#robots button:has-text('robot_{new}')")
@@ -138,8 +143,9 @@ def test_a_reset_asks_first(team: TeamFixture, screen: Screen) -> None:
     team.wait_for(lambda: team.tick < tick)
 
 
+@pytest.mark.gate
 def test_a_page_without_the_token_may_only_watch(team: TeamFixture, screen: Screen) -> None:
-    """All controls of the world are disabled and say why; a command sent past them is refused."""
+    """All controls of the world and the tools that command are disabled; a command sent past them is refused."""
     team.start("arena", robots=1, behavior="idle", lockstep=False)
     screen.open(start_view(team).partition("#")[0], 1)
     screen.page.click("#tab-simulator")
@@ -149,5 +155,6 @@ def test_a_page_without_the_token_may_only_watch(team: TeamFixture, screen: Scre
     controls = "[...document.querySelectorAll('#sim button, #sim select, #page-simulator button')]"
     enabled = f"{controls}.filter((control) => !control.disabled).length"
     assert screen.ask(enabled) == 0
+    assert screen.page.locator("#tools [data-tool=goal]").is_disabled()
     assert "watching only" in screen.ask("zteam.app.send({op: 'pause'})")
     assert not team.sim_status.paused

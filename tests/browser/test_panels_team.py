@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.browser import VIEW, Screen, start_view
+from support.browser import VIEW, Screen, show, start_view
 from zteam import names
 from zteam.messages import Header, PoseWithCovariance, PoseWithCovarianceStamped
 from zteam.team.testing.team import TeamFixture
@@ -30,8 +30,7 @@ def test_the_table_says_what_the_robots_do(team: TeamFixture, screen: Screen) ->
 def test_a_click_selects_and_shift_adds(team: TeamFixture, screen: Screen) -> None:
     """Rows and map have one selection: a row's click is the map's, and the map's marks the row; what can be done with a
     robot stands in one line."""
-    team.start("arena", robots=2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
+    show(team, screen)
     screen.page.click(ROW.format(1))
     assert screen.ask("[...zteam.app.store.selection]") == [1]
     buttons = screen.page.locator("#page-team .over button").all()
@@ -106,8 +105,7 @@ def test_without_a_team_the_page_says_so_and_sees_it_come_and_go(team: TeamFixtu
 
 def test_a_hung_server_is_noticed(team: TeamFixture, screen: Screen) -> None:
     """A server that stands still is said in the footer: what the page shows is old."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
+    show(team, screen, 1)
     team.pause_process(VIEW)
     screen.page.wait_for_selector("#status .bad:text('no frame')")
     team.resume_process(VIEW)
@@ -117,8 +115,7 @@ def test_a_hung_server_is_noticed(team: TeamFixture, screen: Screen) -> None:
 def test_a_spawned_robot_says_what_it_lacks_and_leaves_when_removed(team: TeamFixture, screen: Screen) -> None:
     """Without `zteam up` the row has the command to type; a removed robot has no row and is not drawn, also while the
     world is paused, and one whose process lives says so."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
+    show(team, screen, 1)
     team.sim.spawn(0.0, -3.0, 0.0, robot_id=7)
     screen.page.wait_for_selector(f"{ROW.format(7)} .note:has-text('drive it, or start one')")
     command = screen.page.locator(f"{ROW.format(7)} code").inner_text()
@@ -181,8 +178,7 @@ def test_a_robot_that_takes_itself_to_be_elsewhere_is_lost(team: TeamFixture, sc
 
 def test_a_robot_whose_place_is_known_badly_is_lost(team: TeamFixture, screen: Screen) -> None:
     """The row says how large the deviation of its localisation is."""
-    team.start("arena", robots=1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
+    show(team, screen, 1)
     wide = PoseWithCovariance(covariance=np.diag([4.0, 1.0, 0.0, 0.0, 0.0, 0.0]).ravel())
     pose = PoseWithCovarianceStamped(Header(frame_id=names.MAP_FRAME), wide)
     publisher = team.bus.publisher(names.robot_key(0, names.AMCL_POSE), PoseWithCovarianceStamped)

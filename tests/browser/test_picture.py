@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from support.browser import OpenScreen, Screen, start_view
+from support.browser import OpenScreen, Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 HALF = 5.0
@@ -87,12 +87,13 @@ def test_the_page_draws_what_world_show_draws(team: TeamFixture, open_screen: Op
 
 
 def test_a_picture_has_both_canvases(team: TeamFixture, screen: Screen) -> None:
-    """The page's own picture is as large as the map area, with the map's walls and the names above it."""
-    team.start("arena", 1, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 1)
-    screen.wait("zteam.app.store.grids.size === 1")
-    data = screen.ask("zteam.app.scene.png().then(async (blob) => [...new Uint8Array(await blob.arrayBuffer())])")
-    picture = Image.open(io.BytesIO(bytes(data)))
+    """The picture that a key saves is as large as the map area, with the map's walls and the names above it."""
+    show(team, screen, 1)
+    with screen.page.expect_download() as download:
+        screen.page.keyboard.press("Shift+P")
+    assert download.value.suggested_filename.endswith(".png")
+    picture = Image.open(download.value.path())
+    assert picture.format == "PNG"
     box = screen.page.locator("#scene").bounding_box()
     assert box is not None
     assert picture.size == pytest.approx((box["width"], box["height"]), abs=1)

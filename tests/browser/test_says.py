@@ -1,11 +1,8 @@
 """What the page says: that the world stands, that it only watches, where the team is, what has not come yet."""
 
-import json
-import os
-import signal
 from urllib.parse import urlsplit
 
-from support.browser import VIEW, OpenScreen, Screen, start_view
+from support.browser import VIEW, OpenScreen, Screen, show, start_view
 from zteam.team.testing.team import TeamFixture
 
 TOKEN = "kept-by-this-browser"
@@ -27,8 +24,7 @@ def wait_for_text(screen: Screen, selector: str, text: str) -> None:
 def test_a_world_that_stands_says_so_on_the_map(team: TeamFixture, screen: Screen) -> None:
     """PAUSED stands on the map, and there are neither a real-time factor nor a robot's speed until the world goes on;
     the namespace is named."""
-    team.start("arena", robots=1, behavior="wander", lockstep=False)
-    screen.open(start_view(team), 1)
+    show(team, screen, 1, behavior="wander")
     factor = "#sim .value[title^=Real]"
     screen.wait("zteam.app.store.team.sim.state === 'running'")
     wait_for_text(screen, factor, "×")
@@ -156,22 +152,3 @@ def test_a_browser_without_webgl_has_the_tables(team: TeamFixture, screen: Scree
         screen.page.wait_for_selector(f"{row} tbody" if row != "#page-log .line" else row)
     screen.page.click("button[aria-label=Pause]")
     team.wait_for(lambda: team.sim_status.paused)
-
-
-def test_a_killed_view_comes_back_where_it_was(team: TeamFixture, screen: Screen) -> None:
-    """`zteam up --view` starts it again at its port and with its token: the page goes on by itself, and may command."""
-    team.spawn("zteam", "up", "arena", "--view", "--no-browser", name="up")
-    # Where the port is taken a warning names the other one first.
-    said = "the view is at http"
-    team.wait_for(lambda: any(said in line for line in team.lines("up")))
-    url = next("http" + line.partition(said)[2].strip() for line in team.lines("up") if said in line)
-    screen.open(url, 2)
-    screen.wait("zteam.app.store.connection.mayCommand")
-    [pid] = [
-        each["pid"] for each in json.loads(team.command("node", "list", "--json").stdout) if each["name"] == "view"
-    ]
-    os.kill(pid, signal.SIGKILL)
-    screen.wait("zteam.app.store.connection.state !== 'open'")
-    screen.wait("zteam.app.store.connection.mayCommand && zteam.app.store.poses.count === 2")
-    assert screen.ask("zteam.app.send({op: 'pause'})") == ""
-    screen.wait("zteam.app.store.team.sim.state === 'paused'")

@@ -2,15 +2,13 @@
 
 import pytest
 
-from support.browser import Screen, start_view
+from support.browser import Screen, show
 from zteam.team.testing.team import TeamFixture
 
 
 def start_arena(team: TeamFixture, screen: Screen) -> None:
     """Two idle robots on a page."""
-    team.start("arena", 2, behavior="idle", lockstep=False)
-    screen.open(start_view(team), 2)
-    screen.wait("zteam.app.store.grids.size === 1")
+    show(team, screen)
     screen.ask("() => { window.said = []; zteam.app.store.on('say', (line) => said.push(line)); }")
 
 

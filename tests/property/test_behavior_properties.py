@@ -1,24 +1,19 @@
 """Any scan whatever gives a finite command within the limits; any team file whatever is a team or a ConfigError."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, reject
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from support.flat_floor import TICK, make_view
 from zteam.behaviors import decide, load_behavior, missing
-from zteam.config.resources import teams_folder
-from zteam.errors import ConfigError, DecodeError
+from zteam.errors import DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
-from zteam.node.process_options import RobotOptions, from_line, to_line
 from zteam.robot.scans import first_clear, look_ahead, look_along
-from zteam.team.file.entries import Team, behavior_of, static_transform
-from zteam.team.file.reading import load_team, read_team_file, team_world
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)
@@ -101,83 +96,3 @@ def test_turning_a_scan_round_changes_nothing(count: int, bearing: float, reach:
     assert (a is None) == (b is None)
     if a and b:
         assert a.nearest == b.nearest
-
-
-plain = st.recursive(
-    st.integers() | st.floats() | st.booleans() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
-    max_leaves=4,
-)
-
-
-def texts_of(value: Any) -> str:
-    """A value as TOML, written without the code under test."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + "".join(f"\\U{ord(c):08x}" for c in value) + '"'
-    if isinstance(value, list):
-        return "[" + ",".join(map(texts_of, value)) + "]"
-    if isinstance(value, dict):
-        return "{" + ",".join(f"{texts_of(k)}={texts_of(v)}" for k, v in value.items()) + "}"
-    return repr(value)
-
-
-def tables(*keys: str) -> st.SearchStrategy[dict[str, Any]]:
-    """A table that has some of these keys, and perhaps others, with likely and unlikely values."""
-    likely = st.integers(-1, 3) | st.sampled_from(
-        ["follow", "avoid", "map", "office.world", "none", "previous", "1-3", "${x:-2}", "${y}"]
-    )
-    pose = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
-    return st.dictionaries(st.sampled_from(keys) | st.text(max_size=2), likely | pose | plain, max_size=5)
-
-
-team_files = st.fixed_dictionaries(
-    {},
-    optional={
-        "team": tables("world", "seed", "restart") | plain,
-        "robots": st.lists(tables("id", "ids", "follow", "behavior", "pose", "pose_step", "model"), max_size=3) | plain,
-        "defaults": tables("id", "follow", "behavior", "model", "speed", "base", "restart") | plain,
-        "nodes": st.lists(tables("name", "command", "folder", "expect"), max_size=2) | plain,
-        "include": st.lists(st.sampled_from(["line", "any.toml", "."]), max_size=2) | plain,
-        "static_transforms": st.lists(tables("parent", "child", "x", "qw", "yaw"), max_size=2) | plain,
-        "x": plain,
-    },
-)
-
-
-def use(path: Path) -> Team:
-    """Load a team file and do everything that can be done with it."""
-    team = load_team(path)
-    for robot in team.robots:
-        told = RobotOptions(robot.id, *behavior_of(robot), base=robot.base)
-        assert to_line("robot", from_line(to_line("robot", told))[1]) == to_line("robot", told)
-    for entry in team.static_transforms:
-        turn = static_transform(entry).transform.rotation
-        assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.0)
-    team_world(read_team_file(path))
-    return team
-
-
-@given(team_files)
-@example({"include": ["line", "line"]})
-def test_any_tables_are_a_team_or_a_config_error(
-    tmp_path_factory: pytest.TempPathFactory, file: dict[str, Any]
-) -> None:
-    """Nothing but ConfigError, whose lines all begin with the file or one that it includes, comes out."""
-    path = tmp_path_factory.getbasetemp() / "any.toml"
-    path.write_text("\n".join(f"{key} = {texts_of(value)}" for key, value in file.items()), encoding="utf-8")
-    try:
-        use(path)
-    except ConfigError as error:
-        files = f"{path}:", f"{teams_folder()}/"
-        assert all(line.startswith(files) for line in str(error).splitlines())
-
-
-@given(st.binary(max_size=60) | st.text("[]{}\"'=.#\n\\,0aé-: ", max_size=60).map(lambda s: s.encode()))
-def test_any_bytes_are_a_team_or_a_config_error(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:
-    """A file of rubbish is told as such."""
-    path = tmp_path_factory.getbasetemp() / "rubbish.toml"
-    path.write_bytes(raw)
-    with pytest.raises(ConfigError, match=r"rubbish\.toml:"):
-        load_team(path)

@@ -96,18 +96,6 @@ def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) 
 
 @pytest.mark.few(12)
 @pytest.mark.parametrize("ros_type", _TYPES)
-@given(payload=st.binary(max_size=200), header=st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
-@examples(60)
-def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: bytes, header: bytes) -> None:
-    """Any bytes either decode or raise DecodeError."""
-    try:
-        decode(all_types()[ros_type], header + payload)
-    except DecodeError:
-        pass
-
-
-@pytest.mark.few(12)
-@pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
 @examples(30)
 def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.DataObject) -> None:

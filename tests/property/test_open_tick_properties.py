@@ -103,20 +103,3 @@ def test_a_tick_waits_for_its_members_alone(steps: list[tuple[str, str, object, 
             for each in "ab"
         )
         assert tick.absent == sorted(expected - set(tick.members) - tick.joining)
-
-
-@given(steps=STEPS)
-def test_answers_are_kept_exactly_while_the_tick_is_the_same(steps: list[tuple[str, str, object, object]]) -> None:
-    """Opening the open tick again keeps all answers and admits the joining processes; another tick has no answers."""
-    tick, model = free_tick(()), TickModel()
-    for mark, step in enumerate(steps, start=1):
-        play(tick, model, step, float(mark))
-        said, members, joining = dict(tick.answers), set(tick.members), set(tick.joining)
-        tick.open(0, model.key[1], [])
-        assert tick.answers == said
-        assert set(tick.members) == members | joining
-        model.members, model.joining = members | joining, set()
-        if mark % 7 == 0:
-            tick.open(0, 9, [])
-            assert tick.answers == {}
-            model.key, model.said = (model.key[0], 9), {}

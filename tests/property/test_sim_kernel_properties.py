@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from support.examples import examples
-from support.ray_references import Point, cast_at_cells, cast_at_polygons, common_area, cosine_sine, is_on_border
+from support.ray_references import Point, cast_at_cells, cast_at_polygons, common_area, is_on_border
 from zteam.geometry import Pose2
 from zteam.kernels import binding, simulator
 from zteam.kernels.simulator import (
@@ -143,13 +143,6 @@ def test_rays_at_polygons_are_exact(seed: int, on_lattice: bool, degrees: float)
             assert (ranges == cast([shapes[shape]])).any(axis=0)[hits == shape].all()
 
 
-@given(st.floats(-1e4, 1e4))
-@examples(200)
-def test_sines_are_those_of_the_reference(angle: float) -> None:
-    """The reference's own sine, by which rays are judged, is within rounding of that of the C library."""
-    assert cosine_sine(angle) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-15 + 2e-16 * abs(angle))
-
-
 @given(st.tuples(odd, odd, odd), st.sampled_from([0, 1, 2, 63, 64, 65, 1000]), st.booleans())
 @examples(150)
 def test_odd_poses_and_sizes_of_fans_are_defined(pose: tuple[float, float, float], width: int, some: bool) -> None:
@@ -163,18 +156,6 @@ def test_odd_poses_and_sizes_of_fans_are_defined(pose: tuple[float, float, float
     assert ((fans.ranges >= 0.0) & (fans.ranges <= LIMIT)).all()
     if some and not np.isfinite(pose).all():
         assert (fans.ranges[1] == LIMIT).all()
-
-
-def test_a_million_beams_are_cast() -> None:
-    """And they meet what a narrow fan meets in the same directions."""
-    maps, polygons = maps_of(bitmap(3), (0.2, 0.2)), make_polygons(random_groups(np.random.default_rng(1), False))
-    beams = np.linspace(-1.5, 1.5, 1_000_001)
-    wide = fan_of((-0.5, 0.7, 0.1), beams, 3e-6)
-    narrow = fan_of((-0.5, 0.7, 0.1), beams[::1000], 3e-3)
-    for fans in (wide, narrow):
-        cast_squares(maps, 0, fans, 1)
-        cast_edges(polygons, fans)
-    assert (wide.ranges[:, ::1000] == narrow.ranges).all()
 
 
 def boxes_of(rng: np.random.Generator, count: int) -> tuple[Polygons, np.ndarray, list[list[Point]]]:

@@ -56,15 +56,6 @@ def test_go_needs_every_robot_and_stays(gate: Gate, steps: list[tuple[str, int, 
     assert sum(event.kind == "go" for event in gate.take_events()) == (gate.epoch == 1)
 
 
-@given(steps=st.lists(STATUSES, max_size=30))
-def test_statuses_alone_give_no_go(steps: list[tuple[str, int, int, bool]]) -> None:
-    """Statuses without presence tokens never give GO."""
-    gate = Gate(None, 1)
-    for _, robot_id, state, ready in steps:
-        gate.take_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=ready, state=state), 0.0)
-        assert not gate.try_go(1)
-
-
 class _ZteamRobot:
     """The robot's side of zteam's gate, with its heartbeat and the latched GO."""
 

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from hypothesis import assume, example, given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from support.examples import examples
@@ -89,33 +89,6 @@ def test_a_macro_is_its_body_written_in_place(macro: Entity, instance: Entity) -
     by_macro = parse(f"define Macro model ( {print_body(macro)}\n)\nMacro ( {print_body(instance)}\n)")
     in_place = parse(f"model ( {print_body(macro)}\n{print_body(instance)}\n)")
     assert content(by_macro.children[0]) == content(in_place.children[0])
-
-
-words = st.sampled_from(
-    [
-        *("model", "position", "ranger", "sensor", "block", "laser", "define", "include", "window", "(", ")", "[", "]"),
-        *("\n", "#", '"', "size", "pose", "points", "point[0]", "point[1]", "point[2]", "bitmap", '"w.world"', "name"),
-        *("samples", "range", "fov", "velocity_bounds", "unit_length", '"cm"', "boundary", "interval_sim", "0", "1"),
-        *("-2.5", "1e9", "1e308", "3", "[1 1 1]", "[0 0 0 0]", "[1 1]", "x", '"x"', "mass", "origin", "z"),
-    ]
-)
-
-
-@given(st.text() | st.lists(words, max_size=60).map(" ".join))
-@example("position ( ranger ( sensor ( ) ) )")
-@example('include "w.world"')
-def test_any_text_is_a_world_or_a_world_error(text: str) -> None:
-    """A file of arbitrary text, or of the language's own words in any order, never raises anything else."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "w.world"
-        path.write_text(text, encoding="utf-8", errors="surrogatepass")
-        try:
-            world = load_world(path)
-        except WorldError as error:
-            assert str(error).startswith(f"{path}:")
-            assert "\n" not in str(error)
-        else:
-            assert world.interval > 0
 
 
 lengths = st.sampled_from([0.0, 1e-9, 0.1, 1.0, -1.0, 90.0, 1e7]) | st.floats(0, 1e6) | st.floats(-1e6, 1e6)

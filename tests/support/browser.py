@@ -148,6 +148,15 @@ class Screen:
         return float(1 / self.ask("zteam.app.camera.scale"))
 
 
+def show(team: TeamFixture, screen: Screen, robots: int = 2, *, world: str = "arena", behavior: str = "idle") -> str:
+    """Start a team in real time, and open a page that shows it with its map; the URL, with the token."""
+    team.start(world, robots, behavior=behavior, lockstep=False)
+    url = start_view(team)
+    screen.open(url, robots)
+    screen.wait("zteam.app.store.grids.has('map')")
+    return url
+
+
 @contextmanager
 def chromium() -> "Iterator[Browser]":
     """The machine's browser, without a window."""

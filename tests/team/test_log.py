@@ -1,15 +1,10 @@
 """The logs of a team's processes in one place."""
 
 import json
-import os
-import signal
-import subprocess
 from pathlib import Path
 
 import pytest
 
-from support.limits import LIMIT
-from zteam.team.launch.process import zteam_command
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -76,15 +71,3 @@ def test_a_follower_sees_a_process_from_its_start_to_its_end(team: TeamFixture, 
     assert robot.count("imported") == robot.count("steps") == 1
     (end,) = (text for text in robot if text.startswith("ended by an error"))
     assert end.endswith("ValueError: out of plans")
-
-
-def test_ctrl_c_ends_a_follower(team: TeamFixture) -> None:
-    """Without any process the follower says what it waits for, and Ctrl+C ends it with 130."""
-    command = zteam_command("zteam", "log")
-    environment = {**os.environ, **team.environment}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as follower:
-        assert follower.stderr is not None
-        assert follower.stderr.readline() == "waiting for a process (Ctrl+C to give up)\n"
-        follower.send_signal(signal.SIGINT)
-        assert follower.wait(LIMIT) == 130
-        assert follower.stderr.read() == ""

@@ -5,21 +5,17 @@ import os
 import re
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
-from zteam.clock import wait_until
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import (
     BaseInfo,
     Header,
-    Odometry,
     Quaternion,
-    RobotStatus,
     TFMessage,
     Transform,
     TransformStamped,
@@ -39,51 +35,25 @@ def block(language: str, name: str) -> str:
     return str(found)
 
 
-class Watched:
-    """What a real team tells: the newest message of each kind."""
+def x_of(team: TeamFixture) -> float:
+    """Metres from the start, by the base's own odometry."""
+    odom = team.robot(0).odom
+    return 0.0 if odom is None else odom.pose.pose.position.x
 
-    def __init__(self, team: TeamFixture) -> None:
-        self.changed = threading.Condition()
-        self.odom = Odometry()
-        self.status = RobotStatus()
-        self.bases: list[str] = []
-        for key, kind in (("odom", Odometry), ("status", RobotStatus), ("base_info", BaseInfo)):
-            team.bus.subscribe(f"robot_0/{key}", kind, self._take, latched=kind is BaseInfo)
 
-    def _take(self, _key: str, message: Odometry | RobotStatus | BaseInfo) -> None:
-        with self.changed:
-            if isinstance(message, Odometry):
-                self.odom = message
-            elif isinstance(message, RobotStatus):
-                self.status = message
-            else:
-                self.bases.append(message.model)
-            self.changed.notify_all()
+def wait_for_x(team: TeamFixture, x: float) -> None:
+    """Wait until the robot is so far."""
+    team.wait_for(lambda: x_of(team) > x)
 
-    @property
-    def x(self) -> float:
-        """Metres from the start, by the base's own odometry."""
-        return self.odom.pose.pose.position.x
 
-    @property
-    def speed(self) -> float:
-        """m/s, by the base's own odometry."""
-        return self.odom.twist.twist.linear.x
+def wait_for_text(team: TeamFixture, text: str) -> None:
+    """Wait until the robot's status says this."""
+    team.wait_for(lambda: team.robot(0).status is not None and team.robot(0).status.text == text)
 
-    def wait_for_x(self, x: float) -> None:
-        """Wait until the robot is so far."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self.x > x, LIMIT), (self.x, self.status)
 
-    def wait_for_text(self, text: str) -> None:
-        """Wait until the robot's status says this."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self.status.text == text, LIMIT), self.status
-
-    def wait_for_stand(self) -> None:
-        """Wait until the wheels stand."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self.speed == 0.0, LIMIT), self.x
+def wait_for_stand(team: TeamFixture) -> None:
+    """Wait until the wheels stand, by the base's own odometry."""
+    team.wait_for(lambda: team.robot(0).odom is not None and team.robot(0).odom.twist.twist.linear.x == 0.0)
 
 
 @pytest.fixture
@@ -105,43 +75,25 @@ def base(team: TeamFixture, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]
 def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subprocess.Popen[str]", tmp_path: Path) -> None:
     """It drives after GO, stands while its robot's process is frozen, and stops in front of the wall."""
     (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
-    watched = Watched(team)
+    bases: list[str] = []
+    team.bus.subscribe("robot_0/base_info", BaseInfo, lambda _key, told: bases.append(told.model), latched=True)
     team.launch(tmp_path / "real.toml")
-    watched.wait_for_x(0.05)
+    wait_for_x(team, 0.05)
     team.pause_process("robot_0")
-    watched.wait_for_stand()
+    wait_for_stand(team)
     # The watchdog, and not the wall.
-    stood = watched.x
+    stood = x_of(team)
     assert stood < WALL - 0.6
     team.resume_process("robot_0")
-    watched.wait_for_x(stood + 0.1)
-    watched.wait_for_text("obstacle ahead")
-    watched.wait_for_stand()
-    assert WALL - 0.6 < watched.x < WALL - 0.3
-    assert watched.bases == ["cart"]
+    wait_for_x(team, stood + 0.1)
+    wait_for_text(team, "obstacle ahead")
+    wait_for_stand(team)
+    assert WALL - 0.6 < x_of(team) < WALL - 0.3
+    assert bases == ["cart"]
     assert not [line for line in team.lines("robot_0") if "no robot_0/base_info" in line]
     base.terminate()
     assert base.communicate(timeout=LIMIT) == ("", None)
     assert base.returncode == 0
-
-
-def test_a_base_without_base_info_is_not_waited_for(team: TeamFixture, tmp_path: Path) -> None:
-    """An older base: the robot says once that it takes the default footprint, and drives."""
-    code = block("python", "base_0.py")
-    silent = re.sub(r"\n    node\.publisher\(.*base_info.*\n", "\n", code)
-    assert silent != code
-    (tmp_path / "base_0.py").write_text(silent)
-    (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
-    watched = Watched(team)
-    with subprocess.Popen([sys.executable, tmp_path / "base_0.py"], env={**os.environ, **team.environment}) as process:
-        try:
-            team.launch(tmp_path / "real.toml")
-            watched.wait_for_x(0.05)
-            team.wait_for_line("robot_0", "its footprint (robot_0/base_info)")
-            told = [line for line in team.lines("robot_0") if "no robot_0/base_info: an erratic's footprint" in line]
-            assert len(told) == 1
-        finally:
-            process.kill()
 
 
 def test_a_base_that_does_not_say_where_its_laser_is_never_drives(team: TeamFixture, tmp_path: Path) -> None:
@@ -152,13 +104,12 @@ def test_a_base_that_does_not_say_where_its_laser_is_never_drives(team: TeamFixt
     assert silent != code
     (tmp_path / "base_0.py").write_text(silent)
     (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
-    watched = Watched(team)
     fixed = team.bus.publisher("robot_0/tf_static", TFMessage, latched=True)
     with subprocess.Popen([sys.executable, tmp_path / "base_0.py"], env={**os.environ, **team.environment}) as process:
         try:
             team.launch(tmp_path / "real.toml")
             lacks = "its laser's frame robot_0/base_laser_link (robot_0/tf_static, from its base)"
-            watched.wait_for_text(f"waiting for {lacks}")
+            wait_for_text(team, f"waiting for {lacks}")
             done = team.command("doctor", "--json")
             found = {row["what"]: row for row in json.loads(done.stdout) if not row["good"]}
             assert done.returncode == 1
@@ -174,11 +125,11 @@ def test_a_base_that_does_not_say_where_its_laser_is_never_drives(team: TeamFixt
             ):
                 at = Transform(rotation=Quaternion(*quaternion_from_rpy(tilt, 0.0, 0.0)))
                 fixed.put(TFMessage([TransformStamped(Header(frame_id=parent), "base_laser_link", at)]))
-                watched.wait_for_text(text)
+                wait_for_text(team, text)
                 if text:
-                    watched.wait_for_stand()
-                    assert (watched.x > 0.0) == (parent == "nowhere")
+                    wait_for_stand(team)
+                    assert (x_of(team) > 0.0) == (parent == "nowhere")
                 else:
-                    watched.wait_for_x(0.05)
+                    wait_for_x(team, 0.05)
         finally:
             process.kill()

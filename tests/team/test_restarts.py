@@ -3,15 +3,16 @@
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.clock import monotonic
+from zteam.clock import monotonic, pause
 from zteam.config.resources import find_team
-from zteam.messages import Odometry, RobotState, TeamState, ns_from_time
+from zteam.messages import Odometry, RobotState, TeamState, Twist, Vector3, ns_from_time
 from zteam.monitor.observer import TeamObserver
 from zteam.node.kinds import ROUTER
 from zteam.node.process_options import ViewOptions
@@ -200,3 +201,34 @@ def test_the_others_drive_on_while_a_process_is_away(monkeypatch: pytest.MonkeyP
         since = line.kill(names.AGGREGATOR)
         line.wait_for(lambda: any(line.moved[i] > since for i in ROBOTS[:3]))
         assert line.run.supervisor.restarts.counts == {}
+
+
+@pytest.mark.real_time
+def test_what_was_commanded_meanwhile_is_not_obeyed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the simulator is frozen for 5 s another process commands a robot. Afterwards nothing moves as long as the
+    robots themselves are frozen: time has stood still, and no tick is made up for."""
+    with started(monkeypatch, Pace()) as line:
+        processes, bus, seen = line.run.supervisor.processes, line.run.members.bus, line.seen
+        assert bus is not None
+        simulator, commands = processes[names.SIMULATOR], bus.publisher(names.robot_key(0, names.CMD_VEL), Twist)
+        # How old the messages of a session are is known from an earlier one.
+        commands.put(Twist())
+        line.wait_for(lambda: SimulatorClient(bus).report().external_commands > 0)
+        for robot_id in ROBOTS:
+            processes[names.robot_name(robot_id)].signal(signal.SIGSTOP)
+        simulator.signal(signal.SIGSTOP)
+        line.wait_for(lambda: "T (stopped)" in Path(f"/proc/{simulator.pid}/status").read_text())
+        for _ in range(40):
+            commands.put(Twist(Vector3(-0.4)))
+            pause(0.1)
+        # After a second no command in the queue is new.
+        pause(1.0)
+        stamp, begin = seen.now, monotonic()
+        simulator.signal(signal.SIGCONT)
+        line.wait_for(lambda: seen.now > stamp)
+        assert seen.now - stamp <= 2 * TICK
+        speeds = line.wait_for_ticks(TICKS)
+        assert monotonic() - begin > 0.05 * TICKS
+        assert speeds[0][0] > -0.05, speeds
+        # A robot's own last command holds for 0.2 s of this time.
+        assert all(abs(speed) <= MOVES for at_once in speeds[4:] for speed in at_once), speeds

@@ -1,4 +1,4 @@
-"""The simulator process: the messages of every device, and the options of a team file."""
+"""The simulator process: the messages of every device."""
 
 import json
 import math
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.messages import Blobs, Bumper, Fiducials, JointState, LaserScan, Twist, Vector3
+from zteam.messages import Blobs, Bumper, Fiducials, JointState, Twist, Vector3
 from zteam.team.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -26,17 +26,6 @@ define bot position (
 model ( name "wall" pose [3 0 0 0] size [0.2 10 1] color "gray" )
 bot ( name "a" pose [0 0 0 0] fiducial_return 1 color "red" )
 bot ( name "b" pose [1 0.5 0 180] fiducial_return 2 color "green" )
-"""
-
-TEAM = """
-[team]
-world = "yard.world"
-[simulation]
-gaussian_noise = 0.05
-no_hit = "inf"
-physics = "kinematic"
-[[robots]]
-id = 0
 """
 
 
@@ -74,40 +63,3 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
     tree = json.loads(team.command("topic", "echo", "robot_0/tf_static", "--once", "--json").stdout)
     children = {t["child_frame_id"] for t in tree["transforms"]}
     assert {"robot_0/fiducial_link", "robot_0/blobfinder_link", "robot_0/base_laser_link"} <= children
-
-
-def test_a_team_file_says_how_its_world_is_simulated(team: TeamFixture, tmp_path: Path) -> None:
-    """The simulator uses [simulation]: its scans have noise, and inf where a beam hits nothing."""
-    (tmp_path / "yard.world").write_text(WORLD)
-    (tmp_path / "team.toml").write_text(TEAM)
-    team.launch(tmp_path / "team.toml")
-    scans: list[LaserScan] = []
-    team.bus.subscribe("robot_1/base_scan", LaserScan, lambda _key, scan: scans.append(scan))
-    team.until(lambda: len(scans) >= 15, within=10)
-    side = [float(scan.ranges[30]) for scan in scans]
-    assert side[0] == math.inf
-    ahead = [float(scan.ranges[5]) for scan in scans if math.isfinite(scan.ranges[5])]
-    assert len(set(ahead)) == len(ahead)
-
-
-def test_a_team_file_sets_what_a_base_can_do(team: TeamFixture, tmp_path: Path) -> None:
-    """Two robots want the same speed; the one whose table [robots.base] sets a lower limit keeps to it.
-
-    `base_info` stays as the world has it.
-    """
-    (tmp_path / "yard.world").write_text(WORLD)
-    slow = "[robots.base]\nmax_vel_x = 0.1\n"
-    robots = f"behavior = 'forward'\nspeed = 0.4\n{slow}[[robots]]\nid = 1\nbehavior = 'forward'\nspeed = 0.4\n"
-    (tmp_path / "team.toml").write_text(TEAM + robots)
-    team.launch(tmp_path / "team.toml")
-    team.wait_for_go()
-    team.run(2.0)
-    assert team.robot(0).distance_travelled == pytest.approx(0.2, abs=0.05)
-    assert team.robot(1).distance_travelled == pytest.approx(0.8, abs=0.1)
-    info = json.loads(team.command("topic", "echo", "robot_0/base_info", "--once", "--json").stdout)
-    assert (info["model"], info["max_vel_x"], info["acc_lim_x"], len(info["footprint"]["points"])) == (
-        "bot",
-        1.0,
-        None,
-        4,
-    )

@@ -1,19 +1,12 @@
-"""A stop with real processes: zero within 0.3 s whatever drives, held while each process ends and starts again; in
-lock-step, without a simulator, and with certificates."""
+"""A stop with real processes: zero within 0.3 s whatever drives, in lock-step, and with certificates."""
 
-import os
-import subprocess
-import sys
 import threading
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from support.limits import LIMIT
-from support.navigated_team import FAKE
-from support.pages import DOCS
 from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.clock import HOST_FACTOR, monotonic
@@ -142,35 +135,6 @@ def test_zero_is_commanded_whatever_drives(team: TeamFixture, tmp_path: Path) ->
     assert watch.status.recoveries == 0
 
 
-@pytest.mark.real_time
-def test_a_body_without_a_process_is_held_by_another_simulator_too(team: TeamFixture, tmp_path: Path) -> None:
-    """A foreign program commands it, before and after the simulator's restart. Navigation that starts again while its
-    robot is stopped drives to its next goal when that is released."""
-    (tmp_path / "team.toml").write_text(FAKE.replace('"idle"', '"wander"'))
-    team.launch(tmp_path / "team.toml", lockstep=False)
-    team.wait_for_go()
-    team.until(lambda: team.robot(1).speed > 0.1, within=LIMIT)
-    team.stop()
-    team.kill("robot_1")
-    with Pushing(team, "robot_1/cmd_vel", Twist(Vector3(0.3))):
-        team.run(0.5)
-        assert stands(team, [0, 1])
-        # Of the first world, which begins anew.
-        place = team.robot(1).pose
-        team.restart(names.SIMULATOR)
-        team.wait_for(lambda: team.sim_status.stopped == [0, 1])
-        team.wait_for(lambda: team.robot(1).pose != place)
-        assert stands(team, [0, 1])
-    team.restart("nav_0")
-    client = NavigationClient(team.bus, 0, lambda: round(team.now * 1e9))
-    watch = client.send(goal_message(Pose2(-1.0, -2.5, 0.0)))
-    team.wait_for(lambda: watch.status is not None)
-    assert stands(team, [0, 1])
-    team.release()
-    team.until(lambda: watch.ended, within=60.0)
-    assert watch.result == TaskResult.SUCCEEDED, watch.text
-
-
 def test_in_lockstep_a_stop_repeats(team: TeamFixture) -> None:
     """Between two ticks it takes effect with the next one, in one process as with processes, also where a robot's
     process starts again meanwhile. Afterwards the line goes on: its head does not hand over because it stood."""
@@ -191,57 +155,6 @@ def test_in_lockstep_a_stop_repeats(team: TeamFixture) -> None:
             assert all(one.robot(i).speed > 0.1 for i in range(3))
             hashes.append(one.report.trajectory_sha256)
     assert hashes[0] == hashes[1]
-
-
-@pytest.mark.real_time
-def test_a_real_robot_begins_stopped_if_a_teammate_is(team: TeamFixture, tmp_path: Path) -> None:
-    """Its process is started again, and does not drive until it is released; a single robot forgets it. A base without
-    a robot process is named."""
-    page = (DOCS / "real-robots.md").read_text()
-    code = page[page.index("# base_0.py") :].partition("```")[0]
-    file = tmp_path / "real.toml"
-    file.write_text('[team]\nworld = "none"\n' + "".join(
-        f'[[robots]]\nid = {i}\nbehavior = "wander"\n[[static_transforms]]\nparent = "map"\nchild = "robot_{i}/odom"\n'
-        f"y = {3.0 * i}\n" for i in (0, 1)
-    ))  # fmt: skip
-    bases = []
-    try:
-        for i in (0, 1):
-            path = tmp_path / f"base_{i}.py"
-            path.write_text(code.replace("robot_0", f"robot_{i}").replace("base_0", f"base_{i}"))
-            bases.append(subprocess.Popen([sys.executable, str(path)], env={**os.environ, **team.environment}))
-        team.launch(file)
-        speeds = {i: commanded(team, i) for i in (0, 1)}
-        team.wait_for(lambda: all(speed() > 0.1 for speed in speeds.values()))
-        team.stop()
-        team.restart("robot_1")
-        team.wait_for_line("robot_1", "begins stopped, as its teammates are")
-        team.wait_for_line("robot_1", "GO: driving")
-        team.wait_for(lambda: team.robot(1).status is not None and team.robot(1).status.is_stopped)
-        assert [speed() for speed in speeds.values()] == [0.0, 0.0]
-        team.release()
-        team.wait_for(lambda: all(speed() != 0.0 for speed in speeds.values()))
-        team.kill("robot_1")
-        done = team.command("stop")
-        assert done.returncode == 1
-        assert done.stderr.startswith("robot_1: nothing holds it")
-        team.restart("robot_0")
-        team.wait_for(lambda: speeds[0]() != 0.0)
-    finally:
-        for base in bases:
-            base.kill()
-            base.wait(LIMIT)
-
-
-def commanded(team: TeamFixture, robot_id: int) -> Callable[[], float]:
-    """The newest speed that is commanded, or turn rate."""
-    newest = [0.0]
-
-    def take(_key: str, command: Twist) -> None:
-        newest[0] = abs(command.linear.x) + abs(command.angular.z)
-
-    team.bus.subscribe(names.robot_key(robot_id, names.CMD_VEL), Twist, take)
-    return lambda: newest[0]
 
 
 def test_every_certificate_stops_and_few_release(team: TeamFixture, tmp_path: Path) -> None:

@@ -71,19 +71,6 @@ def test_a_node_of_the_team_takes_part_from_start_to_end(tmp_path: Path, options
     assert report["restarts"] == {}
 
 
-def test_a_node_of_the_team_has_its_log(team: Any, tmp_path: Path) -> None:
-    """`zteam log` shows its lines beside those of the robots; the fixture waits for a node with `expect`."""
-    (tmp_path / "counter.py").write_text(COUNTER)
-    (tmp_path / "team.toml").write_text(WITH_COUNTER)
-    team.launch(tmp_path / "team.toml", arguments={"who": "ours"})
-    team.wait_for_go()
-    team.run(0.5)
-    assert set(team.sim_status.participants) == {"counter", "robot_0", "robot_1", "tf"}
-    shown = team.command("log", "counter", "robot_0", "--once").stdout
-    assert "[counter] ours comes" in shown
-    assert "[robot_0] GO: driving" in shown
-
-
 FLAKY = """
 import os, pathlib, signal, zteam
 from zteam.messages import Twist, Vector3
@@ -152,18 +139,6 @@ def test_what_fails_comes_back(team: TeamFixture, tmp_path: Path) -> None:
     rows = {row["name"]: (row["exit"], row["restarts"]) for row in report["processes"]}
     assert (rows["flaky"], rows["robot_0"], rows["robot_1"]) == ((0, 1), (0, 1), (0, 0))
     assert report["robots"][0]["distance_m"] > 0.02
-
-
-def test_what_does_not_say_restart_stays_away(team: TeamFixture, tmp_path: Path) -> None:
-    """The team goes on without the robot and the node; the command names both and ends with 1."""
-    (tmp_path / "flaky.py").write_text(FLAKY)
-    (tmp_path / "team.toml").write_text(WITH_FLAKY.replace("on-failure", "no"))
-    again = "; it is not started again"
-    told = (f"robot_0 ended: killed by SIGKILL{again}", f"flaky ended: killed by SIGSEGV{again}")
-    code, output, report = up_until(team, tmp_path, *told)
-    assert code == 1
-    assert "up: flaky, robot_0 failed: see the log above" in output
-    assert report["restarts"] == {}
 
 
 RAISING = """

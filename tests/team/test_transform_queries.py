@@ -1,73 +1,14 @@
-"""Look-ups over the bus, answered by the aggregator of a running team."""
+"""A robot with a description: its joints in the tree of transforms, looked up over the bus."""
 
-import math
 from pathlib import Path
 
 import pytest
 
 from support.limits import ASKED
-from support.transforms import stamped
-from zteam import names
-from zteam.errors import BusError
-from zteam.messages import TFMessage, TransformStamped
 from zteam.team.testing.team import TeamFixture
-from zteam.tf import FrameInfo, LookupException
-from zteam.transforms.client import HistoryRequest, Lookup, TransformClient
+from zteam.transforms.client import TransformClient
 
 pytestmark = pytest.mark.team
-
-
-def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
-    """The client answers single and batched look-ups and histories, raises errors, and waits for a frame."""
-    team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
-    team.wait_for_go()
-    client = TransformClient(team.bus)
-    found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=ASKED)
-    where = found.transform.translation
-    assert math.dist((where.x, where.y), team.robot(0).pose[:2]) < 0.5
-    many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "unknown")])
-    assert not isinstance(many[0], Exception)
-    assert isinstance(many[1], LookupException)
-    with pytest.raises(LookupException, match="unknown"):
-        client.lookup_transform("map", "unknown")
-    team.run(1.0)
-    rows = client.history(HistoryRequest("map", "robot_0/base_footprint", step=100_000_000, start=-500_000_000)).rows
-    assert len(rows) == 6
-    assert rows == sorted(rows)
-    with pytest.raises(BusError, match="larger step"):
-        client.history(HistoryRequest("map", "robot_0/base_footprint", step=1, start=-500_000_000))
-    team.spawn("zteam", "tf", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
-    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=ASKED)
-    assert mast.transform.translation.z == 1.0
-
-
-def test_several_broadcasters_of_a_robot_live_side_by_side(team: TeamFixture) -> None:
-    """Another session's fixed frame takes nothing away and changes nothing that the simulator says, and the robots
-    drive on; an aggregator that starts later has the sets of both.
-    """
-    team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
-    team.wait_for_go()
-    client = TransformClient(team.bus)
-    chain = [Lookup("map", "robot_0/base_laser_link"), Lookup("robot_0/base_link", "robot_0/camera")]
-    other = team.bus.publisher("robot_0/tf_static", TFMessage, latched=True)
-    other.put(TFMessage([stamped("map", "odom", 0, 99.0), stamped("base_link", "camera", 0, 0.1)]))
-    client.lookup_transform("robot_0/base_link", "robot_0/camera", timeout=ASKED)
-    for restart in (False, True):
-        if restart:
-            team.restart(names.AGGREGATOR)
-        commands = team.robot(1).commands
-        team.until(lambda least=commands: team.robot(1).commands > least + 5, within=5)
-        scanner, camera = client.lookup_many(chain, timeout=ASKED)
-        assert isinstance(scanner, TransformStamped)
-        assert isinstance(camera, TransformStamped)
-        assert math.dist((scanner.transform.translation.x, 0.0), (team.robot(0).pose.x, 0.0)) < 1.0
-        assert camera.transform.translation.x == 0.1
-    assert team.robot(1).speed > 0.0
-    frames = team.bus.ask("tf/frames", dict[str, FrameInfo])
-    assert (frames["robot_0/odom"].authority, frames["robot_0/camera"].authority) == (
-        "sim",
-        f"session {team.bus.instance}",
-    )
 
 
 URDF = """<robot name="bot">

@@ -18,7 +18,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
-from zteam.team.launch.process import MAX_LINE, zteam_command
+from zteam.team.launch.process import zteam_command
 from zteam.team.launch.warm_parent import can_fork
 from zteam.team.testing.team import TeamFixture
 
@@ -92,24 +92,6 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
     assert team.robot(0).pose.x == pytest.approx(report["robots"][0]["pose"][0])
 
 
-def test_a_dead_robot_is_reported_and_the_others_go_on(team: TeamFixture) -> None:
-    """The launcher names the robot and the signal, restarts nothing, and ends with exit code 1 when it is stopped."""
-    launcher = launch(team, "arena")
-    try:
-        team.wait_for_go()
-        victim = pid_of(team, "robot_1")
-        os.kill(victim, signal.SIGKILL)
-        team.wait_for(lambda: team.status is not None and 1 in team.status.lost)
-        commands = team.robot(0).commands
-        team.wait_for(lambda: team.robot(0).commands > commands + 5)
-        assert not team.alive("robot_1")
-    finally:
-        launcher.send_signal(signal.SIGINT)
-        code, output = finish(launcher)
-    assert "robot_1 ended: killed by SIGKILL" in output
-    assert code == 1, output
-
-
 def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
     """The second Ctrl+C kills a robot that does not stop, and no process is left."""
     launcher = launch(team, "arena")
@@ -127,35 +109,6 @@ def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
     assert not Path("/proc", str(frozen)).exists()
 
 
-STOPPER = """
-import msgspec
-from zteam.behaviors import Behavior
-from zteam.messages import Twist, Vector3
-
-class Slow(Behavior):
-    class Params(msgspec.Struct, forbid_unknown_fields=True):
-        speed: float
-
-    def step(self, view):
-        return Twist(Vector3(self.params.speed))
-"""
-
-
-def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Path) -> None:
-    """The check and the robot import the module from any current folder."""
-    (tmp_path / "my_slow_robot.py").write_text(STOPPER)
-    team_file = tmp_path / "team.toml"
-    table = '[[robots]]\nid = 0\nbehavior = "my_slow_robot:Slow"\nspeed = 0.125\n'
-    team_file.write_text('[team]\nworld = "arena"\n' + table)
-    launcher = launch(team, str(team_file), "--for", "2", cwd="/")
-    try:
-        team.wait_for_go()
-        team.wait_for(lambda: team.robot(0).command == Twist(Vector3(0.125)))
-    finally:
-        code, output = finish(launcher)
-    assert code == 0, output
-
-
 @pytest.mark.parametrize(("redirection", "lines"), [(">/dev/full", 1), (">&-", 1), ("| head -1", 0)])
 def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str, lines: int) -> None:
     """A full disk or a closed output is one line on standard error, a reader that is gone none; the run ends with 0."""
@@ -167,31 +120,3 @@ def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str, 
     assert "Traceback" not in done.stderr
     told = [line for line in done.stderr.splitlines() if "cannot write to standard output" in line]
     assert len(told) == lines and all(line.endswith("; going on without it") for line in told)
-
-
-def test_a_second_team_is_one_line(team: TeamFixture) -> None:
-    """A second team in the same namespace ends with one line that names the process of the first."""
-    first = launch(team, "arena")
-    try:
-        team.wait_for_go()
-        second = subprocess.run(command(team, "line"), capture_output=True, text=True, timeout=LIMIT, check=False)
-        assert second.returncode == 1
-        assert second.stdout == ""
-        (line,) = second.stderr.splitlines()
-        assert line.startswith(f"up: a team is already running here (pid {first.pid}, since ")
-        assert line.endswith("); stop it, or use --namespace")
-        assert team.alive("robot_1")
-    finally:
-        first.send_signal(signal.SIGINT)
-        code, output = finish(first)
-    assert code == 0, output
-
-
-def test_a_node_that_writes_without_end_ends_with_the_run(team: TeamFixture, tmp_path: Path) -> None:
-    """A line that never ends is shown once, cut, and the run ends at its time with exit code 0."""
-    (tmp_path / "team.toml").write_text(
-        '[team]\nworld = "arena"\n[[robots]]\nid = 0\n[[nodes]]\nname = "flood"\ncommand = ["cat", "/dev/zero"]\n'
-    )
-    code, output = finish(launch(team, str(tmp_path / "team.toml"), "--for", "2"))
-    assert (code, output.count("[flood]")) == (0, 1)
-    assert "… (the line is longer)\n" in output and len(output) < 2 * MAX_LINE

@@ -90,18 +90,6 @@ def test_it_ends_before_a_tick(tmp_path: Path) -> None:
     assert "before tick 20: the world stands still" in done.stdout
 
 
-def test_an_error_of_a_behaviour_shows_its_code(tmp_path: Path) -> None:
-    """The traceback has the user's code alone, the others go on to the end, and the exit code is 1."""
-    write_team(tmp_path, 'raise ValueError("out of plans")')
-    done = up("team.toml", "--in-process", "--lockstep", "--for", "5", folder=tmp_path)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert 'own_way.py", line 8, in step' in done.stdout
-    assert "ValueError: out of plans" in done.stdout
-    assert "zteam/in_process" not in done.stdout
-    assert done.stderr.splitlines()[-1] == "up: robot_0 failed: see the log above"
-    assert "5 simulated seconds after GO, seed 1" in done.stdout
-
-
 def test_a_behaviour_can_be_debugged(tmp_path: Path) -> None:
     """`breakpoint()` opens the debugger on the terminal in the user's own frame; after `c` the run goes on to its end,
     and the result is the same as without the debugger."""
@@ -166,11 +154,3 @@ def test_ctrl_c_ends_it(tmp_path: Path, line: str) -> None:
         launcher.kill()
         launcher.wait()
     assert launcher.returncode == (130 if line == "pass" else 1), output
-
-
-def test_a_team_of_processes_needs_no_bus_option(tmp_path: Path) -> None:
-    """`--bus` without `--in-process` is a mistake of one line."""
-    done = up("arena", "--bus", folder=tmp_path)
-    assert done.returncode == 2
-    assert "--bus needs --in-process" in done.stderr
-    assert len(done.stderr.splitlines()) == 1

@@ -13,7 +13,6 @@ import pytest
 import zteam
 from support.limits import LIMIT
 from zteam.bus.options import port_accepts
-from zteam.messages import Twist, Vector3
 from zteam.team.launch.process import zteam_command
 from zteam.team.run.report import read_sim_report
 from zteam.team.testing.team import TeamFixture
@@ -93,30 +92,6 @@ def test_tools_that_look_change_nothing(team: TeamFixture) -> None:
     assert (report.ticks, report.trajectory_sha256) == (alone.ticks, alone.trajectory_sha256)
 
 
-def test_tools_control_the_team(team: TeamFixture) -> None:
-    """The world pauses, steps and gets a robot on command; a parameter is set; a command from outside moves a robot
-    from the next tick on, and is counted as external."""
-    start(team, "--speed", "1")
-    told(team, "sim", "pause")
-    before = team.sim_status.tick
-    told(team, "sim", "step", "3")
-    assert team.sim_status.tick == before + 3
-    assert team.sim_status.paused
-    told(team, "param", "set", "robot_0", "speed", "0.25")
-    assert "0.25" in told(team, "param", "get", "robot_0", "speed")
-    told(team, "sim", "spawn", "--pose", "2", "3.5", "0", "--id", "7")
-    told(team, "sim", "step", "1")
-    place = team.robot(7).pose
-    publisher = team.bus.publisher("robot_7/cmd_vel", Twist)
-    team.wait_for(lambda: publisher.has_subscribers)
-    # The new robot.
-    assert read_sim_report(team.bus).external_commands == 1
-    publisher.put(Twist(Vector3(0.5)))
-    team.wait_for(lambda: read_sim_report(team.bus).external_commands == 2)
-    told(team, "sim", "step", "1")
-    team.wait_for(lambda: team.robot(7).pose != place)
-
-
 def test_a_process_takes_part(team: TeamFixture, tmp_path: Path) -> None:
     """An own node in a process of its own takes part in lock-step from the first tick on, without changing the run."""
     (tmp_path / "crowd.py").write_text(CROWD)
@@ -134,18 +109,6 @@ def test_a_process_takes_part(team: TeamFixture, tmp_path: Path) -> None:
     told_by_run = json.loads(report.read_text())
     assert "crowd" in told_by_run["rounds"]
     assert told_by_run["trajectory_sha256"] == zteam.run_team("arena", seconds=3.0).trajectory_sha256
-
-
-def test_names_are_taken(team: TeamFixture) -> None:
-    """A process with the name of a node is refused, and so is a second team, either way."""
-    start(team, "--speed", "1")
-    team.spawn("zteam-robot", "--id", "0", "--behavior", "wander", name="second")
-    assert team.wait_for_exit("second") != 0
-    team.wait_for_line("second", "robot_0 is taken by process")
-    for options in ((), ("--in-process", "--bus")):
-        done = team.command("up", "arena", *options)
-        assert done.returncode == 1
-        assert "a team is already running here" in done.stderr
 
 
 def test_nothing_is_left(tmp_path: Path) -> None:

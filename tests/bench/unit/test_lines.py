@@ -16,7 +16,6 @@ from studies.study.cases import CASES
 from studies.study.driver import SPEED, draw_commands
 from studies.study.figures import Bounds, disagreements, format_study, read_results, run_study, summarize
 from studies.study.one_run import Outcome, Row, Task, distances, longest_stand, measure, pairs_of
-from zteam.errors import UsageError
 from zteam.simulator.client import Latency, RobotReport, RunFigures
 from zteam.team.file.reading import load_team
 
@@ -36,20 +35,6 @@ def test_each_case_is_run_for_each_seed() -> None:
     assert tasks("line", "--real-time") == [Task("line", 60.0, 1, processes=True, speed=1.0)]
     first, second = tasks("chain", "line", "speed=0.3", "--seeds", "1")
     assert (first.arguments, second.arguments) == ({"speed": "0.3"}, {})
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        *(["line", f"--seeds={seeds}"] for seeds in ("a", "4-3", "-4", "1-", "1-2-3")),
-        ["line", "nosuch"], ["world"], ["line", "--world", "nowhere"], ["line", "--speed", "4"],
-    ],
-    ids=" ".join,
-)  # fmt: skip
-def test_wrong_words_are_refused(words: list[str]) -> None:
-    """Seeds, teams, worlds and a speed without real time, before anything runs."""
-    with pytest.raises(UsageError):
-        tasks(*words)
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.team])
@@ -144,15 +129,6 @@ def test_what_the_file_has_is_not_run_again(seeds: list[int], tmp_path: Path) ->
     assert sorted(row.task.seed for row in read_results(path).values()) == [1, 2, 3]
     run_study([replace(tasks[0], seconds=6.0), replace(tasks[0], arguments={"speed": "0.3"})], path, 1)
     assert seeds[4:] == [1, 1]
-
-
-def test_another_file_is_left_alone(seeds: list[int], tmp_path: Path) -> None:
-    """A file that is no study's is refused with its line, before anything runs."""
-    path = tmp_path / "notes.txt"
-    path.write_text("notes\n")
-    with pytest.raises(UsageError, match=r"notes\.txt: line 1"):
-        run_study([Task("line", 5.0, 1)], path)
-    assert (path.read_text(), seeds) == ("notes\n", [])
 
 
 def row(seed: int, **fields: Any) -> Row:

@@ -15,6 +15,7 @@ from support.log_capture import captured_log
 from support.transports import wait_until_true
 from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import Bus, MemoryHub
+from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.messages import (
     BaseInfo,
@@ -226,6 +227,21 @@ def test_a_later_message_that_is_not_understood_closes_the_socket(view: View) ->
             page.say_raw('{"op":"token","token":"' + "x" * MAX_BYTES + '"}')
             assert page.end()[0] in (1008, 1009)
         other.wait(lambda: other.docs.get("team", {}).get("viewers") == 1)
+
+
+@pytest.mark.ci
+def test_a_page_that_floods_is_read_later_and_keeps_no_other_away(view: View) -> None:
+    """Of 600 messages 200 are read at once, and then 100 a second. Meanwhile another page has its answer and frames."""
+    with open_page(view.port) as other, open_page(view.port, acknowledges=False) as flood:
+        begin = monotonic()
+        for _ in range(600):
+            flood.say(op="ack", frame=0)
+        flood.say(op="pause", seq=1)
+        assert "no simulator is there" in other.command(op="pause")
+        frames = len(other.frames)
+        other.wait(lambda: len(other.frames) >= frames + 3)
+        flood.wait(lambda: 1 in flood.replies)
+        assert monotonic() - begin > 3.9
 
 
 def test_a_page_that_may_only_watch_sees_the_doctor_and_cannot_call_it(view: View) -> None:
