@@ -212,3 +212,17 @@ def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open)
     Robot(hub, 0).say()
     desk.look()
     assert changes == ["link", "link", "ready", "go"]
+
+
+def test_robots_without_a_process_are_no_members(hub: MemoryHub, open_desk: Open) -> None:
+    """Any number of statuses may be invented; a robot whose token comes after its status counts all the same."""
+    desk = open_desk(team_size=1)
+    desk.look()
+    late = Robot(hub, 7, present=False)
+    late.say()
+    for number in range(100, 300):
+        Robot(hub, number, present=False).say(RobotState.FAULT)
+    desk.look()
+    late.appear()
+    assert desk.told("go", "fault") == [("go", None)]
+    assert [*desk.monitor.gate.members] == [7]

@@ -12,6 +12,7 @@ from support.real_time_robot import NEVER, TICK, RealTimeRobot
 from support.transforms import stamped
 from zteam import names
 from zteam.behaviors import Behavior, View
+from zteam.bus.lateness import Lateness
 from zteam.errors import UsageError
 from zteam.messages import (
     Header,
@@ -334,6 +335,29 @@ def test_the_mux_drives_and_the_status_tells_who(start: Start, cruise: type[Crui
     told = [status.driver for status in robot.said]
     changes = [a for a, b in zip(told, [*told[1:], ""], strict=True) if a != b]
     assert changes[-3:] == [RobotDriver.TELEOP, RobotDriver.NAVIGATION, RobotDriver.BEHAVIOR]
+
+
+def test_late_velocities_are_refused(start: Start, cruise: type[Cruise], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of teleop and of navigation: the robot drives by its behaviour."""
+    robot = start(cruise)
+    teleop, nav = (names.robot_key(1, topic) for topic, _ in SOURCES.values())
+    monkeypatch.setattr(Lateness, "problem", lambda _, sample: "late" if sample.key in (teleop, nav) else "")
+    robot.say_time(1)
+    robot.say(teleop, Twist(Vector3(0.05)))
+    robot.say(nav, TwistStamped(Header(time_from_ns(TICK)), Twist(Vector3(0.07))))
+    robot.ready(1)
+    robot.wait_for_commands(1)
+    assert robot.commands[0].linear.x == 0.1
+
+
+def test_a_behaviour_sees_who_is_silent(start: Start, cruise: type[Cruise], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A teammate whose last status is too old."""
+    monkeypatch.setattr(inputs, "SILENT_AFTER", 0.0)
+    robot = start(cruise)
+    robot.say(names.robot_key(2, names.STATUS), RobotStatus(robot_id=2))
+    robot.ready(1)
+    robot.wait_for_commands(1)
+    assert 2 in cruise.made[0].views[-1].silent
 
 
 def test_a_follower_is_given_another_leader(start: Start) -> None:
