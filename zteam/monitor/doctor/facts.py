@@ -108,7 +108,7 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     tick_rate: float = 0.0
     """Ticks of the simulator in a host second."""
     strangers: Sequence[str] = ()
-    """Sessions at the router that are none of zteam's, as text, with address and process where they are known."""
+    """Sessions at the router that are none of zteam's, as text, with their addresses."""
     clocks: Mapping[str, HostClock] = {}
     """The clocks of other hosts, by host."""
     namespace: str = ""

@@ -208,8 +208,9 @@ class GoTo(Behavior):
         self._is_canceled = False
         """Whether the goal is to be given up."""
         self._goal: Pose2 | None = None
+        """In map."""
         self._refusal = NO_GOAL
-        """The goal in map, and why there is none."""
+        """Why there is no goal."""
         self._goal_state = NavigationState.DRIVING
         """What became of the goal in this step."""
         self._is_there = False

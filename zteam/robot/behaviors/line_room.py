@@ -231,7 +231,7 @@ class MakingRoom:
         self, view: View, own: Pose2, role: LineRole, way: Following, limits: SpeedLimits, stopped: Set[int],
         *, keeps: bool, wants: bool,
     ) -> Answer | None:  # fmt: skip
-        """The velocity of a robot at `own` (map) and its `place` in the line, and what it does; None to follow.
+        """The velocity of a robot at `own` (map) and its `role` in the line, and what it does; None to follow.
 
         `stopped`: the robots that this one is in the way of. `keeps`: the head keeps its place, as one that is driven
         by hand does. For `wants` see `Stray`.

@@ -76,7 +76,8 @@ class Wander(LineMember):
         """1 while turning left, -1 while turning right, 0 while driving."""
         self._turned = self._wanted = 0.0
         """Radians turned since it stopped, and how many there are to be at least."""
-        self._driven, self._squeezing = SHORT_DRIVE, False
+        self._squeezing = False
+        self._driven = SHORT_DRIVE
         """Metres since the last turn."""
         self._stuck = 0.0
         """Seconds for which it has not moved, though it wants to drive."""
