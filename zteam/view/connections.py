@@ -51,9 +51,18 @@ class Connections:
         self._by_address[_address(transport)] = transport
         self._wait(transport)
 
-    def _wait(self, transport: asyncio.Transport) -> None:
+    def _wait(self, transport: asyncio.Transport, unsent: int = 0) -> None:
         # Host time: a client's silence.
-        self._timers[transport] = asyncio.get_running_loop().call_later(PATIENCE, self.end, transport)
+        loop = asyncio.get_running_loop()
+        self._timers[transport] = loop.call_later(PATIENCE, self._look_at, transport, unsent)
+
+    def _look_at(self, transport: asyncio.Transport, unsent: int) -> None:
+        """End it, unless it takes the answer to its last request still."""
+        left = transport.get_write_buffer_size()
+        if left > 0 and (left < unsent or not unsent):
+            self._wait(transport, left)
+        else:
+            self.end(transport)
 
     def begin(self, transport: asyncio.Transport | None) -> None:
         if transport is not None and (timer := self._timers.pop(transport, None)) is not None:

@@ -1,10 +1,12 @@
 """The connections of the view's servers: whatever clients do with theirs, the next one is served."""
 
+import asyncio
 import logging
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, suppress
+from typing import cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -14,7 +16,7 @@ from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
 from zteam.view import server
-from zteam.view.connections import MAX_HEAD, Front, share_of_descriptors
+from zteam.view.connections import MAX_HEAD, Connections, Front, share_of_descriptors
 
 MOST = 8
 REQUEST = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -100,6 +102,50 @@ def test_a_page_takes_the_place_of_one_that_only_watches(view: View) -> None:
                 assert refused.end() == (1008, "too many pages are open: close one of them")
         for page in pages:
             assert "does not drive" in page.command(op="release", robot=0)
+
+
+class Transport:
+    """A connection that is none."""
+
+    def __init__(self, port: int, unsent: list[int]) -> None:
+        self.port, self.unsent, self.aborted = port, unsent, False
+
+    def get_extra_info(self, _name: str) -> tuple[str, int]:
+        """Its address."""
+        return "127.0.0.1", self.port
+
+    def get_write_buffer_size(self) -> int:
+        """Bytes that the client has not taken."""
+        return self.unsent.pop(0) if len(self.unsent) > 1 else self.unsent[0]
+
+    def abort(self) -> None:
+        """End it."""
+        self.aborted = True
+
+
+def in_a_loop(test: Callable[[], None]) -> None:
+    """Run it where timers can be set; none is due."""
+
+    async def run() -> None:
+        test()
+
+    asyncio.run(run())
+
+
+def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
+    """As long as it takes some of it between two looks."""
+
+    def test() -> None:
+        connections, slow = Connections(MOST), Transport(1, [300, 200, 100, 100])
+        transport = cast(asyncio.Transport, slow)
+        connections.open(transport)
+        for unsent in (0, 300, 200):
+            connections._look_at(transport, unsent)
+            assert not slow.aborted
+        connections._look_at(transport, 100)
+        assert slow.aborted
+
+    in_a_loop(test)
 
 
 def test_connections_are_a_part_of_the_descriptors(monkeypatch: pytest.MonkeyPatch) -> None:
