@@ -5,16 +5,22 @@ All of it runs on the thread of a server.
 
 import asyncio
 import contextlib
+import errno
+import logging
 import resource
 import socket
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+log = logging.getLogger("zteam")
+
 PATIENCE = 10.0
 """Host seconds for a connection to bring a whole request, the first or the next."""
+_SHORTAGE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 Address = tuple[str, int]
 
@@ -40,6 +46,7 @@ class Connections:
         self._kept: dict[asyncio.Transport, bool] = {}
         """Whether each is trusted."""
         self._by_address: dict[Address, asyncio.Transport] = {}
+        self._told = False
 
     def find(self, address: Address | None) -> asyncio.Transport | None:
         return None if address is None else self._by_address.get(address)
@@ -109,6 +116,18 @@ class Connections:
         transport.abort()
         self.close(transport)
 
+    def on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error on the thread of the server: where no descriptor is left, say so once and end what waits."""
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and error.errno in _SHORTAGE):
+            loop.default_exception_handler(context)
+            return
+        for transport in [*self._timers, *self._busy]:
+            self.end(transport)
+        if not self._told:
+            self._told = True
+            log.warning("a connection could not be taken: %s; those that wait are closed", error.strerror)
+
 
 def _address(transport: asyncio.Transport) -> Address:
     host, port = transport.get_extra_info("peername")[:2]
@@ -155,6 +174,7 @@ class Front:
         self._loop = asyncio.new_event_loop()
         self._closing = asyncio.Event()
         self._connections = Connections(share_of_descriptors(16, MOST_CLIENTS))
+        self._loop.set_exception_handler(self._connections.on_loop_error)
         self._thread = threading.Thread(target=self._run, name="front", daemon=True)
 
     def start(self) -> None:

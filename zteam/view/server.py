@@ -308,8 +308,10 @@ class WebServer:
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
-        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS, "command"))
+        loop = asyncio.get_running_loop()
+        loop.set_default_executor(ThreadPoolExecutor(THREADS, "command"))
         connections = Connections(share_of_descriptors(4, MOST_CONNECTIONS))
+        loop.set_exception_handler(connections.on_loop_error)
         pages, (http, ws) = Pages(self._state, self._token, connections), protocols_of(connections)
         config = uvicorn.Config(
             guarded(make_app(pages, self._layout), self._gate, connections),

@@ -1,17 +1,20 @@
 """The connections of the view's servers: whatever clients do with theirs, the next one is served."""
 
 import asyncio
+import errno
 import logging
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, suppress
-from typing import cast
+from typing import Any, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from support.limits import LIMIT
+from support.log_capture import captured_log
 from support.web_view import TOKEN, View, open_page, open_view
 from zteam.bus import MemoryHub
 from zteam.view import connections as module
@@ -148,6 +151,28 @@ def test_a_client_that_takes_its_answer_slowly_is_not_cut() -> None:
     in_a_loop(test)
 
 
+def test_a_lack_of_descriptors_is_told_once() -> None:
+    """What waits is closed, so that the next connection finds room; other errors are told as always."""
+
+    def test() -> None:
+        connections, found = Connections(MOST), [Transport(port, [0]) for port in range(3)]
+        for transport in found:
+            connections.open(cast(asyncio.Transport, transport))
+        connections.keep(cast(asyncio.Transport, found[2]), trusted=False)
+        loop, others = asyncio.get_running_loop(), list[dict[str, Any]]()
+        with captured_log() as log, pytest.MonkeyPatch().context() as patch:
+            patch.setattr(loop, "default_exception_handler", others.append)
+            for _ in range(100):
+                connections.on_loop_error(loop, {"exception": OSError(errno.EMFILE, os.strerror(errno.EMFILE))})
+            connections.on_loop_error(loop, {"exception": OSError(errno.EPIPE, "x")})
+            connections.on_loop_error(loop, {"message": "x"})
+        assert log.lines == ["a connection could not be taken: Too many open files; those that wait are closed"]
+        assert len(others) == 2
+        assert [transport.aborted for transport in found] == [True, True, False]
+
+    in_a_loop(test)
+
+
 def test_connections_are_a_part_of_the_descriptors(monkeypatch: pytest.MonkeyPatch) -> None:
     """A few where the system gives few, and never more than are of use."""
     limits = iter([(1024, 4096), (64, 64), (20, 20), (-1, -1), (1_000_000, 1_000_000)])
@@ -265,3 +290,22 @@ def test_a_server_that_gives_no_answer_ends_the_client(desk: Desk) -> None:
     assert has_ended(client)
     desk.server.close()
     assert has_ended(desk.client(REQUEST))
+
+
+def test_servers_without_descriptors_close_what_waits(view: View, desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of the page, and the door."""
+
+    def accept(_listener: socket.socket) -> None:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    with captured_log() as log, closing(socket.create_connection(("127.0.0.1", view.port), LIMIT)) as silent:
+        before_the_door = desk.client()
+        # Those that come later have been taken: these have too.
+        assert view.get("/").status == 200
+        desk.client(REQUEST)
+        desk.accept()
+        monkeypatch.setattr(socket.socket, "accept", accept)
+        desk.client()
+        with closing(socket.create_connection(("127.0.0.1", view.port), LIMIT)):
+            assert has_ended(silent) and has_ended(before_the_door)
+    assert log.count("a connection could not be taken") == 2
