@@ -84,6 +84,8 @@ class Inputs:
         """Host time at which it came; None in lock-step, where its stamp counts."""
         self.goal: messages.PoseStamped | None = None
         """A goal that has come since the last step."""
+        self.unreadable_goal = ""
+        """What is wrong with one that the bus dropped; empty without one."""
         self.initial_pose: messages.PoseWithCovarianceStamped | None = None
         """In the same way."""
         self.stamps: dict[str, int] = {}

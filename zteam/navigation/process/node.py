@@ -14,10 +14,10 @@ import numpy as np
 from zteam import messages, names
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
-from zteam.bus.transport import Handle
+from zteam.bus.transport import Handle, RawSample
 from zteam.clock import monotonic
 from zteam.config.robot_ids import format_robot_ids
-from zteam.errors import UsageError
+from zteam.errors import DecodeError, UsageError
 from zteam.messages.base import Base, BaseOverride, base_of, override_base
 from zteam.navigation.client import GLOBAL_LOCALIZATION, GlobalLocalizationReply, GlobalLocalizationRequest
 from zteam.navigation.maps import map_grid
@@ -72,6 +72,7 @@ class NavigationNode:
             inputs.every_tick.append(names.GROUND_TRUTH)
             self._listen(inputs, names.GROUND_TRUTH, messages.Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, messages.PoseStamped, "goal")
+        _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, messages.PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, messages.RobotStatus, "status")
         self._serve(robot_id, "info", NoRequest, lambda: own_info(node.name, node.bus.instance, node.claim.start))
@@ -167,3 +168,18 @@ class NavigationNode:
         with self._node.changed:
             for robot in self._robots.values():
                 robot.outputs.stop()
+
+
+def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
+    """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
+
+    def check(sample: RawSample) -> None:
+        if not isinstance(sample.content, bytes):
+            return
+        try:
+            messages.decode(messages.PoseStamped, sample.content)
+        except DecodeError as error:
+            with node.changed:
+                inputs.unreadable_goal = str(error)
+
+    node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)

@@ -97,6 +97,9 @@ class RobotNavigation:
 
     def _take_goal(self) -> None:
         message, self.inputs.goal = self.inputs.goal, None
+        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
+        if unreadable:
+            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
         if message is None:
             return
         goal = _read_goal(message, self.inputs)

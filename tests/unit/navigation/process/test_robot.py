@@ -274,6 +274,17 @@ def test_a_goal_that_cannot_be_is_refused_with_a_reason(place: dict[str, Any], t
     assert robot.step().x > 0.0
 
 
+def test_a_goal_that_cannot_be_read_stops_it() -> None:
+    """The bus has dropped it; the goal before does not count any more."""
+    robot = driving()
+    robot.inputs.unreadable_goal = "a number is not finite"
+    assert robot.step() == STOP
+    assert (robot.state, robot.text) == (NavigationState.ABORTED, "the goal cannot be read: a number is not finite")
+    assert robot.step() == STOP
+    robot.go(1.0)
+    assert robot.step().x > 0.0
+
+
 def test_a_goal_may_be_in_the_frame_of_the_robot() -> None:
     """It is taken to the map where the robot is now."""
     robot = driving()
