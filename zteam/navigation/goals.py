@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
-
-import msgspec
+from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.clock import monotonic, to_seconds
-from zteam.config.problems import KeyValueError, problems_of
+from zteam.config.numbers import parse_number
 from zteam.config.resources import read_file
-from zteam.errors import ConfigError, UsageError
+from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import FAR, Pose2, turn_problem
 from zteam.messages import NavigationStatus, Odometry, Tick
 from zteam.navigation.client import GoalWatch, NavigationClient, TaskResult, find_robot_id, goal_message
@@ -27,7 +25,7 @@ _CANCEL_LIMIT = 1.0
 """Host seconds for all robots to give up their goals when the process ends."""
 _MAX_BYTES = 2 * 2**20
 _EXAMPLE = "{robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"
-Metres = Annotated[float, msgspec.Meta(ge=-FAR, le=FAR)]
+_KEYS = ("robot", "x", "y", "yaw")
 
 
 class FileGoal(NamedTuple):
@@ -40,57 +38,66 @@ class FileGoal(NamedTuple):
     line: int
 
 
-class _Entry(msgspec.Struct, forbid_unknown_fields=True):
-    """A goal as it is written."""
-
-    x: Metres
-    y: Metres
-    robot: int | str | None = None
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        if problem := turn_problem(self.yaw):
-            raise KeyValueError("yaw", problem)
-
-
 def read_goals(path: Path, *, spread: bool = False) -> list[FileGoal]:
     """The goals of a YAML list; with `spread` they need no robot. Raises ConfigError with a line for each mistake."""
     import yaml
 
     data = read_file(path, "file of goals", _MAX_BYTES, ConfigError)
     try:
-        loader = yaml.SafeLoader(data.decode("utf-8-sig"))
-        root = loader.get_single_node()
-        entries = None if root is None else loader.construct_document(root)
+        # Not loaded, for YAML makes 8 of `010` and 90 of `1:30`.
+        root = yaml.compose(data.decode("utf-8-sig"), yaml.SafeLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not YAML: {' '.join(str(error).split()):.200}") from None
-    if root is None or not isinstance(entries, list) or not entries:
-        raise ConfigError(f"{path}: a list of goals is expected, such as - {_EXAMPLE}")
-    goals, mistakes = [], []
-    for node, entry in zip(root.value, entries, strict=True):
-        line = node.start_mark.line + 1
-        try:
-            goals.append(_read_goal(entry, line, spread=spread))
-        except UsageError as error:
-            mistakes += [f"{path}:{line}: {text}" for text in str(error).splitlines()]
+        mark, text = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error)
+        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
+        raise ConfigError(f"{place}: not YAML: {' '.join(text.split()):.200}") from None
+    if not isinstance(root, yaml.SequenceNode) or not root.value:
+        raise ConfigError(f"{path}:{_line(root) if root else 1}: a list of goals is expected, such as - {_EXAMPLE}")
+    mistakes: list[tuple[int, str]] = []
+    goals = [_read_goal(node, spread, mistakes) for node in root.value]
     if mistakes:
-        raise ConfigError("\n".join(mistakes))
-    return goals
+        raise ConfigError("\n".join(f"{path}:{line}: {text}" for line, text in sorted(mistakes)))
+    return [goal for goal in goals if goal is not None]
 
 
-def _read_goal(entry: Any, line: int, *, spread: bool) -> FileGoal:
-    """One goal. Raises UsageError with a line for each mistake."""
-    if not isinstance(entry, dict):
-        raise UsageError(f"a goal is expected, such as {_EXAMPLE}")
-    table = {str(key): value for key, value in entry.items()}
-    problems = [str(problem) for problem in problems_of(table, _Entry)]
-    if not spread and table.get("robot") is None:
-        problems.append("the key robot is missing, or name the robots that share the goals: --spread 0-3")
-    if problems:
-        raise UsageError("\n".join(problems))
-    goal = msgspec.convert(table, _Entry)
-    robot = None if goal.robot is None else find_robot_id(str(goal.robot))
-    return FileGoal(robot, Pose2(goal.x, goal.y, goal.yaw), line)
+def _line(node: Any) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _read_goal(node: Any, spread: bool, mistakes: list[tuple[int, str]]) -> FileGoal | None:
+    """The goal of a node of YAML, and what is wrong with it by line; None if anything is."""
+    if node.id != "mapping":
+        mistakes.append((_line(node), f"a goal is expected, such as {_EXAMPLE}"))
+        return None
+    found: dict[str, Any] = {}
+    for key, value in node.value:
+        # A list or table counts as no text: that of nested aliases may have no end.
+        name, text = (part.value if isinstance(part.value, str) else "" for part in (key, value))
+        try:
+            if name in found:
+                raise UsageError(f"{name} is given twice")
+            found[name] = None
+            found[name] = _value(name, text)
+        except UsageError as error:
+            mistakes.append((_line(key), str(error)))
+    for name in _KEYS[1:3] if spread else _KEYS[:3]:
+        if name not in found:
+            hint = ", or name the robots that share the goals: --spread 0-3" if name == "robot" else ""
+            mistakes.append((_line(node), f"the key {name} is missing{hint}"))
+    if mistakes:
+        return None
+    return FileGoal(found.get("robot"), Pose2(found["x"], found["y"], found.get("yaw", 0.0)), _line(node))
+
+
+def _value(name: str, text: str) -> float:
+    """A key's value. Raises UsageError."""
+    if name not in _KEYS:
+        raise UsageError(f"unknown key {name!r:.40}{did_you_mean(name, _KEYS)}; known: {', '.join(_KEYS)}")
+    if name == "robot":
+        return find_robot_id(text)
+    value = parse_number(text, -FAR, FAR, f"{name} in {'radians' if name == 'yaw' else 'metres'}")
+    if name == "yaw" and (problem := turn_problem(value)):
+        raise UsageError(f"yaw: {problem}")
+    return value
 
 
 class Rounds:

@@ -34,11 +34,12 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_goals_keep_their_order_and_lines(tmp_path: Path) -> None:
-    """A robot is named by its id or its name; yaw may be left out.
+    """A robot is named by its id or its name; yaw may be left out; numbers come in any notation.
     With robots that share goals, these may leave the robot out."""
-    text = "# a tour\n- {robot: 1, x: 22.0, y: -17, yaw: 1.57}\n- robot: robot_2\n  x: 4.5\n  y: 0.1\n"
-    goals = read_goals(write(tmp_path, text))
-    assert goals == [FileGoal(1, Pose2(22.0, -17.0, 1.57), 2), FileGoal(2, Pose2(4.5, 0.1, 0.0), 3)]
+    text = "# a tour\n- {robot: 1, x: 22.0, y: -17, yaw: 1.57}\n- robot: robot_2\n  x: 4.5e0\n  y: 1e-1\n"
+    goals = read_goals(write(tmp_path, text + "- {robot: 010, x: 017, y: 1}\n"))
+    assert goals[:2] == [FileGoal(1, Pose2(22.0, -17.0, 1.57), 2), FileGoal(2, Pose2(4.5, 0.1, 0.0), 3)]
+    assert goals[2] == FileGoal(10, Pose2(17.0, 1.0, 0.0), 6)
     assert [goal.robot for goal in read_goals(write(tmp_path, "- {x: 1, y: 2}\n"), spread=True)] == [None]
 
 
@@ -47,16 +48,19 @@ def test_goals_keep_their_order_and_lines(tmp_path: Path) -> None:
     [
         ("- {robot: 1, x: 1}\n", [":1: the key y is missing"]),
         ("- {x: 1, y: 2}\n", [":1: the key robot is missing, or name the robots that share the goals: --spread 0-3"]),
-        ("- {robot: 1, x: 1, y: 2, yaww: 3}\n", [":1: yaww: unknown key (did you mean yaw?); known: x, y, robot, yaw"]),
+        ("- {robot: 1, x: 1, y: 2, yaww: 3}\n", [":1: unknown key 'yaww' (did you mean yaw?); known: robot, x, "]),
+        ("- {robot: 1, x: 1, x: 2, y: 2}\n", [":1: x is given twice"]),
         ("- {robot: -1, x: 1, y: 2}\n", [":1: robot id '-1' is not a whole number from 0 to 9999"]),
-        ("- {robot: 1, x: .nan, y: 2}\n", [":1: x: a number of at least -1e+06 is expected"]),
-        ("- {robot: 1, x: a, y: [2]}\n", [":1: x: a number is expected, not ", ":1: y: a number is expected, not "]),
+        ("- {robot: 1, x: .nan, y: 1:30}\n", [":1: '.nan': give x in metres from -1e+06 to", ":1: '1:30': give y"]),
+        ("- {robot: 1, x: a, y: [2]}\n", [":1: '': give y in metres", ":1: 'a': give x in metres"]),
         ("- {robot: 1, x: 1, y: 2, yaw: 90}\n", [":1: yaw: 90 is more than a full turn; angles are radians"]),
+        ("- robot: 1\n  x: 1\n  y: q\n  z: 1\n", [":3: 'q': give y in metres", ":4: unknown key 'z'"]),
+        ("- &a {robot: 1, x: 1, y: 2, ? *a : 3}\n", [":1: unknown key ''"]),
         ("- 3\n", [":1: a goal is expected, such as {robot: 1, x: 3.0, y: 4.0, yaw: 1.57}"]),
-        ("goals: []\n", [": a list of goals is expected"]),
-        ("[]\n", [": a list of goals is expected"]),
-        ("", [": a list of goals is expected"]),
-        ("- {robot: 1}: 3: 4\n", [": not YAML: "]),
+        ("\ngoals: []\n", [":2: a list of goals is expected"]),
+        ("[]\n", [":1: a list of goals is expected"]),
+        ("", [":1: a list of goals is expected"]),
+        ("- {robot: 1}\n- {robot: 1}: 3: 4\n", [":2: not YAML: "]),
         ("\0", [": not YAML: "]),
         ("[" * 1_000, [": not YAML: "]),
         ("- {robot: 1, x: 1, y: 2}\n- {robot: 1, x: 3}\n\n- {robot: q, x: 1, y: 2}\n", [":2: the key y", ":4: robot "]),
