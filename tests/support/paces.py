@@ -7,7 +7,7 @@ from msgspec import structs
 
 from studies.on_time import run_on_time
 from zteam.simulator.client import SimReport
-from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.plan import Pace, TeamLaunch
 from zteam.team.testing.team import TeamFixture
 
 REAL_TIME = pytest.param("real time", marks=[pytest.mark.real_time, pytest.mark.ci])

@@ -21,7 +21,7 @@ from zteam.simulator.client import SimulatorClient
 from zteam.team.file.reading import read_team_file
 from zteam.team.launch import supervisor as supervising
 from zteam.team.launch.check import check_team
-from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.plan import Pace, TeamLaunch
 from zteam.team.run import processes as running
 from zteam.team.run.processes import ANY_PORT, Processes
 from zteam.team.run.team_run import TeamRun

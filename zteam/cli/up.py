@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from zteam.bus import BusOptions
     from zteam.cli.up_display import RunDisplay
     from zteam.node.shutdown import Stop
-    from zteam.team.launch.team_launch import TeamLaunch
+    from zteam.team.launch.plan import TeamLaunch
     from zteam.team.launch.warm_parent import WarmParent
     from zteam.team.run.report import RunReport
     from zteam.team.run.team_run import TeamRun
@@ -219,7 +219,7 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.team.file.reading import read_team_file
     from zteam.team.file.sources import parse_arguments
     from zteam.team.launch.check import check_team, refuse_nodes
-    from zteam.team.launch.team_launch import Pace, TeamLaunch
+    from zteam.team.launch.plan import Pace, TeamLaunch
     from zteam.team.run.report import check_writable
 
     if args.report:

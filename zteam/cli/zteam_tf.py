@@ -28,7 +28,7 @@ def _options(args: argparse.Namespace) -> AggregatorOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team.file.reading import load_team
     from zteam.team.file.sources import parse_arguments
-    from zteam.team.launch.team_launch import aggregator_options
+    from zteam.team.launch.plan import aggregator_options
 
     if not args.team:
         return AggregatorOptions(rate=args.rate)

@@ -2,7 +2,7 @@
 
 The plan, the launcher, the `team` fixture and `zteam doctor` read it. A new kind of process needs its options
 (`process_options`) and its part (`team.parts`), its command under `cli/`, its row here, and what it is told of a team
-(`team.launch.team_launch`).
+(`team.launch.plan`).
 """
 
 from collections.abc import Callable

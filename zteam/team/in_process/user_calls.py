@@ -7,7 +7,7 @@ from threading import Event, Thread
 
 from zteam.node.faults import dump_stacks, unreturned_calls
 from zteam.node.working import WORK, hanging, working_for
-from zteam.team.launch.team_launch import Pace
+from zteam.team.launch.plan import Pace
 
 log = logging.getLogger("zteam")
 

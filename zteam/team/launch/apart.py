@@ -10,10 +10,9 @@ from typing import NoReturn
 
 from zteam import names
 from zteam.errors import UsageError, did_you_mean
-from zteam.team.launch.plan import plan_team
+from zteam.team.launch.plan import TeamLaunch, plan_team
 from zteam.team.launch.process import environment_of
 from zteam.team.launch.supervisor import Job
-from zteam.team.launch.team_launch import TeamLaunch
 
 _HEAD = """\
 # Made by: {made}

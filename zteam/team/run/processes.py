@@ -19,10 +19,9 @@ from zteam.node.launcher import Report
 from zteam.node.process_options import to_line
 from zteam.node.shutdown import Stop
 from zteam.team.chaos.means import Wire, no_link
-from zteam.team.launch.plan import MEMBER, LaunchPlan
+from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch
 from zteam.team.launch.process import Process, exit_text
 from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.security.access import OPERATOR, Rights, rights_of
 

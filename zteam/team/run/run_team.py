@@ -14,10 +14,9 @@ from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.team.file.reading import read_team_file
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import with_faults
+from zteam.team.launch.plan import Pace, TeamLaunch, with_faults
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.supervisor import Member
-from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.run.processes import warn_of_endpoint
 from zteam.team.run.report import RunReport
 from zteam.team.run.team_run import TeamRun

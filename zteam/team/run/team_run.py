@@ -26,11 +26,10 @@ from zteam.node.shutdown import HUNG, Stop
 from zteam.robot.client import StartRequest
 from zteam.team.chaos.carry_out import ChaosReport, Watchdog, carry_out_beside
 from zteam.team.chaos.means import Means, Signals
-from zteam.team.launch.plan import LaunchPlan, plan_team, robot_job, stop_order
+from zteam.team.launch.plan import LaunchPlan, TeamLaunch, plan_team, robot_job, stop_order
 from zteam.team.launch.process import exit_text
 from zteam.team.launch.progress import Progress, Recoveries, TeamOverview, holders_of_first_tick
 from zteam.team.launch.supervisor import GRACE, Again, Member, log_failure
-from zteam.team.launch.team_launch import TeamLaunch
 from zteam.team.run.processes import claim_namespace
 from zteam.team.run.report import RunReport, complete, process_row, read_report, seconds_since_start
 

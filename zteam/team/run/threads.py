@@ -33,9 +33,8 @@ from zteam.robot.process.inputs import TransformInputs
 from zteam.team.chaos.means import no_link
 from zteam.team.in_process.bridge import NodeSessions
 from zteam.team.in_process.user_calls import CallWatch
-from zteam.team.launch.plan import LaunchPlan
+from zteam.team.launch.plan import LaunchPlan, Pace, TeamLaunch, options_of
 from zteam.team.launch.supervisor import Supervisor
-from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
 from zteam.team.parts import Part, monitor_part, part_of, robot_part
 from zteam.team.run.processes import ROUTER_DEADLINE, lease_for, node_environment, refuse_second_team
 

@@ -33,10 +33,9 @@ from zteam.team.chaos.means import Means
 from zteam.team.file.reading import read_team_file, read_team_tables
 from zteam.team.file.sources import argument_texts
 from zteam.team.launch.check import check_team, refuse_nodes
-from zteam.team.launch.plan import command_line, is_own
+from zteam.team.launch.plan import Pace, TeamLaunch, command_line, is_own
 from zteam.team.launch.process import Process, zteam_command
 from zteam.team.launch.supervisor import GRACE, Job
-from zteam.team.launch.team_launch import Pace, TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.own_code import search_folders
 from zteam.team.run.processes import ANY_PORT, Processes

@@ -15,7 +15,7 @@ from zteam.node.working import StepWatch, working_for
 from zteam.team.in_process import user_calls
 from zteam.team.in_process.delivery import Delivery
 from zteam.team.in_process.user_calls import CallWatch, end_user_calls
-from zteam.team.launch.team_launch import Pace
+from zteam.team.launch.plan import Pace
 
 PACE = Pace(lockstep=True, timeout=0.05)
 

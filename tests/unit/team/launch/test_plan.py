@@ -28,12 +28,11 @@ from zteam.node.process_options import (
 )
 from zteam.team.file.entries import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, static_transform
 from zteam.team.file.reading import load_team
-from zteam.team.launch import team_launch
+from zteam.team.launch import plan as planning
 from zteam.team.launch.fork_server import PRELOADS
-from zteam.team.launch.plan import MEMBER, LaunchPlan, plan_team, robot_job, stop_order
+from zteam.team.launch.plan import MEMBER, LaunchPlan, Pace, TeamLaunch, options_of, plan_team, robot_job, stop_order
 from zteam.team.launch.process import zteam_command
 from zteam.team.launch.supervisor import Job
-from zteam.team.launch.team_launch import Pace, TeamLaunch, options_of
 
 WORLD = Path("/w/office.world")
 T = TypeVar("T")
@@ -251,8 +250,8 @@ def test_one_row_is_all_that_a_further_kind_needs(monkeypatch: pytest.MonkeyPatc
     """It starts after the others with the row's options, stops with its rank, and lock-step waits for it."""
     row = Kind(title="planner", name="planner", command="zteam-monitor", stop_rank=2, in_lockstep=True)
     monkeypatch.setattr(kinds, "KINDS", (*KINDS, row))
-    options = {**team_launch.OPTIONS, "planner": lambda launch: {"planner": MonitorOptions(len(launch.team.robots))}}
-    monkeypatch.setattr(team_launch, "OPTIONS", options)
+    options = {**planning.OPTIONS, "planner": lambda launch: {"planner": MonitorOptions(len(launch.team.robots))}}
+    monkeypatch.setattr(planning, "OPTIONS", options)
     plan = plan_of(pace=Pace(lockstep=True))
     assert list(plan.own)[-1] == "planner"
     assert told(plan, "planner", MonitorOptions) == MonitorOptions(4)

@@ -14,7 +14,7 @@ import zteam
 from support.limits import LIMIT
 from zteam.clock import HOST_FACTOR
 from zteam.messages import Bool, LaserScan, RobotStatus
-from zteam.team.launch.team_launch import Pace
+from zteam.team.launch.plan import Pace
 from zteam.team.run import run_team as running
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'

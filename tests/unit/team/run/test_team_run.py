@@ -24,10 +24,9 @@ from zteam.node.shutdown import Stop
 from zteam.robot.client import start_robot
 from zteam.simulator.client import SimStatus
 from zteam.team.file.entries import RobotEntry, Team
-from zteam.team.launch.plan import MEMBER
+from zteam.team.launch.plan import MEMBER, TeamLaunch
 from zteam.team.launch.process import Process
 from zteam.team.launch.supervisor import Job, Supervisor
-from zteam.team.launch.team_launch import TeamLaunch
 from zteam.team.launch.warm_parent import WarmParent
 from zteam.team.run.processes import Processes, node_environment
 from zteam.team.run.team_run import TeamRun

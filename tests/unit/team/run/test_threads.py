@@ -17,8 +17,7 @@ from zteam.navigation.planning.map_files import write_map
 from zteam.node.kinds import KINDS
 from zteam.team.file.entries import RobotEntry, Team
 from zteam.team.file.reading import load_team
-from zteam.team.launch.plan import plan_team
-from zteam.team.launch.team_launch import Pace, TeamLaunch
+from zteam.team.launch.plan import Pace, TeamLaunch, plan_team
 from zteam.team.run.team_run import TeamRun
 from zteam.team.run.threads import Threads, open_outside, parts_of
 
