@@ -19,8 +19,8 @@ import msgspec
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey, EllipticCurvePublicKey
-from cryptography.x509 import Certificate, CertificateBuilder, GeneralName
+from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+from cryptography.x509 import Certificate, GeneralName
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from zteam.bus.options import TlsFiles
@@ -86,71 +86,6 @@ def unreadable(path: Path, error: OSError) -> ZteamError:
     return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
 
 
-def new_key() -> EllipticCurvePrivateKey:
-    """Of an authority or a process."""
-    return ec.generate_private_key(ec.SECP256R1())
-
-
-def key_bytes(key: EllipticCurvePrivateKey) -> bytes:
-    """PEM, without a password."""
-    encoding, kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
-    return key.private_bytes(encoding, kind, serialization.NoEncryption())
-
-
-def sign_process(
-    common_name: str,
-    key: EllipticCurvePrivateKey,
-    expires: datetime,
-    issuer: tuple[EllipticCurvePrivateKey, Certificate],
-    places: Sequence[GeneralName],
-) -> bytes:
-    """The certificate of a process, which is a client, PEM. With `places` it may also be a server there: clients check
-    both."""
-    issuer_key, own = issuer
-    builder, uses = _builder(common_name, key, expires, own), [ExtendedKeyUsageOID.CLIENT_AUTH]
-    if places:
-        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
-        builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(places)), critical=False)
-    return _signed(builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False), issuer_key)
-
-
-def _builder(
-    common_name: str, key: EllipticCurvePrivateKey, expires: datetime, issuer: Certificate | None = None
-) -> CertificateBuilder:
-    """What all certificates have. Without `issuer` it is that of an authority."""
-
-    def named(text: str) -> x509.Name:
-        return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
-
-    is_authority, public = issuer is None, key.public_key()
-    signer = public if issuer is None else issuer.public_key()
-    assert isinstance(signer, EllipticCurvePublicKey)
-    usage = x509.KeyUsage(
-        digital_signature=not is_authority,
-        key_cert_sign=is_authority,
-        crl_sign=is_authority,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        encipher_only=False,
-        decipher_only=False,
-    )
-    return (
-        x509.CertificateBuilder()
-        .subject_name(named(common_name))
-        .issuer_name(named(common_name if issuer is None else name_in(issuer)))
-        .public_key(public)
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now() - _MARGIN)
-        .not_valid_after(expires)
-        .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
-        .add_extension(usage, critical=True)
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
-        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer), critical=False)
-    )
-
-
 def places_of(hosts: Iterable[str]) -> list[GeneralName]:
     """Names and addresses of machines as a certificate has them. Raises UsageError."""
     found: list[GeneralName] = []
@@ -162,10 +97,6 @@ def places_of(hosts: Iterable[str]) -> list[GeneralName]:
                 raise UsageError(f"host {host!r}: give the name or the IP address of a machine") from None
             found.append(x509.DNSName(host))
     return found
-
-
-def _signed(builder: CertificateBuilder, key: EllipticCurvePrivateKey) -> bytes:
-    return builder.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
 def load_certificate(path: Path) -> Certificate:
@@ -247,10 +178,8 @@ class Authority:
 
     def make(self) -> datetime:
         """Make the authority's own key and certificate; when that ends."""
-        key, expires = new_key(), now() + timedelta(days=MAX_DAYS)
-        name = f"zteam {secrets.token_hex(4)}"
-        self._write(CA_KEY, key_bytes(key))
-        self._write(CA, _signed(_builder(name, key, expires), key))
+        expires = now() + timedelta(days=MAX_DAYS)
+        self._write_pair("ca", f"zteam {secrets.token_hex(4)}", expires)
         self._save_index()
         return expires
 
@@ -276,10 +205,7 @@ class Authority:
         # Before the files: a certificate in the folder is one that the index knows.
         self._save_index()
         for name, issued in zip(names, found, strict=True):
-            key = new_key()
-            content = sign_process(f"{name}.{issued.serial}", key, expires, own, places if name == ROUTER else ())
-            self._write(f"{name}.key", key_bytes(key))
-            self._write(f"{name}.pem", content)
+            self._write_pair(name, f"{name}.{issued.serial}", expires, own, places if name == ROUTER else ())
         return found
 
     def revoke(self, name: str, serial: int | None = None) -> list[int]:
@@ -336,6 +262,53 @@ class Authority:
                 f"{self.folder / CA} has expired on {own.not_valid_after_utc:%Y-%m-%d}: {_anew(self.folder)}"
             )
         return key, own
+
+    def _write_pair(
+        self,
+        file: str,
+        common_name: str,
+        expires: datetime,
+        issuer: tuple[EllipticCurvePrivateKey, Certificate] | None = None,
+        places: Sequence[GeneralName] = (),
+    ) -> None:
+        """Write a new key, and its certificate: the authority's own without an `issuer`, else that of a process, which
+        is a client. With `places` it may also be a server there: clients check both."""
+        key, is_authority = ec.generate_private_key(ec.SECP256R1()), issuer is None
+        public, name = key.public_key(), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+        signer = key if issuer is None else issuer[0]
+        usage = x509.KeyUsage(
+            digital_signature=not is_authority,
+            key_cert_sign=is_authority,
+            crl_sign=is_authority,
+            content_commitment=False,
+            key_encipherment=False,
+            data_encipherment=False,
+            key_agreement=False,
+            encipher_only=False,
+            decipher_only=False,
+        )
+        builder = (
+            x509.CertificateBuilder()
+            .subject_name(name)
+            .issuer_name(name if issuer is None else issuer[1].subject)
+            .public_key(public)
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(now() - _MARGIN)
+            .not_valid_after(expires)
+            .add_extension(x509.BasicConstraints(is_authority, 0 if is_authority else None), critical=True)
+            .add_extension(usage, critical=True)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+            .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False)
+        )
+        uses = [] if is_authority else [ExtendedKeyUsageOID.CLIENT_AUTH]
+        if places:
+            uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+            builder = builder.add_extension(x509.SubjectAlternativeName(dict.fromkeys(places)), critical=False)
+        if uses:
+            builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+        pem, form = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+        self._write(f"{file}.key", key.private_bytes(pem, form, serialization.NoEncryption()))
+        self._write(f"{file}.pem", builder.sign(signer, hashes.SHA256()).public_bytes(pem))
 
     def _save_index(self) -> None:
         self._write(INDEX, _json(self.index))
