@@ -81,9 +81,11 @@ class Index(msgspec.Struct):
         return found[-1] if found else None
 
 
-def unreadable(path: Path, error: OSError) -> ZteamError:
-    """The error of a file that cannot be read."""
-    return ZteamError(f"{path}: {error.strerror or error}: make it readable for this user")
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ZteamError(f"{path}: {error.strerror or error}: make it readable for this user") from None
 
 
 def places_of(hosts: Iterable[str]) -> list[GeneralName]:
@@ -102,9 +104,7 @@ def places_of(hosts: Iterable[str]) -> list[GeneralName]:
 def load_certificate(path: Path) -> Certificate:
     """The one in a PEM file. Raises ZteamError."""
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
-    except OSError as error:
-        raise unreadable(path, error) from None
+        return x509.load_pem_x509_certificate(_read(path))
     except ValueError:
         raise ZteamError(f"{path}: this is no certificate in PEM form: restore it, or issue the next one") from None
 
@@ -150,11 +150,7 @@ def read_index(folder: Path) -> Index:
 def _read_index(folder: Path) -> Index:
     path = folder / INDEX
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Index)
-    except FileNotFoundError:
-        return Index()
-    except OSError as error:
-        raise unreadable(path, error) from None
+        return msgspec.json.decode(_read(path), type=Index) if path.exists() else Index()
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         text = f"{path}: {error}: restore it, or make a new folder with 'zteam certs init --folder NEW'"
         raise ZteamError(text) from None
@@ -249,9 +245,7 @@ class Authority:
         if not path.exists():
             raise ZteamError(f"{path}: no such file: issue certificates where 'zteam certs init' made the authority")
         try:
-            key = serialization.load_pem_private_key(path.read_bytes(), None)
-        except OSError as error:
-            raise unreadable(path, error) from None
+            key = serialization.load_pem_private_key(_read(path), None)
         except (ValueError, TypeError):
             key = None
         own = load_certificate(self.folder / CA)
