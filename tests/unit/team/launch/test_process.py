@@ -13,6 +13,7 @@ import pytest
 
 from support.limits import LIMIT
 from support.started_child import Started, has_ended
+from support.transports import wait_until_true
 from zteam.bus.options import RouterOptions
 from zteam.node.kinds import ROUTER
 from zteam.node.launcher import Page, Report
@@ -126,8 +127,7 @@ def test_the_end_of_the_link_stops_a_member() -> None:
     """As the launcher's end does."""
     router = Started(spawn, [*MEMBER])
     router.process.write_line(to_line(ROUTER, RouterOptions(("tcp/127.0.0.1:0",))))
-    assert router.up.wait(LIMIT)
-    assert router.process.report.listening.startswith("tcp/127.0.0.1:")
+    wait_until_true(lambda: router.process.report.listening.startswith("tcp/127.0.0.1:"))
     router.process._link.shutdown(socket.SHUT_RDWR)
     assert router.finish() == 0
 
