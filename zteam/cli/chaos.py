@@ -10,11 +10,11 @@ from zteam import names
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError, ZteamError
+from zteam.node.output import print_block, print_json, print_line
 
 if TYPE_CHECKING:
     from zteam.bus import Bus

@@ -16,16 +16,16 @@ from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
-from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
-from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
+from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.node import Node
+from zteam.node.output import print_block, print_json, print_line
 from zteam.node.process_node import run_node
 from zteam.robot.client import pause_lists
 

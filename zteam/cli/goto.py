@@ -11,9 +11,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import PERIOD, ProgressLine
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_tool
-from zteam.cli.output import print_json, print_line
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
 from zteam.cli.tool_clock import open_clock, still_text
@@ -24,6 +22,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Duration, NavigationState
 from zteam.messages.planar import pose2_of
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
+from zteam.node.live_line import PERIOD, ProgressLine
+from zteam.node.output import print_json, print_line
 from zteam.node.stopping import STOPPED
 from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of

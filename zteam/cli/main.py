@@ -6,8 +6,8 @@ from functools import partial
 from typing import NoReturn
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
-from zteam.cli.output import guarded, print_block, print_line
 from zteam.node.leaving import leave
+from zteam.node.output import guarded, print_block, print_line
 
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),

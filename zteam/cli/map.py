@@ -10,13 +10,13 @@ from zteam.bus import Bus
 from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import print_line
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.map_files import to_three_values, write_map
+from zteam.node.output import print_line
 
 
 def build_parser() -> Parser:

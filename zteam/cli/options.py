@@ -11,12 +11,12 @@ from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
 from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.output import OutputError, guarded, print_line
 from zteam.cli.usage import answer, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.node.faults import shortage_text
 from zteam.node.logs import LEVELS, start_logging
+from zteam.node.output import OutputError, guarded, print_line
 from zteam.node.ps_name import show_name
 
 if TYPE_CHECKING:

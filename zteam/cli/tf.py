@@ -16,7 +16,6 @@ from zteam.bus.graph import SURVEY, near_keys
 from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, checked, run_tool
-from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import pause
@@ -24,6 +23,7 @@ from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import TFMessage, TransformStamped, to_json
+from zteam.node.output import print_block, print_json, print_line
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.causes import NO_AGGREGATOR, find_last, names_in, why_refused
 from zteam.transforms.client import (

@@ -30,7 +30,6 @@ from zteam.cli.listening import (
     where_to_look,
 )
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, run_tool
-from zteam.cli.output import print_block, print_json, print_line
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import AutoClock, monotonic, to_seconds
@@ -40,6 +39,7 @@ from zteam.errors import DecodeError, UsageError, ZteamError, printable
 from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
+from zteam.node.output import print_block, print_json, print_line
 
 
 class _Audience:

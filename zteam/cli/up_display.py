@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from zteam.cli.live_line import LiveLine, has_color, has_live_line
-from zteam.cli.output import Clean, painted, print_line
 from zteam.cli.progress_text import bar, progress_line
 from zteam.errors import printable
+from zteam.node.live_line import LiveLine, has_color, has_live_line
+from zteam.node.output import Clean, painted, print_line
 from zteam.team.launch.progress import Overview, TeamOverview
 
 log = logging.getLogger("zteam")

@@ -14,6 +14,8 @@ from zteam.messages import RobotDriver, RobotState
 from zteam.monitor.process.members import Event, KnownRobot
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.launcher import Restarted, restarts_text
+from zteam.node.live_line import LiveLine
+from zteam.node.output import painted, print_block
 from zteam.node.stopping import STOPPED
 
 _PIPE_WIDTH = 80
@@ -23,6 +25,12 @@ _LEFT = 3
 """Columns of text; the others are numbers."""
 _BEHAVIOR_WIDTH = 20
 _GAP = 2
+_COLORS: Mapping[str, int | str] = {
+    "ready": 36, "running": 32, "stopped": 33, "fault": 31, "lost": "1;31", "silent": 31, "boot": 37, "absent": 2,
+}  # fmt: skip
+"""Of ECMA-48, by the state."""
+_EVENTS: Mapping[str, int | str] = {"go": "1;32", "lost": "1;31", "fault": 31, "silent": 31, "link": 33, "process": 31}
+"""Colours of ECMA-48, by the kind of event; others have none."""
 
 
 class Row(msgspec.Struct):
@@ -143,17 +151,13 @@ def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
 
 
-def _print(text: str) -> None:
-    print(printable(text, "\n"), flush=True)  # noqa: T201
-
-
 class Lines:
     """Where events and tables go: lines of text, on standard output unless `write` has another place for them."""
 
     is_live = False
     """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
 
-    def __init__(self, write: Callable[[str], None] = _print) -> None:
+    def __init__(self, write: Callable[[str], None] = print_block) -> None:
         self._write = write
 
     def show(self, event: Event) -> None:
@@ -175,3 +179,29 @@ class JsonLines(Lines):
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
         line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
         self._write(printable_json(msgspec.json.encode(line).decode()))
+
+
+class LiveTable(Lines):
+    """Events as lines of a terminal, and below them the table as it was when it was drawn last."""
+
+    is_live = True
+
+    def __init__(self, live: LiveLine) -> None:
+        super().__init__(live.print)
+        self._live = live
+
+    def show(self, event: Event) -> None:
+        color = _EVENTS.get(event.kind, 0)
+        self._write(painted(event.sentence, color) if self._live.has_color else event.sentence)
+
+    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
+        lines = format_table(rows, notes, self._live.size().columns)
+
+        def paint(number: int, text: str) -> str:
+            if not number:
+                return painted(text, 1)
+            _, state, begin = lines[number]
+            end = begin + len(state)
+            return f"{text[:begin]}{painted(text[begin:end], _COLORS.get(state, 0))}{text[end:]}" if state else text
+
+        self._live.show("\n".join(line.text for line in lines), paint)
