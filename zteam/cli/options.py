@@ -5,7 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, TlsFiles, check_endpoint, give_up_from_environment
@@ -18,9 +18,6 @@ from zteam.node.faults import shortage_text
 from zteam.node.logs import LEVELS, start_logging
 from zteam.node.output import OutputError, guarded, print_line
 from zteam.node.ps_name import show_name
-
-if TYPE_CHECKING:
-    from zteam.node.process_options import ProcessOptions
 
 T = TypeVar("T")
 
@@ -202,28 +199,6 @@ def run_tool(
     if read is not None:
         checked(args, lambda: read(args))
     return run(name or parser.prog, args, lambda: (body or args.act)(args) or 0, needs_output=needs_output)
-
-
-def run_process(
-    build_parser: Callable[[], argparse.ArgumentParser],
-    read: "Callable[[argparse.Namespace], tuple[str, Callable[[], ProcessOptions]]]",
-    argv: Sequence[str] | None = None,
-    *,
-    needs_output: bool = True,
-) -> int:
-    """Be the process of one kind; its exit code.
-
-    `read(args)` is the name of the process and what makes its options, once the log is there, of a command line.
-    """
-    args = build_parser().parse_args(argv)
-    name, make_options = checked(args, lambda: read(args))
-    return run(name, args, lambda: _be(name, args, make_options()), needs_output=needs_output)
-
-
-def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
-    from zteam.team.member import run_member
-
-    return run_member(name, options, lambda small: bus_options(args, small=small), getattr(args, "clock", None))
 
 
 def fail(name: str, error: ZteamError) -> int:
