@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from zteam.cli.arguments import add_path_option, folders_of
-from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.options import Parser, add_log_options, add_path_option, folders_of, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
 from zteam.node.output import print_block, print_json

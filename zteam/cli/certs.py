@@ -8,8 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.cli.arguments import add_option, add_repeated
-from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.options import Parser, add_log_options, add_option, add_repeated, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, did_you_mean

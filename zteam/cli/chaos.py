@@ -7,9 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS

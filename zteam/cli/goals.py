@@ -12,11 +12,10 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, checked, run
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids

@@ -9,11 +9,10 @@ from typing import Any
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_tool
-from zteam.cli.progress_text import duration_text
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, run_tool
 from zteam.cli.sim import parse_pose
+from zteam.cli.tables import duration_text
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, monotonic, to_seconds, wait_until
 from zteam.config.numbers import MAX_SECONDS, counted

@@ -12,9 +12,8 @@ import msgspec
 
 from zteam.bus import Bus
 from zteam.bus.graph import find_nodes
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus
-from zteam.cli.options import Parser, add_bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError, printable
 from zteam.names import is_wildcard

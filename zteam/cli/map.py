@@ -7,9 +7,8 @@ from typing import get_args
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError

@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import (
+from zteam.cli.options import (
+    Parser,
+    add_bus_options,
+    add_clock_option,
     add_go_timeout_option,
     add_option,
     add_options,
     add_path_option,
     add_repeated,
+    bus_options,
+    checked,
     folders_of,
     option_type,
     parse_speed,
     read_options,
+    run,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.config.numbers import parse_number
 from zteam.config.problems import problems_of
 from zteam.config.resources import find_world

@@ -10,9 +10,8 @@ from typing import TypeVar
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_option, option_type, parse_speed
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_json, add_option, option_type, parse_speed, run_tool
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids

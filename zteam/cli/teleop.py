@@ -13,10 +13,9 @@ from functools import partial
 
 from zteam import names
 from zteam.bus import Bus, connect
-from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import parse_robot_ids

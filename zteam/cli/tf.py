@@ -13,9 +13,17 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.graph import SURVEY, near_keys
-from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, checked, run_tool
+from zteam.cli.options import (
+    MAX_RATE,
+    Parser,
+    add_bus_options,
+    add_clock_option,
+    add_json,
+    add_option,
+    checked,
+    run_tool,
+)
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import pause

@@ -15,9 +15,16 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
-from zteam.cli.arguments import add_go_timeout_option, add_options, parse_speed
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
+from zteam.cli.options import (
+    Parser,
+    add_bus_options,
+    add_go_timeout_option,
+    add_options,
+    bus_options,
+    parse_speed,
+    run_tool,
+)
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.config.simulation_options import LockStepOptions, SimOptions

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.arguments import add_option
-from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.options import Parser, add_log_options, add_option, run_tool
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
 from zteam.errors import UsageError

@@ -9,9 +9,8 @@ import pytest
 
 from support.commands import command_of, exit_code
 from zteam.cli import bench, node
-from zteam.cli.arguments import add_options, parse_speed, read_options
 from zteam.cli.main import COMMANDS, main
-from zteam.cli.options import Parser
+from zteam.cli.options import Parser, add_options, parse_speed, read_options
 from zteam.cli.processes import parse_team
 from zteam.config.option import option
 from zteam.config.simulation_options import LockStepOptions, Options
