@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -196,17 +197,6 @@ def _nothing(has_aggregator: bool, text: str) -> str:
     return f"{text} (see 'zteam doctor')" if has_aggregator else NO_AGGREGATOR
 
 
-class _Position(msgspec.Struct):
-    """A robot's pose in `map`, or the reason why it is unknown."""
-
-    robot: str
-    x: float | None = None
-    y: float | None = None
-    yaw: float | None = None
-    stamp: float | None = None
-    why: str = ""
-
-
 def _show_positions(args: argparse.Namespace) -> None:
     """Print every robot's pose in `map`, once or at a rate."""
     with open_bus(args) as bus:
@@ -216,9 +206,9 @@ def _show_positions(args: argparse.Namespace) -> None:
         while True:
             found = _find_positions(listener.buffer)
             if args.json:
-                print_json([position for position, _ in found])
+                print_json(found)
             elif found:
-                print_line(*(line for _, line in found))
+                print_line(*map(_format_position, found))
             else:
                 print_line(_nothing(find_frames(bus) is not None, "no robots"))
             if wait is None:
@@ -226,23 +216,26 @@ def _show_positions(args: argparse.Namespace) -> None:
             wait()
 
 
-def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
-    """The pose of every robot that has a base, and its line; one without a path to `map` has a reason instead."""
+def _find_positions(buffer: Buffer) -> list[dict[str, Any]]:
+    """The pose in `map` of every robot that has a base; one without a path to it has a reason, `why`, instead."""
     found = []
     for child in buffer.frames():
         if names.is_robot_frame(child, names.BASE_FOOTPRINT):
-            robot = child.partition("/")[0]
+            place: dict[str, Any] = dict.fromkeys(("x", "y", "yaw", "stamp"))
+            why = ""
             try:
                 pose, stamp = buffer.lookup_pose2(names.MAP_FRAME, child, 0)
+                place = {**pose._asdict(), "stamp": stamp / 1e9}
             except TransformException as error:
-                position = _Position(robot, why=str(error).strip())
-                line = f"{robot:10} unknown: {position.why}"
-            else:
-                position = _Position(robot, *pose, stamp / 1e9)
-                x, y, yaw = pose
-                line = f"{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp / 1e9:.1f} s"
-            found.append((position, line))
-    return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)
+                why = str(error).strip()
+            found.append({"robot": child.partition("/")[0], **place, "why": why})
+    return sorted(found, key=lambda each: names.robot_id_of(each["robot"]) or 0)
+
+
+def _format_position(found: dict[str, Any]) -> str:
+    if found["why"]:
+        return f"{found['robot']:10} unknown: {found['why']}"
+    return "{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp:.1f} s".format(**found)
 
 
 def _hold_static(args: argparse.Namespace) -> None:

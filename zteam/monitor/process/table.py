@@ -68,39 +68,37 @@ def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Res
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
     rows = []
     for robot_id, member in sorted(team.members.items()):
-        name, lack = names.robot_name(robot_id), member.lack_of_data(now, ticks=team.ticks(now))
-        row = Row(name, _state(member), pose=poses.get(robot_id))
+        name, status = names.robot_name(robot_id), member.status
+        lack = member.lack_of_data(now, ticks=team.ticks(now))
+        row = Row(name, _state(member), pose=poses.get(robot_id), reason=_reason(member, lack))
         row.restarts = restarts[name].count if name in restarts else 0
-        rows.append(_filled(row, member, lack, now))
+        if status is not None:
+            row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
+            row.age = now - member.heard
+            # Without data its speed is an old one.
+            row.speed = None if lack or member.silent else status.speed
+            row.is_stopped = _is_held(member) and not member.silent
+        rows.append(row)
     return rows
 
 
-def _filled(row: Row, member: KnownRobot, lack: str, now: float) -> Row:
-    """The row with what the robot says of itself; `lack` says that it gets no data: then its speed is an old one."""
+def _is_held(member: KnownRobot) -> bool:
+    return member.alive and member.status is not None and member.status.is_stopped
+
+
+def _reason(member: KnownRobot, lack: str) -> str:
+    """Why it stands, or is not there; `lack` says that it gets no data."""
     status = member.status
-    if status is None:
-        row.reason = member.why_not_ready
-        return row
-    row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
-    row.age = now - member.heard
-    if member.silent:
-        row.reason = member.why_not_ready
-        return row
-    row.speed = None if lack else status.speed
-    row.is_stopped = status.is_stopped and member.alive
-    if row.is_stopped:
-        row.reason = STOPPED
-        return row
+    if status is None or member.silent:
+        return member.why_not_ready
+    if _is_held(member):
+        return STOPPED
     if status.state == RobotState.READY:
         # What GO waits for stands below the table.
-        return row
-    if lack:
-        row.reason = lack
-        return row
+        return ""
     # A robot of an older version says only in its text why it does not drive.
     reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
-    row.reason = short((member.absence or reason) if reason else "")
-    return row
+    return lack or short((member.absence or reason) if reason else "")
 
 
 def _state(member: KnownRobot) -> str:
@@ -146,7 +144,7 @@ def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence
     """The lines below the table: GO, or what it waits for, processes started again, robots that are stopped, and what
     else is wrong."""
     told = [restarts_text(restarts)] if restarts else []
-    held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
+    held = [i for i, member in team.members.items() if _is_held(member)]
     told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
 
