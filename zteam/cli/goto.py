@@ -50,7 +50,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Replace robot and pose by what they say. Raises UsageError."""
     args.robot = names.parse_robot_id(args.robot.strip())
     if args.cancel:
         if args.pose or args.no_wait or args.timeout:
@@ -85,7 +84,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     begin, watch = clock.steady(), client.send(goal_message(args.pose))
     with ProgressLine() as progress:
         try:
-            _follow(args, client, watch, waiter, clock, progress)
+            _follow(args, client, waiter, clock, progress)
         except KeyboardInterrupt:
             _give_up(client, "interrupted")
             progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
@@ -101,14 +100,11 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
 
 
 def _follow(
-    args: argparse.Namespace,
-    client: NavigationClient,
-    watch: GoalWatch,
-    waiter: Waiter,
-    clock: AutoClock,
-    progress: ProgressLine,
+    args: argparse.Namespace, client: NavigationClient, waiter: Waiter, clock: AutoClock, progress: ProgressLine
 ) -> None:
-    """Wait for the end of the goal; with --no-wait until it is sent."""
+    """Wait for the end of the client's goal; with --no-wait until it is sent."""
+    watch = client.watch
+    assert watch is not None
     begin, said = monotonic(), set[str]()
     moved_at, now = begin, clock.steady()
 

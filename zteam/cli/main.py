@@ -75,7 +75,6 @@ def start_command(name: str) -> NoReturn:
 
 
 def _run(module: str, arguments: Sequence[str]) -> int:
-    """Run the command of a module or of a process."""
     import importlib
 
     if module in PROCESSES and module != "zteam-router":

@@ -37,7 +37,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Raise UsageError for options that contradict each other."""
     if args.free >= args.occupied:
         raise UsageError(f"--free {args.free:g}, --occupied {args.occupied:g}: the first is to be below the second")
     if args.mode == "scale" and args.fmt == "pgm":

@@ -74,9 +74,10 @@ def _add_simulator(parser: Parser) -> None:
     add_options(parser, SimOptions, "seed", "map_resolution", "has_map")
     robots = parser.add_argument_group("robots")
     text = "add a robot to the world's own, e.g. 7:erratic:2.0:3.5:1.57"
-    add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text)
+    add_repeated(robots, "--add", "ID:MODEL:X:Y:YAW", text, type=option_type(_parse_addition))
     add_options(robots, SimOptions, "world_robots")
-    add_repeated(robots, "--gap", "FOLLOWER:LEADER", "measure the gap between two robots, e.g. 1:0")
+    text = "measure the gap between two robots, e.g. 1:0"
+    add_repeated(robots, "--gap", "FOLLOWER:LEADER", text, type=option_type(_parse_gap))
     time = parser.add_argument_group("time (docs/time.md)")
     add_options(time, SimOptions, "run_for", "until", "speed", "paused")
     time.add_argument("--lockstep", action="store_true", help="begin a tick when every participant has answered")
@@ -107,7 +108,7 @@ def _parse_gap(text: str) -> tuple[int, int]:
     """(follower, leader) of FOLLOWER:LEADER."""
     follower, colon, leader = text.partition(":")
     if not colon:
-        raise UsageError(f"--gap {text!r} is not FOLLOWER:LEADER, e.g. 1:0")
+        raise UsageError(f"{text!r} is not FOLLOWER:LEADER, e.g. 1:0")
     return names.parse_robot_id(follower), names.parse_robot_id(leader)
 
 
@@ -119,12 +120,9 @@ def _parse_addition(text: str) -> tuple[int, str, Pose2]:
     try:
         robot_id, model, x, y, yaw = text.split(":")
     except ValueError:
-        raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
-    try:
-        pose = Pose2(*(parse_number(word, -MAX_PLACE, MAX_PLACE, "metres and radians") for word in (x, y, yaw)))
-        return names.parse_robot_id(robot_id), model, pose
-    except UsageError as error:
-        raise UsageError(f"--add {text!r}: {error}") from None
+        raise UsageError(f"{text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
+    pose = Pose2(*(parse_number(word, -MAX_PLACE, MAX_PLACE, "metres and radians") for word in (x, y, yaw)))
+    return names.parse_robot_id(robot_id), model, pose
 
 
 def _read_simulator(args: argparse.Namespace) -> Read:
@@ -132,8 +130,8 @@ def _read_simulator(args: argparse.Namespace) -> Read:
         SimOptions,
         args,
         world=Path(args.world),
-        added=tuple(map(_parse_addition, args.add)),
-        follows=dict(map(_parse_gap, args.gap)),
+        added=tuple(args.add),
+        follows=dict(args.gap),
         engine=_simulation_options(args),
         speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
         lockstep=_lockstep_options(args),

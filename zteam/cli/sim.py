@@ -65,7 +65,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Replace the words of the command line by what they say. Raises UsageError."""
     if args.verb == "remove":
         args.ids = parse_robot_ids(args.ids, "remove")
     elif args.verb in ("spawn", "move"):
@@ -205,7 +204,6 @@ def format_status(status: SimStatus) -> str:
 
 
 def _format_when(status: SimStatus) -> str:
-    """The time of the world, and its tick."""
     return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
 
 

@@ -135,7 +135,6 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
 
 
 def _show_tree(args: argparse.Namespace) -> None:
-    """Print the tree, as text or JSON, or draw it into a file."""
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
@@ -159,7 +158,6 @@ def _show_tree(args: argparse.Namespace) -> None:
 
 
 def _show_figures(args: argparse.Namespace) -> None:
-    """Print rates, delays and jitter of every moving frame, and conflicts."""
     watch = TransformWatch()
     with open_bus(args) as bus:
         listener = TreeListener(bus)
@@ -198,7 +196,6 @@ def _nothing(has_aggregator: bool, text: str) -> str:
 
 
 def _show_positions(args: argparse.Namespace) -> None:
-    """Print every robot's pose in `map`, once or at a rate."""
     with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)

@@ -298,7 +298,6 @@ def _cells(row: KeyRow) -> tuple[str, ...]:
 
 
 def _info(args: argparse.Namespace) -> None:
-    """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
     with open_bus(args) as bus:
         rows, graph = find_rows(bus, key)
