@@ -87,7 +87,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "import", "zteam.team.run.team_run", "up"),
         ("start_simulator", "import", "zteam.config.simulation_options", "arena"),
         ("start_robot", "import", "zteam.robot.behaviors", "--id 0"),
-        ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),
+        ("start_robot", "call", f"zteam.cli.processes.be>{_LOCK_GONE}", "--id 0"),
         ("start_router", "import", "zteam.node.router", ""),
     ],
 )
