@@ -2,10 +2,10 @@
 
 import sys
 
-from zteam.cli.main import PROCESSES, start, start_module
+from zteam.cli.main import PROCESSES, start, start_command
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in PROCESSES:
         del sys.argv[0]
-        start_module(sys.argv[0].replace("-", "_"))
+        start_command(sys.argv[0])
     start()

@@ -87,7 +87,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start", "import", "zteam.team.run.team_run", "up"),
         ("start_simulator", "import", "zteam.config.simulation_options", "arena"),
         ("start_robot", "import", "zteam.robot.behaviors", "--id 0"),
-        ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),
+        ("start_robot", "call", f"zteam.cli.processes.be>{_LOCK_GONE}", "--id 0"),
         ("start_router", "import", "zteam.node.router", ""),
     ],
 )
@@ -109,7 +109,7 @@ def test_an_interrupt_while_handlers_are_installed_is_not_lost(router: dict[str,
 
 def test_an_interrupt_after_the_work_changes_nothing(router: dict[str, str]) -> None:
     """A command that has done its work keeps its exit code and its output."""
-    done = run(router, "start", "return", "zteam.cli.main.start_module", "world check arena")
+    done = run(router, "start", "return", "zteam.cli.main.start_command", "world check arena")
     assert (done.returncode, done.stderr) == (0, "")
     assert "2 robots" in done.stdout
 

@@ -1,6 +1,5 @@
 """What deploys a team is of one piece with it: compose files and manifests for Kubernetes."""
 
-import importlib
 import json
 import re
 import shlex
@@ -11,6 +10,7 @@ import pytest
 import yaml
 import zenoh
 
+from support.commands import command_of
 from support.pages import ROOT
 from zteam.bus.options import RouterOptions, router_config
 from zteam.config.resources import find_team
@@ -58,8 +58,8 @@ def commands() -> Iterator[Any]:
 @pytest.mark.parametrize("words", [*commands()])
 def test_commands_are_ones_of_zteam(words: list[str]) -> None:
     """Every command of the compose files and of the manifests is accepted by its own parser."""
-    module, *arguments = words[1:] if words[0] == "zteam" else [words[0].replace("-", "_"), *words[1:]]
-    importlib.import_module(f"zteam.cli.{module}").build_parser().parse_args(arguments)
+    name, *arguments = words[1:] if words[0] == "zteam" else words
+    command_of(name)[0]().parse_args(arguments)
 
 
 def test_a_container_sees_its_own_certificate() -> None:

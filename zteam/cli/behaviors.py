@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from zteam.cli.arguments import add_path_option, folders_of
-from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_block, print_json
+from zteam.cli.options import Parser, add_log_options, add_path_option, folders_of, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
+from zteam.node.output import print_block, print_json
 from zteam.robot.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
 from zteam.robot.parameters import Parameter
 

@@ -7,15 +7,14 @@ from typing import Any
 
 import msgspec
 
-from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_block, print_json
+from zteam.cli.options import Parser, add_log_options, add_option, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.numbers import MAX_SECONDS
 from zteam.config.resources import find_world
 from zteam.config.simulation_options import PHYSICS, Options
 from zteam.errors import UsageError
+from zteam.node.output import print_block, print_json
 
 
 def build_parser() -> Parser:

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.cli.arguments import add_option, add_repeated
-from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import Parser, add_log_options, add_option, add_repeated, run_tool
 from zteam.cli.tables import format_table, terminal_width
 from zteam.config.resources import find_team
 from zteam.errors import UsageError, did_you_mean
 from zteam.names import strip_slash
 from zteam.node.kinds import ROUTER
+from zteam.node.output import print_block, print_json, print_line
 from zteam.team.security.access import explain
 from zteam.team.security.certificates import (
     ACCESS,

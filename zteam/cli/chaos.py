@@ -7,14 +7,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.cli.tables import format_table
 from zteam.config.fault import KINDS, Fault
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError, ZteamError
+from zteam.node.output import print_block, print_json, print_line
 
 if TYPE_CHECKING:
     from zteam.bus import Bus
@@ -23,10 +22,11 @@ if TYPE_CHECKING:
 
 def build_parser() -> Parser:
     parser = Parser(prog="zteam chaos", description=__doc__, epilog="docs/tools.md says what each fault does.")
-    parser.add_argument("fault", nargs="?", metavar="|".join(KINDS), help="what happens to one process")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("fault", nargs="?", metavar="|".join(KINDS), help="what happens to one process")
     parser.add_argument("name", nargs="?", metavar="NAME", help="the process: robot_1, sim, tf, router, …")
-    parser.add_argument("--plan", metavar="FILE", help="carry out the faults of this file")
-    parser.add_argument("--random", metavar="SEED", help="carry out faults that this seed draws; needs --for")
+    what.add_argument("--plan", metavar="FILE", help="carry out the faults of this file")
+    what.add_argument("--random", metavar="SEED", help="carry out faults that this seed draws; needs --for")
     text = "how long the fault lasts (default: 3), or over how many simulated seconds --random draws"
     add_option(parser, "--for", dest="seconds", typed=(1e-3, MAX_SECONDS, "seconds"), metavar="S", help=text)
     text = "slow: seconds each way (default: 0.5)"
@@ -39,10 +39,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Raise UsageError for words that do not belong together."""
-    ways = [args.fault is not None, args.plan is not None, args.random is not None]
-    if sum(ways) != 1:
-        raise UsageError("say one of: a fault and a process ('pause robot_1'), --plan FILE, --random SEED")
     if args.fault is not None and (args.fault not in KINDS or args.name is None):
         raise UsageError(f"{args.fault}: say {', '.join(KINDS)} and a process, as in 'zteam chaos pause robot_1'")
     if args.fault != "slow" and (args.delay is not None or args.rate is not None):

@@ -7,11 +7,10 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from zteam.cli.arguments import add_path_option, folders_of
-from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_block, print_json, print_line
-from zteam.cli.zteam_robot import add_param_option
+from zteam.cli.options import Parser, add_log_options, add_path_option, folders_of, run_tool
+from zteam.cli.processes import add_param_option
 from zteam.config.numbers import counted
+from zteam.node.output import print_block, print_json, print_line
 from zteam.robot.behaviors.registry import find_behavior, look_in
 
 _WIDTH = 31

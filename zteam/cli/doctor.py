@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path
 
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
-from zteam.cli.output import Clean, painted, print_block, print_json
 from zteam.cli.tables import format_table, terminal_width
 from zteam.config.map_files import read_floor_map
 from zteam.config.numbers import counted
 from zteam.monitor.doctor.examination import examine
 from zteam.monitor.doctor.facts import Finding
+from zteam.node.live_line import has_color
+from zteam.node.output import Clean, painted, print_block, print_json
 from zteam.simulator.client import MapInfo
 
 _COLORS = {"ok": 32, "note": 33, "problem": 31}

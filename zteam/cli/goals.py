@@ -12,20 +12,19 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.arguments import add_option
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import open_bus
-from zteam.cli.live_line import LiveLine, has_live_line
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, checked, run
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import BusError, UsageError
 from zteam.navigation.client import goal_text
 from zteam.navigation.goals import Dispatcher, Errand, Rounds, read_goals
+from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.node import Node
+from zteam.node.output import print_block, print_json, print_line
 from zteam.node.process_node import run_node
 from zteam.robot.client import pause_lists
 
@@ -46,7 +45,8 @@ def build_parser() -> Parser:
     parser = Parser(
         prog="zteam goals", description=__doc__, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("file", nargs="?", metavar="FILE", help="the goals")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("file", nargs="?", metavar="FILE", help="the goals")
     parser.add_argument(
         "--loop", action="store_true", help="begin again with the first goal when the last has ended, until Ctrl+C"
     )
@@ -58,9 +58,8 @@ def build_parser() -> Parser:
         help="these robots share the goals that name no robot: each free one takes the next, e.g. 0-3 or 0,2",
     )
     for option, text in (("--pause", "send these robots no further goal of a list"), ("--resume", "go on with it")):
-        parser.add_argument(
-            option, nargs="?", const="", metavar="IDS", help=f"{text}, wherever it is sent from (default: all robots)"
-        )
+        text += ", wherever it is sent from (default: all robots)"
+        what.add_argument(option, nargs="?", const="", metavar="IDS", help=text)
     add_option(parser, "--name", default=names.GOALS, help="call this process so on the bus")
     parser.add_argument("--json", action="store_true", help="print each goal that has ended as a JSON line")
     add_clock_option(parser)
@@ -77,10 +76,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(args: argparse.Namespace) -> None:
     args.spread = () if args.spread is None else parse_robot_ids([args.spread], "--spread")
-    given = sum(each is not None for each in (args.file, args.pause, args.resume))
-    if given != 1:
-        one = "FILE is missing" if not given else "FILE, --pause and --resume exclude each other"
-        raise UsageError(f"{one}: give a file of goals, or --pause or --resume")
     for option in ("pause", "resume"):
         if getattr(args, option):
             setattr(args, option, parse_robot_ids([getattr(args, option)], f"--{option}"))

@@ -9,13 +9,10 @@ from typing import Any
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.live_line import PERIOD, ProgressLine
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_tool
-from zteam.cli.output import print_json, print_line
-from zteam.cli.progress_text import duration_text
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, run_tool
 from zteam.cli.sim import parse_pose
+from zteam.cli.tables import duration_text
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, monotonic, to_seconds, wait_until
 from zteam.config.numbers import MAX_SECONDS, counted
@@ -24,6 +21,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Duration, NavigationState
 from zteam.messages.planar import pose2_of
 from zteam.navigation.client import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, goal_text
+from zteam.node.live_line import PERIOD, ProgressLine
+from zteam.node.output import print_json, print_line
 from zteam.node.stopping import STOPPED
 from zteam.robot.client import navigation_query
 from zteam.simulator.client import absence_of
@@ -51,7 +50,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Replace robot and pose by what they say. Raises UsageError."""
     args.robot = names.parse_robot_id(args.robot.strip())
     if args.cancel:
         if args.pose or args.no_wait or args.timeout:
@@ -86,7 +84,7 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
     begin, watch = clock.steady(), client.send(goal_message(args.pose))
     with ProgressLine() as progress:
         try:
-            _follow(args, client, watch, waiter, clock, progress)
+            _follow(args, client, waiter, clock, progress)
         except KeyboardInterrupt:
             _give_up(client, "interrupted")
             progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
@@ -102,14 +100,11 @@ def _go(args: argparse.Namespace, bus: Bus) -> int:
 
 
 def _follow(
-    args: argparse.Namespace,
-    client: NavigationClient,
-    watch: GoalWatch,
-    waiter: Waiter,
-    clock: AutoClock,
-    progress: ProgressLine,
+    args: argparse.Namespace, client: NavigationClient, waiter: Waiter, clock: AutoClock, progress: ProgressLine
 ) -> None:
-    """Wait for the end of the goal; with --no-wait until it is sent."""
+    """Wait for the end of the client's goal; with --no-wait until it is sent."""
+    watch = client.watch
+    assert watch is not None
     begin, said = monotonic(), set[str]()
     moved_at, now = begin, clock.steady()
 

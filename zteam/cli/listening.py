@@ -9,14 +9,13 @@ from contextlib import closing, contextmanager
 from zteam.bus import Bus, connect
 from zteam.bus.graph import SURVEY, find_graph, near_keys
 from zteam.bus.transport import problem_of
-from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.options import bus_options
-from zteam.cli.output import print_line
+from zteam.cli.options import add_option, bus_options
 from zteam.clock import monotonic, wait_until
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import UsageError
 from zteam.names import strip_slash
+from zteam.node.output import print_line
 
 NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"
 

@@ -12,16 +12,15 @@ import msgspec
 
 from zteam.bus import Bus
 from zteam.bus.graph import find_nodes
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus
-from zteam.cli.live_line import has_color
-from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import Clean, print_json, print_line
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError, printable
 from zteam.names import is_wildcard
+from zteam.node.live_line import has_color
 from zteam.node.log_client import LogReader, level_name
 from zteam.node.logs import LEVELS, LogLine
+from zteam.node.output import Clean, print_json, print_line
 
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
 """(level, colour of its lines and of those above it): red, yellow, none, faint."""

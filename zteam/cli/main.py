@@ -6,13 +6,13 @@ from functools import partial
 from typing import NoReturn
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
-from zteam.cli.output import guarded, print_block, print_line
 from zteam.node.leaving import leave
+from zteam.node.output import guarded, print_block, print_line
 
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
-    "view": ("zteam_view", "see the team in a browser, and drive it with the mouse"),
+    "view": ("zteam-view", "see the team in a browser, and drive it with the mouse"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),
@@ -32,20 +32,21 @@ COMMANDS = {
     "doctor": ("doctor", "diagnose problems and print the next step for each"),
     "bench": ("bench", "measure zteam on this machine"),
 }
-"""Command -> (module in zteam.cli, one line)."""
+"""Command -> (module in zteam.cli, or the command of a process; one line)."""
+PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "view", "router"))
+"""The commands of the processes of a team."""
 
 
 def _usage() -> str:
     rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
         f"usage: zteam COMMAND ... (zteam COMMAND --help tells more)\n\n{rows}\n"
-        "Processes: zteam-sim, -robot, -nav, -map, -tf, -monitor, -view, -router"
+        f"Processes: {', -'.join(PROCESSES).replace('-zteam', '')}"
     )
 
 
-def start_module(module: str) -> NoReturn:
-    """Run the command of `zteam.cli.<module>`, including its imports, and end the process with its exit code."""
-    name = "zteam" if module == "main" else module.replace("_", "-")
+def start_command(name: str) -> NoReturn:
+    """Run `zteam` or the command of a process, including its imports, and end the process with its exit code."""
     try:
         import fcntl  # noqa: F401
     except ImportError:
@@ -57,7 +58,7 @@ def start_module(module: str) -> NoReturn:
         leave(2)
     leave_at_once()
     try:
-        code = guarded(name, lambda: _run(module, sys.argv[1:]))
+        code = guarded(name, lambda: _run("main" if name == "zteam" else name, sys.argv[1:]))
     except KeyboardInterrupt:
         code = INTERRUPTED
     except (ImportError, MemoryError) as error:
@@ -76,22 +77,23 @@ def start_module(module: str) -> NoReturn:
 def _run(module: str, arguments: Sequence[str]) -> int:
     import importlib
 
+    if module in PROCESSES and module != "zteam-router":
+        from zteam.cli.processes import main as be_process
+
+        return be_process(module, arguments)
+    module = module.replace("-", "_")
     return int(importlib.import_module(f"zteam.cli.{module}").main(arguments))
 
 
-PROCESSES = tuple(f"zteam-{name}" for name in ("sim", "robot", "nav", "map", "tf", "monitor", "view", "router"))
-"""The commands of the processes of a team."""
-
-
-start = partial(start_module, "main")
-start_simulator = partial(start_module, "zteam_sim")
-start_robot = partial(start_module, "zteam_robot")
-start_aggregator = partial(start_module, "zteam_tf")
-start_monitor = partial(start_module, "zteam_monitor")
-start_view = partial(start_module, "zteam_view")
-start_map_server = partial(start_module, "zteam_map")
-start_navigation = partial(start_module, "zteam_nav")
-start_router = partial(start_module, "zteam_router")
+start = partial(start_command, "zteam")
+start_simulator = partial(start_command, "zteam-sim")
+start_robot = partial(start_command, "zteam-robot")
+start_aggregator = partial(start_command, "zteam-tf")
+start_monitor = partial(start_command, "zteam-monitor")
+start_view = partial(start_command, "zteam-view")
+start_map_server = partial(start_command, "zteam-map")
+start_navigation = partial(start_command, "zteam-nav")
+start_router = partial(start_command, "zteam-router")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -7,16 +7,15 @@ from typing import get_args
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.arguments import add_option
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import print_line
+from zteam.cli.options import Parser, add_bus_options, add_option, run_tool
 from zteam.config.map_files import Mode
 from zteam.config.numbers import MAX_SECONDS
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
 from zteam.navigation.maps import map_grid
 from zteam.navigation.planning.map_files import to_three_values, write_map
+from zteam.node.output import print_line
 
 
 def build_parser() -> Parser:
@@ -38,7 +37,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Raise UsageError for options that contradict each other."""
     if args.free >= args.occupied:
         raise UsageError(f"--free {args.free:g}, --occupied {args.occupied:g}: the first is to be below the second")
     if args.mode == "scale" and args.fmt == "pgm":

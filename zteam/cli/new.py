@@ -11,9 +11,9 @@ from pathlib import Path
 
 from zteam import names
 from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_block
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError, ZteamError, printable
+from zteam.node.output import print_block
 
 TEMPLATES = Path(__file__).parent / "templates"
 

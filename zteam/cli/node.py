@@ -7,9 +7,8 @@ from zteam.bus.graph import find_nodes
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
-from zteam.cli.output import print_block, print_json
-from zteam.cli.progress_text import duration_text
-from zteam.cli.tables import format_table
+from zteam.cli.tables import duration_text, format_table
+from zteam.node.output import print_block, print_json
 
 
 def build_parser() -> Parser:

@@ -13,10 +13,10 @@ from zteam import names
 from zteam.cli.behaviors import format_parameters
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
-from zteam.cli.output import print_block, print_json, print_line
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.config.toml_values import parse_value
 from zteam.errors import BusError, UsageError, did_you_mean
+from zteam.node.output import print_block, print_json, print_line
 from zteam.robot.client import DescribeReply, ParametersClient
 
 Robots = dict[str, DescribeReply]

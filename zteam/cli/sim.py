@@ -10,16 +10,15 @@ from typing import TypeVar
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import add_option, option_type, parse_speed
 from zteam.cli.listening import open_bus
-from zteam.cli.live_line import ProgressLine
-from zteam.cli.options import Parser, add_bus_options, add_json, run_tool
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import Parser, add_bus_options, add_json, add_option, option_type, parse_speed, run_tool
 from zteam.clock import monotonic, to_seconds
 from zteam.config.numbers import parse_number
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import BusError, UsageError, printable
 from zteam.geometry import turn_problem
+from zteam.node.live_line import ProgressLine
+from zteam.node.output import print_block, print_json, print_line
 from zteam.simulator.client import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
 T = TypeVar("T")
@@ -66,7 +65,6 @@ def build_parser() -> Parser:
 
 
 def _read(args: argparse.Namespace) -> None:
-    """Replace the words of the command line by what they say. Raises UsageError."""
     if args.verb == "remove":
         args.ids = parse_robot_ids(args.ids, "remove")
     elif args.verb in ("spawn", "move"):
@@ -206,7 +204,6 @@ def format_status(status: SimStatus) -> str:
 
 
 def _format_when(status: SimStatus) -> str:
-    """The time of the world, and its tick."""
     return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
 
 

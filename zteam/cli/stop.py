@@ -6,10 +6,10 @@ from functools import partial
 
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, run_tool
-from zteam.cli.output import print_json, print_line
 from zteam.cli.usage import ENDS_TEAM
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import ZteamError
+from zteam.node.output import print_json, print_line
 from zteam.robot.client import StopClient, StopResult
 
 _EPILOG = f"""While a robot is stopped its process commands zero velocity, and the simulator holds its body. Both

@@ -1,4 +1,5 @@
-"""Texts for people, readable in a plain pipe: tables, whose columns are as wide as their widest cell, and messages."""
+"""Texts for people, readable in a plain pipe: tables, whose columns are as wide as their widest cell, durations, and
+messages."""
 
 import shutil
 import sys
@@ -52,6 +53,16 @@ def _wrapped(line: Sequence[str], room: int) -> list[Sequence[str]]:
     first, *more = textwrap.wrap(line[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
     blank = [""] * (len(line) - 1)
     return [[*line[:-1], first], *([*blank, text] for text in more)]
+
+
+def duration_text(seconds: float) -> str:
+    """Seconds as a reader counts them: 42 s, 3 min 20 s, 2 h 05 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02} s"
+    return f"{whole // 3600} h {whole // 60 % 60:02} min"
 
 
 def format_message(message: Message, full: bool) -> str:

@@ -13,17 +13,16 @@ from functools import partial
 
 from zteam import names
 from zteam.bus import Bus, connect
-from zteam.cli.arguments import add_option
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.listening import PATIENCE
-from zteam.cli.live_line import LiveLine, has_live_line
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
-from zteam.cli.output import Clean, print_block, print_line
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, still_text
 from zteam.clock import STILL, AutoClock, Every, Rate, monotonic, to_ns, to_seconds
 from zteam.config.robot_ids import parse_robot_ids
 from zteam.errors import UsageError, ZteamError
 from zteam.messages import RobotDriver, Twist
+from zteam.node.live_line import LiveLine, has_live_line
+from zteam.node.output import Clean, print_block, print_line
 from zteam.node.shutdown import Stop, stopping_in_order
 from zteam.node.stopping import STOPPED
 from zteam.robot.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, KeyDecoder, Pilot, drive, parse_script

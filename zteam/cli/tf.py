@@ -7,16 +7,24 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.graph import SURVEY, near_keys
-from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import Waiter, add_timeout, limit_of, open_bus
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, checked, run_tool
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import (
+    MAX_RATE,
+    Parser,
+    add_bus_options,
+    add_clock_option,
+    add_json,
+    add_option,
+    checked,
+    run_tool,
+)
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import pause
@@ -24,6 +32,7 @@ from zteam.config.numbers import MAX_SECONDS, counted, format_rate, is_number
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.messages import TFMessage, TransformStamped, to_json
+from zteam.node.output import print_block, print_json, print_line
 from zteam.transforms import Buffer, TransformException
 from zteam.transforms.causes import NO_AGGREGATOR, find_last, names_in, why_refused
 from zteam.transforms.client import (
@@ -126,7 +135,6 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
 
 
 def _show_tree(args: argparse.Namespace) -> None:
-    """Print the tree, as text or JSON, or draw it into a file."""
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
         args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
@@ -150,7 +158,6 @@ def _show_tree(args: argparse.Namespace) -> None:
 
 
 def _show_figures(args: argparse.Namespace) -> None:
-    """Print rates, delays and jitter of every moving frame, and conflicts."""
     watch = TransformWatch()
     with open_bus(args) as bus:
         listener = TreeListener(bus)
@@ -188,19 +195,7 @@ def _nothing(has_aggregator: bool, text: str) -> str:
     return f"{text} (see 'zteam doctor')" if has_aggregator else NO_AGGREGATOR
 
 
-class _Position(msgspec.Struct):
-    """A robot's pose in `map`, or the reason why it is unknown."""
-
-    robot: str
-    x: float | None = None
-    y: float | None = None
-    yaw: float | None = None
-    stamp: float | None = None
-    why: str = ""
-
-
 def _show_positions(args: argparse.Namespace) -> None:
-    """Print every robot's pose in `map`, once or at a rate."""
     with open_bus(args) as bus:
         listener = TreeListener(bus)
         pause(SURVEY)
@@ -208,9 +203,9 @@ def _show_positions(args: argparse.Namespace) -> None:
         while True:
             found = _find_positions(listener.buffer)
             if args.json:
-                print_json([position for position, _ in found])
+                print_json(found)
             elif found:
-                print_line(*(line for _, line in found))
+                print_line(*map(_format_position, found))
             else:
                 print_line(_nothing(find_frames(bus) is not None, "no robots"))
             if wait is None:
@@ -218,23 +213,26 @@ def _show_positions(args: argparse.Namespace) -> None:
             wait()
 
 
-def _find_positions(buffer: Buffer) -> list[tuple[_Position, str]]:
-    """The pose of every robot that has a base, and its line; one without a path to `map` has a reason instead."""
+def _find_positions(buffer: Buffer) -> list[dict[str, Any]]:
+    """The pose in `map` of every robot that has a base; one without a path to it has a reason, `why`, instead."""
     found = []
     for child in buffer.frames():
         if names.is_robot_frame(child, names.BASE_FOOTPRINT):
-            robot = child.partition("/")[0]
+            place: dict[str, Any] = dict.fromkeys(("x", "y", "yaw", "stamp"))
+            why = ""
             try:
                 pose, stamp = buffer.lookup_pose2(names.MAP_FRAME, child, 0)
+                place = {**pose._asdict(), "stamp": stamp / 1e9}
             except TransformException as error:
-                position = _Position(robot, why=str(error).strip())
-                line = f"{robot:10} unknown: {position.why}"
-            else:
-                position = _Position(robot, *pose, stamp / 1e9)
-                x, y, yaw = pose
-                line = f"{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp / 1e9:.1f} s"
-            found.append((position, line))
-    return sorted(found, key=lambda each: names.robot_id_of(each[0].robot) or 0)
+                why = str(error).strip()
+            found.append({"robot": child.partition("/")[0], **place, "why": why})
+    return sorted(found, key=lambda each: names.robot_id_of(each["robot"]) or 0)
+
+
+def _format_position(found: dict[str, Any]) -> str:
+    if found["why"]:
+        return f"{found['robot']:10} unknown: {found['why']}"
+    return "{robot:10} x {x:z8.3f}  y {y:z8.3f}  yaw {yaw:z7.3f}  at {stamp:.1f} s".format(**found)
 
 
 def _hold_static(args: argparse.Namespace) -> None:

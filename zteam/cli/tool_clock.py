@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
-from zteam.cli.output import print_line
 from zteam.clock import AutoClock, Every, Ticker, to_seconds
+from zteam.node.output import print_line
 from zteam.node.process_node import ClockMode
 from zteam.simulator.client import ask_time, follow_clock, team_clock
 

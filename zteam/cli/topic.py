@@ -17,7 +17,6 @@ from zteam.bus.bus import Publisher
 from zteam.bus.graph import SURVEY, Graph, KeyRow, find_graph, find_nodes, find_rows, kind_of, near_keys
 from zteam.bus.receiving import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.cli.arguments import MAX_RATE, add_option
 from zteam.cli.listening import (
     NO_KEYS,
     Waiter,
@@ -29,8 +28,7 @@ from zteam.cli.listening import (
     wait_for_message,
     where_to_look,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, add_json, run_tool
-from zteam.cli.output import print_block, print_json, print_line
+from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, add_json, add_option, run_tool
 from zteam.cli.tables import format_message, format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import AutoClock, monotonic, to_seconds
@@ -40,6 +38,7 @@ from zteam.errors import DecodeError, UsageError, ZteamError, printable
 from zteam.messages import Message, Time, decode, encoding_of, message_type, time_from_ns, to_json, type_of_encoding
 from zteam.messages.jsonform import from_words
 from zteam.messages.topics import type_of_key
+from zteam.node.output import print_block, print_json, print_line
 
 
 class _Audience:
@@ -299,7 +298,6 @@ def _cells(row: KeyRow) -> tuple[str, ...]:
 
 
 def _info(args: argparse.Namespace) -> None:
-    """Print everything known about the keys of a key expression."""
     key = check_key(args.key)
     with open_bus(args) as bus:
         rows, graph = find_rows(bus, key)

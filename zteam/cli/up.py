@@ -15,15 +15,22 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from zteam.bus.options import DEFAULT_ENDPOINT, check_endpoint
-from zteam.cli.arguments import add_go_timeout_option, add_options, parse_speed
 from zteam.cli.interrupts import INTERRUPTED
-from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
-from zteam.cli.output import print_block
+from zteam.cli.options import (
+    Parser,
+    add_bus_options,
+    add_go_timeout_option,
+    add_options,
+    bus_options,
+    parse_speed,
+    run_tool,
+)
 from zteam.config.numbers import counted
 from zteam.config.resources import find_team, find_world, names, shipped_team, teams_folder
 from zteam.config.simulation_options import LockStepOptions, SimOptions
 from zteam.errors import UsageError, ZteamError
 from zteam.names import VIEW
+from zteam.node.output import print_block
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
@@ -36,6 +43,15 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
+_SWITCHES = {
+    "--help-args": "list the arguments that the team file takes, and end",
+    "--compose": "print a compose file with a container for each process, and end",
+    "--in-process": "run the whole team in this process, without a router (docs/time.md)",
+    "--bus": "open a team with --in-process to tools and other processes, at a router",
+    "--view": "show the team in the browser (docs/view.md)",
+    "--no-browser": "with --view: print the page's address only",
+    "--lockstep": "wait for every process in each tick: equal seeds give equal runs",
+}
 _NEEDS = {
     "--expect": ("--lockstep",),
     "--report": ("--for", "--until"),
@@ -53,7 +69,6 @@ _EXCLUDES = {
 
 
 def build_parser() -> Parser:
-    """The command line."""
     parser = Parser(prog="zteam up", description=__doc__, epilog="docs/team-files.md has every key of a team file.")
     _add_team_arguments(parser)
     parser.add_argument(
@@ -78,12 +93,8 @@ def build_parser() -> Parser:
         help="give each process a certificate of this folder, by default certs, and let nothing else in "
         "(docs/security.md)",
     )
-    parser.add_argument(
-        "--in-process", action="store_true", help="run the whole team in this process, without a router (docs/time.md)"
-    )
-    parser.add_argument(
-        "--bus", action="store_true", help="open a team with --in-process to tools and other processes, at a router"
-    )
+    for flag, text in _SWITCHES.items():
+        parser.add_argument(flag, action="store_true", help=text)
     parser.add_argument(
         "--chaos",
         nargs="?",
@@ -91,8 +102,6 @@ def build_parser() -> Parser:
         metavar="PLAN|SEED",
         help="give each process a link of its own for 'zteam chaos', and carry out a plan of faults",
     )
-    parser.add_argument("--view", action="store_true", help="show the team in the browser (docs/view.md)")
-    parser.add_argument("--no-browser", action="store_true", help="with --view: print the page's address only")
     parser.add_argument(
         "--listen",
         metavar="ENDPOINT",
@@ -101,13 +110,7 @@ def build_parser() -> Parser:
     parser.add_argument(
         "--only", metavar="NAME", help="be this process of the team alone, such as robot_1; needs --connect"
     )
-    parser.add_argument(
-        "--compose", action="store_true", help="print a compose file with a container for each process, and end"
-    )
     add_go_timeout_option(parser)
-    parser.add_argument(
-        "--lockstep", action="store_true", help="wait for every process in each tick: equal seeds give equal runs"
-    )
     add_options(
         parser,
         LockStepOptions,
@@ -133,11 +136,9 @@ def _add_team_arguments(parser: Parser) -> None:
         metavar="NAME=VALUE",
         help="arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)",
     )
-    parser.add_argument("--help-args", action="store_true", help="list the arguments that the team file takes, and end")
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    """Raise UsageError if an option is wrong, or needs another one."""
     if "=" in args.team and not Path(args.team).exists():
         raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
     if args.arguments:

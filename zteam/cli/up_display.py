@@ -7,10 +7,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from zteam.cli.live_line import LiveLine, has_color, has_live_line
-from zteam.cli.output import Clean, painted, print_line
-from zteam.cli.progress_text import bar, progress_line
+from zteam.cli.tables import duration_text
+from zteam.config.numbers import counted, format_factor
 from zteam.errors import printable
+from zteam.node.live_line import LiveLine, has_color, has_live_line
+from zteam.node.output import Clean, painted, print_line
 from zteam.team.launch.progress import Overview, TeamOverview
 
 log = logging.getLogger("zteam")
@@ -25,6 +26,49 @@ _LIVE_PERIOD = 0.5
 """Host seconds between two looks at the team for the live line."""
 _LOG_PERIOD = 10.0
 """Host seconds between two looks at the team for the log."""
+
+
+def progress_line(seen: Overview, run_for: float | None) -> str:
+    """What a team does; `run_for`, if given, is its end in simulated seconds from GO."""
+    return ", ".join(_after_go(seen, run_for) if seen.begun else _before_go(seen))
+
+
+def _before_go(seen: Overview) -> Iterator[str]:
+    team = seen.team
+    if team is None:
+        yield "starting"
+        return
+    yield f"before GO: {len(team.ready)} of {counted(seen.robots, 'robot')} ready"
+    if seen.simulator is not None and seen.simulator.paused:
+        yield "paused"
+    if team.waiting_for:
+        yield f"waiting for {team.waiting_for}"
+
+
+def _after_go(seen: Overview, run_for: float | None) -> Iterator[str]:
+    simulator, elapsed = seen.simulator, seen.elapsed
+    if simulator is not None and elapsed is not None:
+        shown = f"{elapsed:.1f}" if elapsed < 1000.0 else f"{elapsed:.0f}"
+        yield f"{shown} s simulated" if run_for is None else f"{shown} of {run_for:g} s"
+        if simulator.finished:
+            yield "finished"
+        elif simulator.paused:
+            yield "paused"
+        elif seen.held_by:
+            yield f"held by {seen.held_by}"
+        else:
+            factor = simulator.real_time_factor
+            yield f"{format_factor(factor)} x real time"
+            if run_for is not None and factor > 0.0:
+                yield f"{duration_text(max(0.0, run_for - elapsed) / factor)} left"
+    elif seen.is_simulated:
+        yield "the simulator does not answer"
+    yield f"{seen.driving} of {counted(seen.robots, 'robot')} driving"
+
+
+def bar(share: float, width: int) -> str:
+    filled = int(min(1.0, share) * (width - 2))
+    return f"[{'#' * filled}{'-' * (width - 2 - filled)}]"
 
 
 class Printer:

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.arguments import add_option
-from zteam.cli.options import Parser, add_log_options, run_tool
-from zteam.cli.output import print_json, print_line
+from zteam.cli.options import Parser, add_log_options, add_option, run_tool
 from zteam.config.numbers import counted
 from zteam.config.resources import find_world
 from zteam.errors import UsageError
@@ -18,6 +16,7 @@ from zteam.geometry import Pose2
 from zteam.messages import to_plain
 from zteam.messages.base import LIMITS
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
+from zteam.node.output import print_json, print_line
 from zteam.simulator.world import Ranger, Robot, World, load_world
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info

@@ -4,8 +4,7 @@ import argparse
 from functools import partial
 
 from zteam.bus.options import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, RouterOptions, TlsFiles, default_endpoint
-from zteam.cli.arguments import add_repeated
-from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
+from zteam.cli.options import Parser, add_lease_option, add_log_options, add_repeated, run_tool
 from zteam.node.router import run_router
 
 

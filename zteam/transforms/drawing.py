@@ -4,7 +4,7 @@ A drawing is an SVG, PNG, PDF, or a Graphviz file. Everywhere `now` is the team'
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
@@ -72,28 +72,32 @@ def _row(*values: float) -> str:
 
 def format_tree(frames: Mapping[str, FrameInfo], now: int) -> str:
     """The tree with one frame on each line, with its rate, age and authority; several roots follow one another."""
-    roots, children = _branches(frames)
-    lines: list[str] = []
-    # A stack of (frame, indent of its own line, indent of its children's lines); the next frame is on top.
-    todo = [(root, "", "") for root in reversed(roots)]
-    while todo:
-        frame, own, lead = todo.pop()
+    lines = []
+    for frame, lead in _walk(frames):
         info = frames.get(frame)
         told = f"  ({_figures(info, now)}, by {printable(info.authority)})" if info is not None else ""
-        lines.append(f"{own}{printable(frame)}{told}")
-        below = children.get(frame, [])
-        for child in reversed(below):
-            last = child == below[-1]
-            todo.append((child, lead + ("└── " if last else "├── "), lead + ("    " if last else "│   ")))
+        lines.append(f"{lead}{printable(frame)}{told}")
     return "\n".join(lines)
 
 
-def _branches(frames: Mapping[str, FrameInfo]) -> tuple[list[str], dict[str, list[str]]]:
-    """The roots, and the children of each frame; all sorted by name."""
+def _walk(frames: Mapping[str, FrameInfo]) -> Iterator[tuple[str, str]]:
+    """Each frame before its children, and the lines before it: four columns for each frame above it."""
+    children = _children(frames)
+    # Without recursion: a chain of frames may be deeper than Python's stack. The next frame is on top.
+    todo = [(root, "", "") for root in sorted(set(children) - set(frames), reverse=True)]
+    while todo:
+        frame, own, lead = todo.pop()
+        yield frame, own
+        for place, child in enumerate(reversed(children.get(frame, []))):
+            todo.append((child, lead + ("├── " if place else "└── "), lead + ("│   " if place else "    ")))
+
+
+def _children(frames: Mapping[str, FrameInfo]) -> dict[str, list[str]]:
+    """The children of each frame that has any, sorted by name."""
     children: dict[str, list[str]] = {}
     for child, info in sorted(frames.items()):
         children.setdefault(info.parent, []).append(child)
-    return sorted(set(children) - set(frames)), children
+    return children
 
 
 def _figures(info: FrameInfo, now: int) -> str:
@@ -198,21 +202,10 @@ def _as_image(drawing: _Drawing) -> "Image":
 
 def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, Point2]:
     """Upper left corners of the boxes: leaves side by side, parents over the middle of their children."""
-    roots, children = _branches(frames)
-    places: dict[str, Point2] = {}
-    next_x = float(_MARGIN)
-    # Depth first without recursion: a chain of frames may be deeper than Python's stack.
-    todo = [(root, 0, False) for root in reversed(roots)]
-    while todo:
-        frame, depth, seen = todo.pop()
-        below = children.get(frame, [])
-        if below and not seen:
-            todo.append((frame, depth, True))
-            todo.extend((child, depth + 1, False) for child in reversed(below))
-            continue
-        if below:
-            x = (places[below[0]][0] + places[below[-1]][0]) / 2
-        else:
-            x, next_x = next_x, next_x + _BOX_WIDTH + _GAP_X
-        places[frame] = (x, _MARGIN + depth * (_BOX_HEIGHT + _GAP_Y))
-    return places
+    children, depths = _children(frames), {frame: len(lead) // 4 for frame, lead in _walk(frames)}
+    leaves = [frame for frame in depths if frame not in children]
+    across = {leaf: _MARGIN + float(place) * (_BOX_WIDTH + _GAP_X) for place, leaf in enumerate(leaves)}
+    for frame in reversed(depths):
+        if below := children.get(frame):
+            across[frame] = (across[below[0]] + across[below[-1]]) / 2
+    return {frame: (across[frame], _MARGIN + depth * (_BOX_HEIGHT + _GAP_Y)) for frame, depth in depths.items()}

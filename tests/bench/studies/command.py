@@ -26,14 +26,13 @@ from studies.study.cases import CASES
 from studies.study.figures import Bounds, format_study, run_study, summarize
 from studies.study.one_run import Row, Task
 from studies.view.figures import PARTS, format_view, measure_view
-from zteam.cli.arguments import add_option, number, whole
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.live_line import ProgressLine
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.options import Parser, add_log_options, add_option, number, run, whole
 from zteam.config.numbers import MAX_SECONDS
 from zteam.config.option import SEEDS
 from zteam.config.resources import find_team, find_world
 from zteam.errors import UsageError, ZteamError
+from zteam.node.live_line import ProgressLine
 from zteam.simulator.client import MAX_SPEED, MIN_SPEED
 
 FORMATIONS = "formations"

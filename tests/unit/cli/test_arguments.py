@@ -7,12 +7,11 @@ from typing import Annotated, Any, Literal
 import msgspec
 import pytest
 
-from support.commands import exit_code
-from zteam.cli import bench, node, teleop, topic, up, zteam_sim
-from zteam.cli.arguments import add_options, parse_speed, read_options
+from support.commands import command_of, exit_code
+from zteam.cli import bench, node
 from zteam.cli.main import COMMANDS, main
-from zteam.cli.options import Parser
-from zteam.cli.zteam_monitor import parse_team
+from zteam.cli.options import Parser, add_options, parse_speed, read_options
+from zteam.cli.processes import parse_team
 from zteam.config.option import option
 from zteam.config.simulation_options import LockStepOptions, Options
 from zteam.node.process_options import AggregatorOptions, ViewOptions
@@ -27,25 +26,25 @@ def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "defaults"),
+    ("name", "words", "defaults"),
     [
-        (up, "", {"team": "line", "seed": None, "run_for": None, "speed": None}),
-        (teleop, "--id 0", {"speed": 0.5, "turn": 1.0}),
-        (topic, "pub key Bool", {"rate": 1.0, "times": None, "clock": "auto"}),
-        (topic, "hz key", {"window": 100, "clock": "wall"}),
-        (bench, "team", {"robots": 4, "beams": 1081, "seconds": 60.0, "world": "office", "log_level": "warning"}),
-        (bench, "sim arena", {"robots": 20, "fov_deg": 270.0, "range": 30.0}),
-        (zteam_sim, "arena", {"log_level": "info", "log_format": "text"}),
+        ("up", "", {"team": "line", "seed": None, "run_for": None, "speed": None}),
+        ("teleop", "--id 0", {"speed": 0.5, "turn": 1.0}),
+        ("topic", "pub key Bool", {"rate": 1.0, "times": None, "clock": "auto"}),
+        ("topic", "hz key", {"window": 100, "clock": "wall"}),
+        ("bench", "team", {"robots": 4, "beams": 1081, "seconds": 60.0, "world": "office", "log_level": "warning"}),
+        ("bench", "sim arena", {"robots": 20, "fov_deg": 270.0, "range": 30.0}),
+        ("zteam-sim", "arena", {"log_level": "info", "log_format": "text"}),
     ],
 )
 def test_what_is_not_typed_has_a_default(
-    command: Any, words: str, defaults: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    name: str, words: str, defaults: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Those that the pages tell of."""
-    for name in ("LOG_LEVEL", "LOG_FORMAT"):
-        monkeypatch.delenv(f"ZTEAM_{name}", raising=False)
-    found = vars(command.build_parser().parse_args(words.split()))
-    assert {name: found[name] for name in defaults} == defaults
+    for variable in ("LOG_LEVEL", "LOG_FORMAT"):
+        monkeypatch.delenv(f"ZTEAM_{variable}", raising=False)
+    found = vars(command_of(name)[0]().parse_args(words.split()))
+    assert {each: found[each] for each in defaults} == defaults
 
 
 def test_the_environment_sets_the_log(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,8 +11,9 @@ from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli import goto, live_line
+from zteam.cli import goto
 from zteam.messages import NavigationState, PoseStamped, RobotStatus
+from zteam.node import live_line
 
 pytestmark = pytest.mark.usefixtures("tools")
 State = NavigationState

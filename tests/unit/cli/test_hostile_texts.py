@@ -19,7 +19,6 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.cli.doctor import format_findings
 from zteam.cli.options import fail
-from zteam.cli.output import Clean, print_block, print_json, print_line
 from zteam.cli.up_display import Printer
 from zteam.errors import ZteamError
 from zteam.messages import Header, PoseStamped, TFMessage
@@ -27,6 +26,7 @@ from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.members import Event
 from zteam.monitor.process.table import JsonLines, Lines
 from zteam.node.logs import LogLine, start_logging
+from zteam.node.output import Clean, print_block, print_json, print_line
 from zteam.robot.client import DESCRIBE, DescribeReply
 from zteam.robot.parameters import Parameter
 from zteam.simulator.client import SimStatus

@@ -15,14 +15,16 @@ import pytest
 
 from support.terminal import Screen
 from zteam.cli.doctor import format_findings
-from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.log import format_line
-from zteam.cli.output import Clean
 from zteam.cli.up_display import Printer
 from zteam.messages import LogLevel
 from zteam.monitor.doctor.facts import problem
 from zteam.monitor.process.display import showing
+from zteam.monitor.process.members import Event
+from zteam.monitor.process.table import Row
+from zteam.node.live_line import LiveLine, has_color, has_live_line
 from zteam.node.logs import LogLine, start_logging
+from zteam.node.output import Clean
 from zteam.node.process_options import MonitorOptions
 
 MARK = "\x05"
@@ -35,6 +37,8 @@ class PseudoTerminal:
         self._master, slave = pty.openpty()
         self.stream: TextIO = os.fdopen(slave, "w")
         self.screen = Screen(columns)
+        self.text = ""
+        """All that was written."""
         self._set_size(columns)
 
     def _set_size(self, columns: int) -> None:
@@ -54,6 +58,7 @@ class PseudoTerminal:
         text = ""
         while not text.endswith(MARK):
             text += os.read(self._master, 1 << 16).decode()
+        self.text += text
         self.screen.feed(text.removesuffix(MARK))
         return self.screen.rows
 
@@ -81,6 +86,8 @@ def test_the_lines_are_rewritten_in_place(terminal: PseudoTerminal) -> None:
         live.print("x" * 300)
         live.show("sh\u5c71\x1b[2Jort")
         assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, "sh\\u5c71\ufffd[2Jort"]
+        live.show("…é\n" + "x" * 90 + "\nlast")
+        assert terminal.rows()[-3:] == ["…é", "x" * 80, "last"]
         live.show("\n".join(map(str, range(40))))
         assert terminal.rows()[-23:] == [str(i) for i in range(23)]
     assert terminal.rows() == ["x" * 80, "x" * 80, "x" * 80, "x" * 60, ""]
@@ -183,6 +190,8 @@ def test_no_command_has_colours_where_they_are_not_wanted(
     shown.append(format_line(LogLine(1, "robot_0", LogLevel.ERROR, "no", "f", "f", 1), has_color(sys.stdout)))
     shown.append(format_findings([problem("world", "stands", "go")], has_color(sys.stdout)))
     with showing(MonitorOptions(1)) as output:
-        console = getattr(output, "_console", None)
-        colored = console is not None and not (console.no_color or console.color_system is None)
-    assert [colored, *("\033[" in text for text in shown)] == [value == "xterm"] * 4
+        output.show(Event("lost", 1, "lost"))
+        output.print_table([Row("robot_1", "running")], ["GO is out"])
+        assert "GO is out" in terminal.rows()
+    colored = {code: f"\033[{code}m" in terminal.text for code in ("1;31", "32")}
+    assert [*colored.values(), *("\033[" in text for text in shown)] == [value == "xterm"] * 5

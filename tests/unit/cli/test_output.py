@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from support.limits import LIMIT
-from zteam.cli.output import Output, OutputError, guarded
+from zteam.node.output import Output, OutputError, guarded
 from zteam.team.launch.process import zteam_command
 
 COMMAND = zteam_command("zteam", "world", "check", "arena")

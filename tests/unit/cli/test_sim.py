@@ -12,7 +12,7 @@ from support.control_harness import TICK, ControlHarness
 from support.limits import ASKED
 from zteam.bus import MemoryHub
 from zteam.cli import listening, sim
-from zteam.cli.live_line import ProgressLine
+from zteam.node.live_line import ProgressLine
 from zteam.simulator import client as simulator
 from zteam.simulator.client import SimStatus, SimulatorClient, StepRequest
 from zteam.simulator.process.pacing import Pacer

@@ -10,8 +10,8 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.cli import up_display
-from zteam.cli.progress_text import bar, duration_text, progress_line
-from zteam.cli.up_display import Printer, open_display
+from zteam.cli.tables import duration_text
+from zteam.cli.up_display import Printer, bar, open_display, progress_line
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.simulator.client import SimStatus
 from zteam.team.launch.progress import Overview, TeamOverview

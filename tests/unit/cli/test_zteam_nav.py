@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from zteam.cli import zteam_nav
+from zteam.cli import processes
 from zteam.team.parts import part_of
 
 
 def read(*arguments: str):  # type: ignore[no-untyped-def]
     """The options of a command line."""
-    args = zteam_nav.build_parser().parse_args(arguments)
-    options = zteam_nav._read(args)[1]()
+    args = processes.build_parser("zteam-nav").parse_args(arguments)
+    options = processes.read("zteam-nav", args)[1]()
     part_of(options)
     return options
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.cli import zteam_view
+from zteam.cli import processes
 from zteam.errors import UsageError
 from zteam.node.process_options import ViewOptions
 from zteam.view.node import address_of, has_browser, own_address, page_url, qr_code, read_layout
@@ -76,7 +76,7 @@ def test_a_layout_is_checked_before_anything_starts(tmp_path: Path) -> None:
 def test_a_robots_process_imports_no_web_server() -> None:
     """Neither does a simulator."""
     code = (
-        "import sys, zteam.cli.zteam_robot, zteam.robot.process.node, zteam.simulator.process.node\n"
+        "import sys, zteam.cli.processes, zteam.robot.process.node, zteam.simulator.process.node\n"
         "import zteam.team.run.processes, zteam.team.run.team_run\n"
         "print(sorted({'starlette', 'uvicorn', 'websockets', 'asyncio'} & sys.modules.keys()))"
     )
@@ -96,7 +96,7 @@ def test_a_phone_reads_the_address() -> None:
 def test_foxglove_needs_its_package(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Without it one line says how to get it, before anything is started."""
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert zteam_view.main(["--foxglove", "--no-browser"]) == 2
+    assert processes.main("zteam-view", ["--foxglove", "--no-browser"]) == 2
     assert capsys.readouterr().err.splitlines() == [
         "view: --foxglove needs the package foxglove-sdk: pip install 'zteam[foxglove]'"
     ]

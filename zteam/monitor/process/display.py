@@ -2,7 +2,6 @@
 
 import logging
 import math
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -14,10 +13,11 @@ from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.monitor.process.members import EventLimit
 from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import JsonLines, make_rows, team_notes
+from zteam.monitor.process.table import JsonLines, LiveTable, make_rows, team_notes
 from zteam.monitor.process.table import Lines as Lines
 from zteam.monitor.process.watch import TeamWatch
 from zteam.node.launcher import Restarted
+from zteam.node.live_line import LiveLine, has_live_line
 from zteam.node.process_node import ProcessNode
 from zteam.node.process_options import MonitorOptions
 from zteam.transforms.client import Lookup, TransformClient
@@ -74,14 +74,11 @@ def showing(options: MonitorOptions) -> Iterator[Lines]:
     """The output that the options and standard output call for."""
     if options.json:
         yield JsonLines()
-    elif not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb" or options.exit_on_go:
+    elif options.exit_on_go or not has_live_line(sys.stdout):
         yield Lines()
     else:
-        from zteam.monitor.process.live_table import LiveTable
-
-        table = LiveTable()
-        with table.live:
-            yield table
+        with LiveLine(sys.stdout, keeps=True) as live:
+            yield LiveTable(live)
 
 
 class TeamDisplay:

@@ -14,6 +14,8 @@ from zteam.messages import RobotDriver, RobotState
 from zteam.monitor.process.members import Event, KnownRobot
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.launcher import Restarted, restarts_text
+from zteam.node.live_line import LiveLine
+from zteam.node.output import painted, print_block
 from zteam.node.stopping import STOPPED
 
 _PIPE_WIDTH = 80
@@ -23,6 +25,12 @@ _LEFT = 3
 """Columns of text; the others are numbers."""
 _BEHAVIOR_WIDTH = 20
 _GAP = 2
+_COLORS: Mapping[str, int | str] = {
+    "ready": 36, "running": 32, "stopped": 33, "fault": 31, "lost": "1;31", "silent": 31, "boot": 37, "absent": 2,
+}  # fmt: skip
+"""Of ECMA-48, by the state."""
+_EVENTS: Mapping[str, int | str] = {"go": "1;32", "lost": "1;31", "fault": 31, "silent": 31, "link": 33, "process": 31}
+"""Colours of ECMA-48, by the kind of event; others have none."""
 
 
 class Row(msgspec.Struct):
@@ -60,39 +68,37 @@ def make_rows(team: Gate, poses: Mapping[int, Pose2], restarts: Mapping[str, Res
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
     rows = []
     for robot_id, member in sorted(team.members.items()):
-        name, lack = names.robot_name(robot_id), member.lack_of_data(now, ticks=team.ticks(now))
-        row = Row(name, _state(member), pose=poses.get(robot_id))
+        name, status = names.robot_name(robot_id), member.status
+        lack = member.lack_of_data(now, ticks=team.ticks(now))
+        row = Row(name, _state(member), pose=poses.get(robot_id), reason=_reason(member, lack))
         row.restarts = restarts[name].count if name in restarts else 0
-        rows.append(_filled(row, member, lack, now))
+        if status is not None:
+            row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
+            row.age = now - member.heard
+            # Without data its speed is an old one.
+            row.speed = None if lack or member.silent else status.speed
+            row.is_stopped = _is_held(member) and not member.silent
+        rows.append(row)
     return rows
 
 
-def _filled(row: Row, member: KnownRobot, lack: str, now: float) -> Row:
-    """The row with what the robot says of itself; `lack` says that it gets no data: then its speed is an old one."""
+def _is_held(member: KnownRobot) -> bool:
+    return member.alive and member.status is not None and member.status.is_stopped
+
+
+def _reason(member: KnownRobot, lack: str) -> str:
+    """Why it stands, or is not there; `lack` says that it gets no data."""
     status = member.status
-    if status is None:
-        row.reason = member.why_not_ready
-        return row
-    row.behavior = short(_behavior(status.behavior, status.followed, status.driver))
-    row.age = now - member.heard
-    if member.silent:
-        row.reason = member.why_not_ready
-        return row
-    row.speed = None if lack else status.speed
-    row.is_stopped = status.is_stopped and member.alive
-    if row.is_stopped:
-        row.reason = STOPPED
-        return row
+    if status is None or member.silent:
+        return member.why_not_ready
+    if _is_held(member):
+        return STOPPED
     if status.state == RobotState.READY:
         # What GO waits for stands below the table.
-        return row
-    if lack:
-        row.reason = lack
-        return row
+        return ""
     # A robot of an older version says only in its text why it does not drive.
     reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
-    row.reason = short((member.absence or reason) if reason else "")
-    return row
+    return lack or short((member.absence or reason) if reason else "")
 
 
 def _state(member: KnownRobot) -> str:
@@ -138,13 +144,9 @@ def team_notes(team: Gate, restarts: Mapping[str, Restarted], problems: Sequence
     """The lines below the table: GO, or what it waits for, processes started again, robots that are stopped, and what
     else is wrong."""
     told = [restarts_text(restarts)] if restarts else []
-    held = [i for i, member in team.members.items() if member.alive and member.status and member.status.is_stopped]
+    held = [i for i, member in team.members.items() if _is_held(member)]
     told += [f"robot {format_robot_ids(held)}: {STOPPED}"] if held else []
     return ["GO is out" if team.gone else f"waiting for {team.waiting_for(reasons=False)}", *told, *problems]
-
-
-def _print(text: str) -> None:
-    print(printable(text, "\n"), flush=True)  # noqa: T201
 
 
 class Lines:
@@ -153,7 +155,7 @@ class Lines:
     is_live = False
     """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
 
-    def __init__(self, write: Callable[[str], None] = _print) -> None:
+    def __init__(self, write: Callable[[str], None] = print_block) -> None:
         self._write = write
 
     def show(self, event: Event) -> None:
@@ -175,3 +177,29 @@ class JsonLines(Lines):
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
         line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
         self._write(printable_json(msgspec.json.encode(line).decode()))
+
+
+class LiveTable(Lines):
+    """Events as lines of a terminal, and below them the table as it was when it was drawn last."""
+
+    is_live = True
+
+    def __init__(self, live: LiveLine) -> None:
+        super().__init__(live.print)
+        self._live = live
+
+    def show(self, event: Event) -> None:
+        color = _EVENTS.get(event.kind, 0)
+        self._write(painted(event.sentence, color) if self._live.has_color else event.sentence)
+
+    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
+        lines = format_table(rows, notes, self._live.size().columns)
+
+        def paint(number: int, text: str) -> str:
+            if not number:
+                return painted(text, 1)
+            _, state, begin = lines[number]
+            end = begin + len(state)
+            return f"{text[:begin]}{painted(text[begin:end], _COLORS.get(state, 0))}{text[end:]}" if state else text
+
+        self._live.show("\n".join(line.text for line in lines), paint)

@@ -1,6 +1,7 @@
 """The monitor's table and events as text and as JSON: what its rows say, at which width, live on a terminal too."""
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -9,6 +10,7 @@ import pytest
 from support.gate_feed import come
 from support.limits import LIMIT
 from support.monitor_desk import Open, Robot
+from support.terminal import Screen
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import to_ns, wait_until
@@ -17,11 +19,11 @@ from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, time_fr
 from zteam.monitor.observer import TeamObserver
 from zteam.monitor.process import display
 from zteam.monitor.process.display import Poses
-from zteam.monitor.process.live_table import LiveTable
 from zteam.monitor.process.members import SILENT_AFTER, Event
 from zteam.monitor.process.start_gate import Gate
-from zteam.monitor.process.table import JsonLines, Lines, Row, format_table, make_rows, team_notes
+from zteam.monitor.process.table import JsonLines, Lines, LiveTable, Row, format_table, make_rows, team_notes
 from zteam.node.launcher import Restarted
+from zteam.node.live_line import LiveLine
 from zteam.node.process_node import ProcessNode
 from zteam.node.shutdown import Stop
 from zteam.team.launch.progress import Recoveries
@@ -181,30 +183,26 @@ def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) ->
 
 def draw(gate: Gate, *events: Event) -> None:
     """Print what a terminal shows: the events, and the table as it stands at the end."""
-    table = LiveTable()
-    with table.live:
+    with LiveLine(sys.stdout, keeps=True) as live:
+        table = LiveTable(live)
         table.print_table(make_rows(gate, {}, {}, 1.0), ["waiting for robot_0"])
         for event in events:
             table.show(event)
 
 
 def test_the_live_table_stands_below_the_events(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Events are printed above the table, in the exact words that users and scripts look for."""
-    monkeypatch.setenv("COLUMNS", "80")
     draw(gate_of(RobotStatus(text="waiting")), Event("lost", 3, "lost"), Event("go", None, "All robots GO!"))
-    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
-    assert [line for line in lines if line in ("robot_3 lost", "All robots GO!")] == ["robot_3 lost", "All robots GO!"]
-    assert lines.index("All robots GO!") < len(lines) - 1 - lines[::-1].index("waiting for robot_0")
+    rows = Screen(80).feed(capsys.readouterr().out.replace("\n", "\r\n")).rows
+    assert (rows[:2], rows[2][:5]) == (["robot_3 lost", "All robots GO!"], "robot")
+    assert rows[-2:] == ["waiting for robot_0", ""]
 
 
 @pytest.mark.parametrize("text", ["[/etc/passwd]", "[bold]x", "[link=http://x]", "\x1b[2J"])
-def test_any_text_of_a_robot_is_shown_as_it_is(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, text: str
-) -> None:
+def test_any_text_of_a_robot_is_shown_as_it_is(capsys: pytest.CaptureFixture[str], text: str) -> None:
     """A robot's text is neither markup nor a command to the terminal."""
-    monkeypatch.setenv("COLUMNS", "80")
     gate = gate_of(RobotStatus(state=RobotState.FAULT, text=text, reason=text))
     draw(gate, *gate.take_events())
     shown = capsys.readouterr().out
@@ -212,7 +210,7 @@ def test_any_text_of_a_robot_is_shown_as_it_is(
     assert shown.count(text.replace("\x1b", "")) >= 2
 
 
-class Screen(Lines):
+class Drawings(Lines):
     """A live output that notes the states of robot 0 that it draws."""
 
     is_live = True
@@ -230,7 +228,7 @@ def test_the_monitor_draws_the_table_again_and_again(
 ) -> None:
     """Without an option, and also where there is no event: a robot's new state is in the table."""
     monkeypatch.setattr(display, "_LIVE_PERIOD", 0.0)
-    screen = Screen()
+    screen = Drawings()
     desk = open_desk(0, 1, output=screen)
     desk.look()
     assert screen.drawn[-1] == "absent"

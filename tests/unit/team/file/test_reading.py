@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from support.team_files import WHOLE, load, robots
-from zteam.cli.zteam_robot import main, parse_param, read_base
+from zteam.cli.processes import main, parse_param, read_base
 from zteam.config import resources
 from zteam.config.toml_values import toml_text
 from zteam.errors import ConfigError, UsageError
@@ -89,7 +89,7 @@ def test_a_line_of_no_launcher_is_refused(line: str) -> None:
 def test_a_wrong_base_on_the_command_line_is_told(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     """One line that names the option and the key."""
     with pytest.raises(SystemExit) as ended:
-        main(["--id", "0", "--base", text])
+        main("zteam-robot", ["--id", "0", "--base", text])
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 2 and line.startswith("zteam-robot: --base") and text.partition("=")[0] in line
 

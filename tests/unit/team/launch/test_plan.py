@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from zteam import names
-from zteam.cli import main, zteam_robot, zteam_sim
+from zteam.cli import main, processes
 from zteam.config.resources import shipped_team
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -175,11 +175,11 @@ def test_the_simulator_gets_the_same_of_a_command_line(monkeypatch: pytest.Monke
     assert options.follows == {3: 0, 7: 3}
     assert options.added == ((7, "erratic", Pose2(-1.5, 3.25, -1e-7)), (8, "my-robot", Pose2(0.0, -0.0, 3.0)))
     words = ["/w/office.world", "--seed", "11", "--for", "2.5", "--gap", "3:0", "--gap", "7:3"]
-    args = zteam_sim.build_parser().parse_args(
+    args = processes.build_parser("zteam-sim").parse_args(
         [*words, "--add", "7:erratic:-1.5:3.25:-1e-7", "--add", "8:my-robot:0.0:-0.0:3.0"]
     )
-    monkeypatch.setattr(zteam_sim, "find_world", Path)
-    assert zteam_sim._read(args)[1]() == options
+    monkeypatch.setattr(processes, "find_world", Path)
+    assert processes.read("zteam-sim", args)[1]() == options
 
 
 def test_robots_get_the_same_of_a_command_line() -> None:
@@ -189,7 +189,8 @@ def test_robots_get_the_same_of_a_command_line() -> None:
         "robot_0": [*leader, "--param", "name=a b"],
         "robot_3": ["--id", "3", "--follow", "0", "--seed", "11"],
     }.items():
-        typed = zteam_robot._read(zteam_robot.build_parser().parse_args(words))[1]()
+        args = processes.build_parser("zteam-robot").parse_args(words)
+        typed = processes.read("zteam-robot", args)[1]()
         assert typed == msgspec.structs.replace(told(plan_of(), name, RobotOptions), folders=("",))
 
 

@@ -3,15 +3,18 @@
 import os
 import sys
 import threading
+import unicodedata
+from collections.abc import Callable
 from contextlib import ExitStack, redirect_stderr
+from itertools import starmap
 from typing import Any, TextIO, cast
 
-from zteam.cli.output import Clean, print_line
 from zteam.clock import Every
 from zteam.errors import printable
+from zteam.node.output import Clean, painted, print_line
 
 _MARGIN = 3
-"""Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
+"""Columns of the last line that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
 PERIOD = 5.0
 """Host seconds between two lines of progress where one cannot be rewritten."""
 _SIZE = os.terminal_size((80, 24))
@@ -28,18 +31,30 @@ def has_color(stream: TextIO) -> bool:
     return has_live_line(stream) and "NO_COLOR" not in os.environ
 
 
-class LiveLine:
-    """The last lines of a terminal. In its context standard error prints above them; leaving erases them."""
+Paint = Callable[[int, str], str]
+"""What is written for a line: it gets the line's number, and the part of it for which there is room."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+
+def _narrow(text: str) -> str:
+    """The text with escapes for characters of two columns, or of none: they would break the lines."""
+    wide = {c for c in text if unicodedata.east_asian_width(c) in "FW" or unicodedata.category(c)[0] == "M"}
+    return "".join(ascii(c)[1:-1] if c in wide else c for c in text)
+
+
+class LiveLine:
+    """The last lines of a terminal. In its context standard error prints above them; leaving erases them, unless it
+    `keeps` them."""
+
+    def __init__(self, stream: TextIO, *, keeps: bool = False) -> None:
+        self._stream, self._keeps = stream, keeps
         # Reentrant: the report of a failed write is printed above the lines too.
         self._lock = threading.RLock()
         self._text = ""
         self._drawn: list[int] = []
         """The lengths of the lines that are on the terminal."""
         self._left = False
-        self._bold = ("\033[1m", "\033[0m") if has_color(stream) else ("", "")
+        self.has_color = has_color(stream)
+        self._paint: Paint | None = None
         self._redirection = ExitStack()
 
     def __enter__(self) -> "LiveLine":
@@ -51,13 +66,17 @@ class LiveLine:
 
     def __exit__(self, *_how: object) -> None:
         self._redirection.close()
-        self.show("")
+        if self._keeps and self._drawn:
+            self._stream.write("\n")
+        else:
+            self.show("")
 
-    def show(self, text: str) -> None:
-        """Show `text` from now on, in ASCII and as far as there is room."""
+    def show(self, text: str, paint: Paint | None = None) -> None:
+        """Show `text` from now on, as far as there is room; in bold, or with the colours of `paint`."""
         with self._lock:
-            # Characters of two columns, or of none, would break the line.
-            self._text = text.encode("ascii", "backslashreplace").decode()
+            encoding = self._stream.encoding or "ascii"
+            self._text = _narrow(text).encode(encoding, "backslashreplace").decode(encoding)
+            self._paint = paint
             self._write("", self._stream)
 
     def leave(self) -> None:
@@ -72,14 +91,15 @@ class LiveLine:
             self._write(f"{text if isinstance(text, Clean) else printable(text)}\n", stream or self._stream)
 
     def _write(self, text: str, stream: TextIO) -> None:
-        columns, height = self._size()
+        columns, height = self.size()
         is_ours = self._in_foreground()
         if not is_ours:
             # The shell has the terminal now.
             self._drawn = []
         shown = "" if self._left or not is_ours else self._text
         fitting = shown.split("\n")[: max(1, height - 1)] if shown else []
-        lines = [printable(line[: max(0, columns - _MARGIN)]) for line in fitting]
+        room = [columns] * (len(fitting) - 1) + [max(0, columns - _MARGIN)]
+        lines = [printable(line[:most]) for line, most in zip(fitting, room, strict=False)]
         # A terminal that was made narrower has wrapped them.
         rows = sum(1 + max(0, length - 1) // columns for length in self._drawn) - 1
         erase = f"\r\033[{rows}A\033[J" if rows > 0 else "\r\033[J" if self._drawn else ""
@@ -87,13 +107,15 @@ class LiveLine:
             stream.write(erase + text)
             stream.flush()
             erase = text = ""
-        drawn = f"{self._bold[0]}{chr(10).join(lines)}{self._bold[1]}" if lines else ""
+        paint = self._paint or (lambda _number, line: painted(line, 1))
+        drawn = "\n".join(starmap(paint, enumerate(lines)) if self.has_color else lines)
         if erase or text or drawn:
             self._stream.write(erase + text + drawn)
             self._stream.flush()
         self._drawn = list(map(len, lines))
 
-    def _size(self) -> os.terminal_size:
+    def size(self) -> os.terminal_size:
+        """Columns and lines of the terminal now."""
         try:
             found = os.get_terminal_size(self._stream.fileno())
         except (OSError, ValueError):

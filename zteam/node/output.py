@@ -18,8 +18,8 @@ class Clean(str):
     """Text that a terminal may get as it is: what does not come from zteam's own code has no control characters."""
 
 
-def painted(text: str, color: int) -> Clean:
-    """A line in a colour of ECMA-48, such as 31."""
+def painted(text: str, color: int | str) -> Clean:
+    """A line in a colour of ECMA-48, such as 31, or "1;31" for a bold one."""
     return Clean(f"\033[{color}m{printable(text)}\033[0m")
 
 
