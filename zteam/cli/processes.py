@@ -273,7 +273,7 @@ def _add_aggregator(parser: Parser) -> None:
 
 def _aggregator_options(args: argparse.Namespace) -> AggregatorOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
-    from zteam.team.launch.team_launch import aggregator_options
+    from zteam.team.launch.plan import aggregator_options
 
     team = _load_team(args)
     options = aggregator_options(team, Path(args.team).parent) if team else AggregatorOptions()
