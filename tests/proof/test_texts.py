@@ -70,6 +70,7 @@ def test_without_words_robots_drive_the_same_way(tmp_path: Path, team: str, seco
     assert run(tmp_path, team, seconds, *options, python_path=str(WORDLESS)) == expected
 
 
+@pytest.mark.ci
 def test_a_robot_that_reads_drives_another_way(tmp_path: Path) -> None:
     """A robot that goes by the words of another one's status has another hash where they are replaced."""
     (tmp_path / "reader.py").write_text(READER)

@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 import zteam
 
 PACKAGE = Path(str(zteam.__file__)).parent
@@ -30,6 +32,7 @@ def imports_of(module: str) -> set[str]:
     return found - {module}
 
 
+@pytest.mark.gate
 def test_no_string_names_a_module_of_cli() -> None:
     """A room that starts a command, or imports it by its name, depends on what stands above it."""
     rooms = [module for module in MODULES if not module.startswith("zteam.cli") and module != "zteam.__main__"]
@@ -42,6 +45,7 @@ def test_no_string_names_a_module_of_cli() -> None:
     assert named == []
 
 
+@pytest.mark.gate
 def test_files_import_each_other_in_no_circle() -> None:
     """Of two files that need each other, neither can be read alone."""
     graph = {module: imports_of(module) for module in MODULES}

@@ -136,11 +136,13 @@ def found_in_package() -> dict[str, list[str]]:
     return {name: lines for name, lines in found.items() if lines}
 
 
+@pytest.mark.gate
 def test_nothing_in_the_package_goes_by_a_text() -> None:
     """No file compares a text or searches it, but for those that translate words of others."""
     assert {name: lines for name, lines in found_in_package().items() if name not in FOREIGN} == {}
 
 
+@pytest.mark.gate
 def test_each_translation_is_there() -> None:
     """No entry of FOREIGN outlives what it allows."""
     assert not FOREIGN.keys() - found_in_package().keys()

@@ -86,6 +86,7 @@ def test_the_users_line_is_found(tmp_path: Path, stacks: Stacks, start: Start) -
         assert '    print("here", flush=True), threading.Event().wait()' in rest
 
 
+@pytest.mark.ci
 def test_a_call_that_lets_no_other_thread_run_is_found(stacks: Stacks, start: Start) -> None:
     """The process cannot answer by itself, and Python's fault handler does."""
     start("robot_0", "outside")
