@@ -46,7 +46,7 @@ class TeamFloor(Floor):
         return msgspec.structs.replace(super().view(robot_id), inputs=inputs, team=team, bases=bases)
 
     def tick(self) -> None:
-        """All robots decide and move; then each tells what it does."""
+        """All robots decide and move; then each reports what it does."""
         self.step(self.team)
         self._tell()
 

@@ -65,7 +65,7 @@ def test_deviation_and_gap_are_measured() -> None:
 
 
 def test_walls_are_hit_by_the_outline() -> None:
-    """A robot of 0.4 m touches a wall 0.21 m ahead, and not one 0.3 m ahead; a blocked one counts as well."""
+    """A robot of 0.4 m touches a wall 0.21 m ahead, and not one 0.3 m ahead; a blocked one is in contact too."""
     still = tracks_of([(0.0, 0.0, 0.0)] * 30)
     for distance, hits in ((0.21, 1), (0.3, 0)):
         assert int(walls(distance).touched(still.poses).any()) == hits

@@ -40,7 +40,7 @@ def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]
 def test_what_is_not_typed_has_a_default(
     name: str, words: str, defaults: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those that the pages tell of."""
+    """Those that the pages name."""
     for variable in ("LOG_LEVEL", "LOG_FORMAT"):
         monkeypatch.delenv(f"ZTEAM_{variable}", raising=False)
     found = vars(command_of(name)[0]().parse_args(words.split()))

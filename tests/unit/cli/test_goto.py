@@ -97,7 +97,7 @@ def test_json(navigation: FakeNavigation, capsys: pytest.CaptureFixture[str]) ->
 def test_what_keeps_a_robot_is_told_while_it_lasts(
     hub: MemoryHub, navigation: FakeNavigation, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A line now and then has state, metres and time that are left, recoveries and reason; a stop is told once."""
+    """A line now and then has state, metres and time that are left, recoveries and reason; a stop is logged once."""
     for module in (goto, live_line):
         monkeypatch.setattr(module, "PERIOD", 0.0)
     run = Goto("1 3 4", navigation)

@@ -63,7 +63,7 @@ def test_get_prints_the_value_alone(run: Run) -> None:
 
 
 def test_set_changes_values(run: Run) -> None:
-    """The line tells what holds from the next step on; a refusal of one robot does not stop the others."""
+    """The line shows what holds from the next step on; a refusal of one robot does not stop the others."""
     assert run("zteam param set robot_0 speed 1 turn_rate 0.5").out == "robot_0: speed = 1.0, turn_rate = 0.5\n"
     assert run("zteam param get robot_0 speed").out == "1.0\n"
     answer = '{"robot_0":{"speed":0.2},"robot_2":{"speed":0.2}}\n'
