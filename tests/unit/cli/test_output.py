@@ -111,7 +111,7 @@ def run_code(code: str) -> "subprocess.CompletedProcess[str]":
 def test_leave_ends_with_the_exit_code_after_all_that_a_normal_end_does() -> None:
     """Threads are waited for, exit handlers run and output is flushed, in this order; then the exit code is kept.
 
-    Without `leave` such a process ends by SIGABRT.
+    Without `leave` the process ends by SIGABRT.
     """
     assert run_code(BOMB + "sys.exit(3)").returncode == -6
     done = run_code(

@@ -50,7 +50,7 @@ def test_the_list_has_keys_without_data(run: Run) -> None:
 
 
 def test_a_foreign_program_is_known_by_what_it_publishes(tools: MemoryHub, run: Run) -> None:
-    """A session that tells no declarations is a publisher, beside others, when it is heard; else it is missing."""
+    """A session that answers with no declarations is a publisher once a message of it arrives."""
     foreign = MemoryTransport(tools)
     foreign.declare_publisher("lamp", encoding_of(Bool), True).put(encode(Bool(False)))
     foreign.declare_publisher("bell", encoding_of(Bool), False)

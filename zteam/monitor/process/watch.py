@@ -6,6 +6,7 @@ from typing import Any
 
 from zteam import names
 from zteam.bus.graph import tell_rivals
+from zteam.bus.transport import RawSample
 from zteam.clock import FREEZES, Every, monotonic
 from zteam.messages import RobotStatus
 from zteam.messages.topics import has_one_writer
@@ -13,6 +14,7 @@ from zteam.monitor.observer import LINK, PRESENCE, RobotView, TeamObserver
 from zteam.monitor.process.start_gate import Gate
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenLossFilter
+from zteam.node.writers import Writers
 from zteam.simulator.client import SimStatus, find_status
 
 log = logging.getLogger("zteam")
@@ -43,9 +45,9 @@ class WriterWatch:
     """Tells of robots that more than one process commands, or is the base of, and the team which robots the simulator
     has. The processes themselves are told too.
 
-    The simulator tells which ones command: a subscription to all commands would slow down every tick of lock-step. Of
-    all other keys that have one publisher at a time, and of commands where there is no simulator, zteam's sessions say
-    what they publish.
+    The simulator reports which ones command: a subscription to all commands would slow down every tick of lock-step.
+    Where there is no simulator, the watch subscribes to the commands itself. Of all keys that have one publisher at a
+    time, zteam's sessions report what they publish.
     """
 
     def __init__(self, node: ProcessNode, team: Gate, seen: TeamObserver) -> None:
@@ -59,6 +61,8 @@ class WriterWatch:
         """As of the last question to all sessions."""
         self._ask_all = Every(ASK_ALL)
         self._ask_all.due()
+        self._heard: Writers | None = None
+        """Of commands, where there is no simulator."""
         self.sim: SimStatus | None = None
         """What the simulator answered last; None if it did not."""
         self.unanswered = 0
@@ -68,7 +72,7 @@ class WriterWatch:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
         if not self._due.due():
             return
-        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else {}
+        commanding = self._ask() if self._seen.alive(names.SIMULATOR) else self._listen()
         if self._ask_all.due():
             self._published = self._find_publishers()
         if commanding is not None:
@@ -95,6 +99,23 @@ class WriterWatch:
             self._team.take_world(status.robots)
             self._team.take_tick(status.tick, monotonic())
         return status.writers
+
+    def _listen(self) -> dict[int, list[str]]:
+        clock = self._node.clock
+        if not clock.decided or clock.simulated:
+            return {}
+        if self._heard is None:
+            self._heard = Writers()
+            self._node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_command)
+        with self._node.changed:
+            heard = self._heard.recent(monotonic())
+        return {robot_id: sorted(sessions) for robot_id, sessions in heard.items() if len(sessions) > 1}
+
+    def _on_command(self, sample: RawSample) -> None:
+        target = names.split_robot_key(sample.key)
+        if target is not None and self._heard is not None:
+            with self._node.changed:
+                self._heard.take(target[0], sample.source, monotonic())
 
     def _tell(self, found: dict[str, list[str]]) -> None:
         texts = []

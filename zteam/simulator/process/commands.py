@@ -1,7 +1,6 @@
 """The robots' commands on `robot_N/cmd_vel`: the newest one of each robot, its sender, and its delay after the scan."""
 
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Container
 
 from zteam import names
@@ -11,6 +10,7 @@ from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.node.process_node import ProcessNode
 from zteam.node.tokens import TokenSet
+from zteam.node.writers import Writers
 from zteam.simulator.process.statistics import RunStatistics
 
 _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
@@ -18,30 +18,6 @@ _FROM_OUTSIDE = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names
 
 _MOST_WRITERS = 16
 """Sessions of a robot that are named: any program may hold a token of its name."""
-RECENT = 5.0
-"""Host seconds after its last command for which a session is still a writer."""
-_MOST = 64
-"""Sessions of a robot that are remembered: a sender can invent them."""
-
-
-class Writers:
-    """The sessions that command each robot. Pure."""
-
-    def __init__(self) -> None:
-        self._heard: defaultdict[int, dict[str, float]] = defaultdict(dict)
-        """The last host time, by robot and session."""
-
-    def take(self, robot_id: int, session: str, now: float) -> None:
-        """A command of the robot came from `session` at host time `now`."""
-        heard = self._heard[robot_id]
-        if session in heard or len(heard) < _MOST:
-            heard[session] = now
-
-    def recent(self, now: float) -> dict[int, set[str]]:
-        """The sessions that were heard of late, by robot."""
-        for robot_id, heard in self._heard.items():
-            self._heard[robot_id] = {session: at for session, at in heard.items() if now - at <= RECENT}
-        return {robot_id: {*heard} for robot_id, heard in self._heard.items() if heard}
 
 
 class RobotCommands:

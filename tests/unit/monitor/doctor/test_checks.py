@@ -535,7 +535,7 @@ def test_a_map_lies_as_the_world_does(found: MapInfo, level: str, text: str) -> 
 
 
 def test_a_map_file_is_compared_with_the_world() -> None:
-    """The file's name is told; without a simulator the user is told to start one."""
+    """The finding names the file; without a simulator it says to start one."""
     good = check_map_file("lab.yaml", WORLD_MAP, sim_status())
     assert (good.what, good.level) == ("map file", "ok")
     assert check_map_file("lab.yaml", changed(x=0.0), sim_status()).text.startswith("lab.yaml differs from the world")

@@ -92,6 +92,19 @@ def test_two_publishers_are_told(
     assert desk.tell() == [("writers", 0, over)]
 
 
+def test_without_a_simulator_the_commands_of_any_program_are_heard(hub: MemoryHub, desk: Desk) -> None:
+    """A session that declares nothing, such as a plain Zenoh program, is named beside the robot; in wall time."""
+    robot, plain = open_named(hub, "robot_3"), hub.bus()
+    desk.node.clock.use_wall()
+    assert desk.tell() == []
+    robot.publisher("robot_3/cmd_vel", Twist).put(Twist())
+    publisher = plain.transport.declare_publisher("robot_3/cmd_vel", "", False)
+    publisher.put(b"any")
+    ((kind, robot_id, text),) = desk.tell()
+    assert (kind, robot_id) == ("writers", 3)
+    assert "2 processes: " in text and "robot_3 (process " in text
+
+
 def test_an_answer_of_lock_step_is_no_second_command(hub: MemoryHub, desk: Desk) -> None:
     """The simulator publishes it on `cmd_vel`, beside the robot."""
     robot, simulator = (open_named(hub, name) for name in ("robot_0", names.SIMULATOR))
