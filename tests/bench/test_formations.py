@@ -13,7 +13,7 @@ from studies.formations import (
     run_slalom,
     starts_of,
 )
-from zteam.robot.behaviors.slots import slots_of
+from zteam.robot.behaviors.formation import slots_of
 
 
 @pytest.mark.team

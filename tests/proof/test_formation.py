@@ -7,7 +7,7 @@ import pytest
 
 from support.paces import BOTH_PACES
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.slots import assign, slots_of
+from zteam.robot.behaviors.formation import assign, slots_of
 
 pytestmark = pytest.mark.team
 

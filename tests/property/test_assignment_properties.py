@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.robot.behaviors.slots import Assignment, assign
+from zteam.robot.behaviors.formation import assign, reassign
 
 costs = st.integers(0, 6).flatmap(
     lambda n: st.lists(
@@ -33,7 +33,5 @@ def test_all_robots_assign_alike(pairs: list[tuple[tuple[float, float], tuple[fl
     slots = [slot_at for _, slot_at in pairs]
     shuffled = list(members)
     random.shuffle(shuffled)  # type: ignore[attr-defined]
-    one, other = Assignment(), Assignment()
-    one.look(0, members, slots)
-    other.look(0, {robot: members[robot] for robot in shuffled}, slots)
-    assert [one.slots.get(robot) for robot in members] == [other.slots.get(robot) for robot in members]
+    again = {robot: members[robot] for robot in shuffled}
+    assert reassign({}, members, slots) == reassign({}, again, slots)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.polyline import Polyline, SpeedLimits, pursue
+from zteam.robot.behaviors.path import Polyline, SpeedLimits, pursue
 
 metres = st.floats(-50.0, 50.0, allow_subnormal=False)
 points = st.lists(st.tuples(metres, metres), min_size=1, max_size=40)

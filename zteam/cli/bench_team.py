@@ -27,7 +27,7 @@ from zteam.navigation.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costm
 from zteam.navigation.planning.grid import OCCUPIED
 from zteam.navigation.planning.planner import AStarPlanner, NoPathError
 from zteam.node.lockstep import RoundTiming
-from zteam.robot.behaviors.polyline import Polyline
+from zteam.robot.behaviors.path import Polyline
 from zteam.simulator.client import Timing
 from zteam.simulator.core import Engine
 from zteam.simulator.core.occupancy_grid import map_message

@@ -26,7 +26,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.messages.planar import pose2_of, pose_message
-from zteam.robot.behaviors.slots import assign
+from zteam.robot.behaviors.formation import assign
 from zteam.robot.client import (
     CANCEL,
     CANCEL_LIMIT,

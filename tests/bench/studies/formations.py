@@ -17,8 +17,8 @@ from zteam.cli.tables import format_table
 from zteam.config.toml_values import toml_text
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.polyline import Polyline
-from zteam.robot.behaviors.slots import SHAPES, Shape, assign, slots_of
+from zteam.robot.behaviors.formation import SHAPES, Shape, assign, slots_of
+from zteam.robot.behaviors.path import Polyline
 from zteam.simulator.world.model import footprint
 from zteam.world import World, add_robot, load_world
 

@@ -20,7 +20,7 @@ from zteam.config.resources import find_world
 from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
 from zteam.node.lockstep import RoundTiming
-from zteam.robot.behaviors.polyline import Polyline
+from zteam.robot.behaviors.path import Polyline
 from zteam.simulator.client import Timing
 from zteam.world import load_world
 

@@ -5,7 +5,7 @@ import math
 from zteam.clock import to_ns
 from zteam.geometry import normalize_angle, yaw_from_quaternion
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.scans import is_clear
 from zteam.robot.view import View
 
@@ -45,8 +45,7 @@ class Around:
         speed = 0.0 if abs(heading) > 0.5 * math.pi else min(self._gain * distance, limits.linear)
         if self._side:
             speed *= max(0.0, 1.0 - abs(heading) / SPOT_ANGLE)
-        turn = max(-limits.angular, min(limits.angular, ANGULAR_GAIN * heading))
-        return Twist(Vector3(speed), Vector3(z=turn))
+        return Twist(Vector3(speed), Vector3(z=limits.clamp_turn(ANGULAR_GAIN * heading)))
 
     def find_heading(self, view: View, bearing: float, reach: float, but: int | None = None) -> float | None:
         """The bearing (rad), or the nearest to it that is clear for `reach` metres; None without any."""

@@ -12,10 +12,9 @@ from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
 from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, LineRole, OnLeaderLost, see_robot
-from zteam.robot.behaviors.line_member import LineMember
-from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
-from zteam.robot.behaviors.trail import head_comes_round
+from zteam.robot.behaviors.trail import LineMember, head_comes_round
 from zteam.robot.behaviors.wander import Wander
 from zteam.robot.view import View
 

@@ -1,33 +1,220 @@
-"""Keep a place in a formation behind a leader."""
+"""Keep a place in a formation behind a leader.
+
+A slot lies so far back along the leader's trail, and so far to the left of it. So a formation goes round a bend as a
+train does, and does not swing outwards like a board. It is squeezed to a column where walls are near, and where it
+goes round a tight bend.
+"""
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from itertools import combinations
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
+import numpy as np
 from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
-from zteam.messages import Message, Twist, Vector3
+from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STATUSES, see_robot
 from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
-from zteam.robot.behaviors.polyline import SpeedLimits
-from zteam.robot.behaviors.slots import (
-    Assignment,
-    Shape,
-    Slot,
-    approach,
-    reach_of,
-    share_for_bend,
-    share_for_room,
-    slots_of,
-    squeeze,
-)
-from zteam.robot.scans import is_clear
+from zteam.robot.behaviors.path import SpeedLimits
+from zteam.robot.scans import beams_of, is_clear
 from zteam.robot.view import NO_POSE, View, own_pose
+
+Shape = Literal["line", "column", "wedge", "diamond", "circle"]
+_RISE = math.sqrt(0.5)
+
+
+class Slot(NamedTuple):
+    """A place in a formation: metres."""
+
+    back: float
+    """Arc length behind the leader along its trail."""
+    lateral: float
+    """To the left of the trail."""
+
+
+@lru_cache(maxsize=64)
+def slots_of(shape: Shape, count: int, spacing: float) -> tuple[Slot, ...]:
+    """The slots of `count` followers, the foremost first. Neighbours are about `spacing` metres apart.
+
+    `line`: side by side with the leader in the middle. `column`: one behind the other. `wedge`: two arms that go back
+    from the leader at a right angle. `diamond`: along the sides of a square that stands on the leader's corner.
+    `circle`: on a circle.
+    """
+    return tuple(sorted(_SLOTS[shape](count, spacing), key=lambda slot: (round(slot.back, 6), abs(slot.lateral))))
+
+
+def reach_of(slots: Sequence[Slot]) -> tuple[float, float]:
+    """Metres that the slots reach to the left and to the right of the trail, to the micrometre."""
+    laterals = [round(slot.lateral, 6) for slot in slots]
+    return max((0.0, *laterals)), -min((0.0, *laterals))
+
+
+def squeeze(slot: Slot, rank: int, spacing: float, share: float) -> Slot:
+    """A slot moved by `share` (0 to 1) towards place `rank` (from 0) of the column.
+
+    It is at its place along the column at a share of a half: two slots side by side come one behind the other before
+    they come together.
+    """
+    column = (rank + 1) * spacing
+    return Slot(slot.back + min(1.0, 2.0 * share) * (column - slot.back), (1.0 - share) * slot.lateral)
+
+
+def _diamond(count: int, spacing: float) -> list[Slot]:
+    quarter = 0.25 * (count + 1)
+    slots = []
+    for place in range(1, count + 1):
+        # From the leader's corner along the left sides, and back along the right ones.
+        along = min(place, 4.0 * quarter - place)
+        lateral = min(along, 2.0 * quarter - along)
+        slots.append(Slot(along, lateral if place <= 2.0 * quarter else -lateral))
+    # Two neighbours with a corner between them are nearer than along the sides.
+    nearest = min(math.dist(a, b) for a, b in combinations([Slot(0.0, 0.0), *slots], 2))
+    return [Slot(slot.back * spacing / nearest, slot.lateral * spacing / nearest) for slot in slots]
+
+
+def _circle(count: int, spacing: float) -> list[Slot]:
+    step = math.tau / (count + 1)
+    radius = 0.5 * spacing / math.sin(0.5 * step)
+    turns = [place * step for place in range(1, count + 1)]
+    return [Slot(radius * (1.0 - math.cos(turn)), radius * math.sin(turn)) for turn in turns]
+
+
+def _pairs(count: int) -> Iterator[tuple[int, float]]:
+    """The number of the pair and the side (1 left, -1 right) of each follower."""
+    return ((place // 2 + 1, -1.0 if place % 2 else 1.0) for place in range(count))
+
+
+_SLOTS: dict[Shape, Callable[[int, float], list[Slot]]] = {
+    "line": lambda count, spacing: [Slot(0.0, side * pair * spacing) for pair, side in _pairs(count)],
+    "column": lambda count, spacing: [Slot((place + 1) * spacing, 0.0) for place in range(count)],
+    "wedge": lambda count, spacing: [
+        Slot(_RISE * pair * spacing, side * _RISE * pair * spacing) for pair, side in _pairs(count)
+    ],
+    "diamond": _diamond,
+    "circle": _circle,
+}
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+
+
+BESIDE_MARGIN = 0.1
+"""Metres that have to be free beside the outermost robot."""
+BEHIND, AHEAD = 0.5, 1.5
+"""Metres along the trail, from the leader and from the own slot, within which walls count."""
+BODY = 0.45
+"""Metres around another robot within which a hit is that robot."""
+BEND = 0.9
+"""The outermost slot lies within this share of the radius of a bend."""
+CLOSING, OPENING = 0.5, 0.13
+"""1/s: how fast the formation closes and opens."""
+
+
+def approach(share: float, needed: float, dt: float) -> float:
+    """The share after `dt` seconds: it closes faster than it opens, so a doorway does not open it."""
+    return min(needed, share + CLOSING * dt) if needed > share else max(needed, share - OPENING * dt)
+
+
+def share_for_bend(curvature: float, left: float, right: float) -> float:
+    """The share that a bend (1/m, left positive) needs for slots that reach so far (m) to the left and to the right."""
+    width = abs(curvature) * (left if curvature > 0.0 else right)
+    return max(0.0, 1.0 - BEND / width) if width > BEND else 0.0
+
+
+def share_for_room(
+    scan: LaserScan,
+    places: Sequence[Pose2],
+    others: Sequence[tuple[float, float]],
+    left: float,
+    right: float,
+    half_width: float,
+) -> float:
+    """The share that walls beside these places of the trail need, without hits on the others. Own base frame."""
+    beside = half_width + BESIDE_MARGIN
+    # What is further to the side needs nothing.
+    side = max(left, right) + beside
+    bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
+    beams = beams_of(scan)
+    if beams is None or beams.nearest >= bound:
+        return 0.0
+    hits = beams.find_hits(bound)
+    for x, y in others:
+        hits = hits[:, np.hypot(hits[0] - x, hits[1] - y) > BODY]
+    needed = 0.0
+    for x, y, yaw in places:
+        dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        off = across[(along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)]
+        for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
+            if reach > 0.0 and offs.size:
+                needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
+    return min(needed, 1.0)
+
+
+def assign(costs: Sequence[Sequence[float]]) -> list[int]:
+    """The column of each row in the cheapest assignment of a square table of costs: always the same; n³ steps."""
+    count = len(costs)
+    row_prices, column_prices = [0.0] * (count + 1), [0.0] * (count + 1)
+    # Rows and columns count from 1 here; column 0 holds the row that has no column yet.
+    row_of = [0] * (count + 1)
+    for row in range(1, count + 1):
+        row_of[0] = row
+        # The free column at the end of the cheapest chain of changes, and the column before each one in such chains.
+        column, before, slack, is_used = 0, [0] * (count + 1), [math.inf] * (count + 1), [False] * (count + 1)
+        while row_of[column]:
+            is_used[column] = True
+            chosen, least, nearest = row_of[column], math.inf, 0
+            for other in range(1, count + 1):
+                if is_used[other]:
+                    continue
+                cost = costs[chosen - 1][other - 1] - row_prices[chosen] - column_prices[other]
+                if cost < slack[other]:
+                    slack[other], before[other] = cost, column
+                if slack[other] < least:
+                    least, nearest = slack[other], other
+            for other in range(count + 1):
+                if is_used[other]:
+                    row_prices[row_of[other]] += least
+                    column_prices[other] -= least
+                else:
+                    slack[other] -= least
+            column = nearest
+        while column:
+            row_of[column] = row_of[before[column]]
+            column = before[column]
+    columns = [0] * count
+    for column, row in enumerate(row_of[1:]):
+        columns[row - 1] = column
+    return columns
+
+
+_PERIOD = 500_000_000
+"""Nanoseconds between two looks for a better assignment: at the same times in all robots."""
+_BETTER = 0.7
+"""A new assignment costs at most this share of the present one: so slots do not flip where two cost nearly the same."""
+
+
+def reassign(
+    slots: Mapping[int, int], members: Mapping[int, Sequence[float]], places: Sequence[tuple[float, float]]
+) -> dict[int, int]:
+    """The slot of each member at these places, by robot id: the least squared distances, so straight ways do not cross.
+
+    `slots` are those of now, which stay where others are not much better.
+    """
+    robots = sorted(members)
+    costs = [[math.dist(members[robot], place) ** 2 for place in places] for robot in robots]
+    best = assign(costs)
+    if slots.keys() == members.keys():
+        present = sum(costs[row][slots[robot]] for row, robot in enumerate(robots))
+        if sum(costs[row][column] for row, column in enumerate(best)) > _BETTER * present:
+            return {**slots}
+    return dict(zip(robots, best, strict=True))
+
 
 ROOM, BESIDE = 1.6, 0.75
 """Metres that it gets ahead, and on either side of its way."""
@@ -59,34 +246,6 @@ STALE_AFTER = 1.0
 """Seconds; a member with an older pose is not seen any more."""
 
 
-class MakingWay:
-    """Drives off until the leader has room, and then aside as long as the leader comes towards it."""
-
-    def __init__(self) -> None:
-        self._boxed_in = BoxedIn()
-        self._is_asked = False
-        self._around = Around()
-
-    def forget(self) -> None:
-        """The leader is not seen."""
-        self._boxed_in, self._is_asked = BoxedIn(), False
-
-    def step(self, view: View, here: Pose2, leader: Pose2, limits: SpeedLimits) -> Twist | None:
-        """The velocity of a robot that is in the way; None for one that is not. Poses are in map."""
-        is_boxed = self._boxed_in.look(view.now, leader)
-        if not is_boxed and not self._is_asked:
-            return None
-        x, y, yaw = leader.inverse().compose(here)
-        apart, at = math.hypot(x, y), here.inverse().compose(leader)
-        nearer = sum(math.dist(at[:2], mate.pose[:2]) < apart - MOVED for mate in view.teammates) - 1
-        comes = x > 0.0 and abs(y) < BESIDE and apart < 2.0 * ROOM
-        self._is_asked = apart < ROOM + BESIDE * max(0, nearer) if is_boxed else comes
-        if not self._is_asked:
-            return None
-        away = math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)
-        return self._around.drive_to(view, STEP * math.cos(away - yaw), STEP * math.sin(away - yaw), limits)
-
-
 def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     """The velocity that keeps a robot in a slot that is near (own base frame) and moves (m/s ahead, rad/s)."""
     cos, sin = math.cos(slot.yaw), math.sin(slot.yaw)
@@ -97,16 +256,12 @@ def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     if wanted < STANDING:
         return Twist()
     ahead = min(wanted, limits.linear) * math.cos(angle) if abs(angle) < SPOT_ANGLE else 0.0
-    return Twist(Vector3(ahead), Vector3(z=_limit(TURN_GAIN * angle + turn, limits)))
+    return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * angle + turn)))
 
 
 def turn_to(angle: float, limits: SpeedLimits) -> Twist:
     """Turn on the spot by this angle (rad)."""
-    return Twist(angular=Vector3(z=0.0 if abs(angle) < ALIGNED else _limit(TURN_GAIN * angle, limits)))
-
-
-def _limit(turn: float, limits: SpeedLimits) -> float:
-    return max(-limits.angular, min(limits.angular, turn))
+    return Twist(angular=Vector3(z=0.0 if abs(angle) < ALIGNED else limits.clamp_turn(TURN_GAIN * angle)))
 
 
 def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
@@ -161,13 +316,16 @@ class Formation(Behavior):
     def __init__(self, params: FormationParams) -> None:
         super().__init__(params)
         self.leader: int = params.leader
-        self._assignment = Assignment()
+        self._slots: dict[int, int] = {}
+        """The number of each member's slot, by robot id."""
+        self._assigned = -1
+        """The period in which they were assigned."""
         self._trail = LeaderTrail()
         self._squeezed = self._needed = 0.0
         """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
-        self._making_way, self._around, self._escape = MakingWay(), Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Escape()
-        self._stray = Stray()
-        self._is_parked = False
+        self._around, self._around_leader = Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Around()
+        self._boxed_in, self._escape, self._stray = BoxedIn(), Escape(), Stray()
+        self._makes_way = self._is_parked = False
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
@@ -175,13 +333,13 @@ class Formation(Behavior):
             self.leader = self.params.leader
             self._trail.forget()
         # Assign anew at the next look.
-        self._assignment.slots = {}
+        self._slots = {}
 
     def on_release(self) -> None:
         """See Behavior: neither it nor its leader is boxed in because it stood."""
         self._stray.rest()
         self._escape.rest()
-        self._making_way.forget()
+        self._boxed_in, self._makes_way = BoxedIn(), False
 
     def missing(self, view: View) -> list[str]:
         leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
@@ -194,7 +352,7 @@ class Formation(Behavior):
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
             self._trail.forget()
-            self._making_way.forget()
+            self._boxed_in, self._makes_way = BoxedIn(), False
             return Twist()
         members = self._members(view)
         self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
@@ -210,7 +368,7 @@ class Formation(Behavior):
     def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits) -> Twist:
         trail, at = self._trail, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
-        command = self._making_way.step(view, here, trail.leader, limits)
+        command = self._make_way(view, here, limits)
         if command is not None:
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
             return command
@@ -224,6 +382,22 @@ class Formation(Behavior):
             return hold(at, speed, trail.speed * bend, limits)
         goal = find_goal(view, here, at, speed, trail, place)
         return self._around.drive_to(view, goal.x, goal.y, limits)
+
+    def _make_way(self, view: View, here: Pose2, limits: SpeedLimits) -> Twist | None:
+        """Off from a leader that is boxed in until that has room, then aside as long as it comes; None to its slot."""
+        leader = self._trail.leader
+        is_boxed = self._boxed_in.look(view.now, leader)
+        x, y, yaw = leader.inverse().compose(here)
+        apart, at = math.hypot(x, y), here.inverse().compose(leader)
+        if is_boxed:
+            nearer = sum(math.dist(at[:2], mate.pose[:2]) < apart - MOVED for mate in view.teammates) - 1
+            self._makes_way = apart < ROOM + BESIDE * max(0, nearer)
+        else:
+            self._makes_way = self._makes_way and x > 0.0 and abs(y) < BESIDE and apart < 2.0 * ROOM
+        if not self._makes_way:
+            return None
+        away = (math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)) - yaw
+        return self._around_leader.drive_to(view, STEP * math.cos(away), STEP * math.sin(away), limits)
 
     def why_it_rests(self) -> str:
         return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
@@ -244,14 +418,15 @@ class Formation(Behavior):
         return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
     def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
-        params, assignment = self.params, self._assignment
+        params, period = self.params, view.now // _PERIOD
         slots = slots_of(params.shape, len(members), params.spacing)
-        is_due = assignment.is_due(view.now, members)
+        is_due = self._slots.keys() != members.keys() or period != self._assigned
         if is_due:
             # Not squeezed: each robot squeezes for itself, and all have to assign alike.
             places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
-            assignment.look(view.now, places, [self._place(slot)[:2] for slot in slots])
-        rank = assignment.slots.get(view.robot_id, 0)
+            self._slots = reassign(self._slots, places, [self._place(slot)[:2] for slot in slots])
+            self._assigned = period
+        rank = self._slots.get(view.robot_id, 0)
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
             self._needed = self._needed_share(view, here, slot, *reach_of(slots))

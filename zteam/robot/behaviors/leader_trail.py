@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.robot.behaviors.polyline import Polyline
+from zteam.robot.behaviors.path import Polyline
 
 _SPACING = 0.1
 """Metres between two points of the trail."""

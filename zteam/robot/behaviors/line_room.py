@@ -13,7 +13,7 @@ from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 from zteam.robot.behaviors.evasion import Around, Escape, Pause
 from zteam.robot.behaviors.line import LineRole, keep_together
-from zteam.robot.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits
+from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.robot.scans import is_seen, look_along
 from zteam.robot.view import View
 

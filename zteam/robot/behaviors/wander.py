@@ -8,8 +8,8 @@ from msgspec import Meta, Struct
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.robot.behaviors.evasion import Escape
 from zteam.robot.behaviors.line import NO_TURNS
-from zteam.robot.behaviors.line_member import LineMember
-from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
+from zteam.robot.behaviors.trail import LineMember
 from zteam.robot.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.robot.view import View
 

@@ -10,7 +10,7 @@ from zteam.behaviors import View
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.robot.behaviors.evasion import Around, Escape
-from zteam.robot.behaviors.polyline import SpeedLimits
+from zteam.robot.behaviors.path import SpeedLimits
 
 LIMITS = SpeedLimits(0.7, math.pi)
 

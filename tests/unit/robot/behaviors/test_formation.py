@@ -8,7 +8,7 @@ from support.flat_floor import drive
 from zteam.behaviors import Behavior, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
-from zteam.robot.behaviors.slots import SHAPES, assign, slots_of
+from zteam.robot.behaviors.formation import SHAPES, assign, slots_of
 from zteam.testing import make_view
 
 FREE = [30.0] * 91

@@ -14,7 +14,7 @@ from zteam.robot.behaviors.line_room import (
     find_stopped,
     is_too_near,
 )
-from zteam.robot.behaviors.polyline import Polyline, SpeedLimits
+from zteam.robot.behaviors.path import Polyline, SpeedLimits
 from zteam.testing import make_view
 
 LIMITS = SpeedLimits(0.7, math.pi)

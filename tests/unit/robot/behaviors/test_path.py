@@ -11,7 +11,7 @@ from support.flat_floor import ORIGIN, TICK, Floor, make_scan, make_view
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.robot.behaviors.polyline import Polyline
+from zteam.robot.behaviors.path import Polyline
 
 COURSES = {
     "square": [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0.5]],

@@ -6,7 +6,7 @@ import pytest
 
 from support.flat_floor import drive
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.polyline import Polyline, SpeedLimits, pursue, slow_down
+from zteam.robot.behaviors.path import Polyline, SpeedLimits, pursue, slow_down
 
 
 def corner() -> Polyline:

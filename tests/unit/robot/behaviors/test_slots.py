@@ -8,20 +8,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.flat_floor import LASER, Segment, cast, make_scan
+from zteam.behaviors import load_behavior
 from zteam.geometry import Pose2
-from zteam.robot.behaviors.slots import (
+from zteam.robot.behaviors.formation import (
     CLOSING,
     OPENING,
     SHAPES,
-    Assignment,
     Shape,
     Slot,
     approach,
+    reassign,
     share_for_bend,
     share_for_room,
     slots_of,
     squeeze,
 )
+from zteam.testing import make_view
 
 LEADER = Slot(0.0, 0.0)
 shapes = st.sampled_from(SHAPES)
@@ -134,32 +136,26 @@ def test_a_bend_squeezes_its_inner_side(side: float) -> None:
 
 
 SLOTS = [(0.0, 0.0), (1.0, 0.0)]
-SECOND = 1_000_000_000
-
-
-def look(assignment: Assignment, now: int, *xs: float) -> list[int | None]:
-    """The slots of robots 1, 2, … that stand at these places on a line."""
-    members = {robot: (x, 0.0) for robot, x in enumerate(xs, 1)}
-    if assignment.is_due(now, members):
-        assignment.look(now, members, SLOTS)
-    return [assignment.slots.get(robot) for robot in members]
 
 
 def test_slots_change_hands_only_where_that_helps_much() -> None:
     """Two robots that stand nearly as well do not swap, and robots that have passed each other do."""
-    assignment = Assignment()
-    assert look(assignment, 0, 0.0, 1.0) == [0, 1]
-    assert look(assignment, SECOND, 0.55, 0.5) == [0, 1]
-    assert look(assignment, 2 * SECOND, 1.0, 0.0) == [1, 0]
+    here = {1: (0.0, 0.0), 2: (1.0, 0.0)}
+    slots = reassign({}, here, SLOTS)
+    assert slots == {1: 0, 2: 1}
+    assert reassign(slots, {1: (0.55, 0.0), 2: (0.5, 0.0)}, SLOTS) == slots
+    assert reassign(slots, {1: (1.0, 0.0), 2: (0.0, 0.0)}, SLOTS) == {1: 1, 2: 0}
+    assert reassign(slots, {3: (0.2, 0.0), **here}, [*SLOTS, (2.0, 0.0)]) == {1: 0, 2: 2, 3: 1}
 
 
 def test_it_looks_at_the_same_times_in_all_robots() -> None:
-    """Twice a second by the clock, whenever it has looked last, and at once when members come or go."""
-    assignment = Assignment()
-    members = {1: (0.0, 0.0)}
-    assert assignment.is_due(0, members)
-    assignment.look(400_000_000, members, SLOTS[:1])
-    assert not assignment.is_due(499_999_999, members)
-    assert assignment.is_due(500_000_000, members)
-    assert assignment.is_due(400_000_000, {**members, 2: (1.0, 0.0)})
-    assert assignment.slots.get(2) is None
+    """Twice a second by the clock, whenever it has looked last: robots that have passed each other swap then."""
+    places = {0: (3.0, 0.0, 0.0), 1: (2.5, 0.8, 0.0), 2: (2.5, -0.8, 0.0)}
+    swapped = {**places, 1: places[2], 2: places[1]}
+    behavior = load_behavior("formation", {"leader": 0, "shape": "line", "team": [1, 2]}, 1)
+
+    def turn(now: float, poses: dict[int, tuple[float, float, float]]) -> float:
+        return behavior.step(make_view([30.0] * 91, robot_id=1, poses=poses, now=now)).angular.z
+
+    assert turn(1.4, places) == turn(1.45, places)
+    assert turn(1.49, swapped) > turn(1.5, swapped)
