@@ -9,11 +9,11 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import msgspec
 
@@ -38,15 +38,18 @@ from zteam.robot.trials.situations import (
     ROBOT,
     SITUATIONS,
     STALE_SITUATIONS,
-    ViewMaker,
+    Moment,
     bounds,
+    empty_messages,
     given_params,
     lookup_in,
+    make_views,
+    steady,
 )
 from zteam.robot.view import View
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.to_messages import odometry_message, scan_message
-from zteam.simulator.world import World, add_robot, load_world
+from zteam.simulator.world import add_robot, load_world
 
 T = TypeVar("T")
 
@@ -96,7 +99,6 @@ class Trial:
 
     def __init__(self, spec: str, kind: type[Behavior], params: dict[str, Any]) -> None:
         self.spec, self.kind, self.params = spec, kind, params
-        self.moment = ViewMaker(kind.inputs)
         self.answers: list[Velocity] = []
         """Of all steps of the run so far."""
         self.faults: dict[tuple[str, str], Fault] = {}
@@ -114,6 +116,11 @@ class Trial:
         place = place or self.place_of("step")
         self.faults.setdefault((kind, place), Fault(kind, text + self.label, place))
 
+    def give_up(self, kind: str, text: str, place: str = "") -> NoReturn:
+        """As `blame`; the trial is over."""
+        self.blame(kind, text, place)
+        raise TrialOver
+
     def place_in(self, stack: traceback.StackSummary) -> str:
         """The author's innermost line in a stack; where there is none, that of its `step`."""
         module = getattr(sys.modules.get(self.kind.__module__), "__file__", "")
@@ -124,7 +131,7 @@ class Trial:
         code = inspect.unwrap(getattr(self.kind, method)).__code__
         return _place(code.co_filename, code.co_firstlineno)
 
-    def compare(self, act: Callable[["Trial"], None]) -> None:
+    def compare(self, act: Callable[["Trial"], object]) -> None:
         """Do it twice, and compare the answers."""
         runs = []
         for _ in range(2):
@@ -140,10 +147,12 @@ class Trial:
                 self.blame("differs", f"a new object answers the same views otherwise: {text}")
                 return
 
-    def look(self, views: Iterable[View]) -> list[Velocity]:
-        """What a new object answers to these views. Raises TrialOver, as all that follows."""
+    def look(
+        self, situation: Iterable[Moment], ages: tuple[float, float] = (0.0, 0.0), robots: Sequence[int] = ()
+    ) -> list[Velocity]:
+        """What a new object answers in a situation; `robots` send empty messages. Raises TrialOver, as all below."""
         behavior, before = self.make(), len(self.answers)
-        for view in views:
+        for view in make_views(situation, empty_messages(self.kind.inputs, robots), ages):
             self.step(behavior, view)
         return self.answers[before:]
 
@@ -160,25 +169,16 @@ class Trial:
         """The velocity that it wants, and its reason. First it is asked what it lacks before it is ready."""
         lacks: Any = self.call("missing", lambda: behavior.missing(view))
         if not (isinstance(lacks, list) and all(isinstance(noun, str) for noun in lacks)):
-            self.blame("type", f"missing returned {lacks!r}, not a list of texts", self.place_of("missing"))
-            raise TrialOver
+            self.give_up("type", f"missing returned {lacks!r}, not a list of texts", self.place_of("missing"))
         worked = thread_time()
         self.began = began = monotonic()
-        try:
-            wanted, reason = self.call("step", lambda: ask(behavior, view))
-        finally:
-            self.began = None
-        seconds = monotonic() - began
-        if thread_time() - worked > TICK or seconds > WAIT:
-            self.slow_steps += 1
-            if self.slow_steps >= SLOW_STEPS:
-                self.blame(
-                    "slow", f"{SLOW_STEPS} steps took longer than a tick of {TICK:g} s, the last {seconds:.2f} s"
-                )
-                raise TrialOver
+        wanted, reason = self.call("step", lambda: ask(behavior, view))
+        self.began, seconds = None, monotonic() - began
+        self.slow_steps += thread_time() - worked > TICK or seconds > WAIT
+        if self.slow_steps >= SLOW_STEPS:
+            self.give_up("slow", f"{SLOW_STEPS} steps took longer than a tick of {TICK:g} s, the last {seconds:.2f} s")
         if not isinstance(reason, str):
-            self.blame("type", f"self.reason is {reason!r}, not a text")
-            raise TrialOver
+            self.give_up("type", f"self.reason is {reason!r}, not a text")
         self._check(wanted, view)
         return wanted, reason
 
@@ -202,12 +202,11 @@ class Trial:
         try:
             return call()
         except BehaviorError as error:
-            self.blame("type", str(error))
+            self.give_up("type", str(error))
         except BaseException as error:
             # The author's own code may raise anything, also SystemExit.
             place = self.place_in(traceback.extract_tb(error.__traceback__))
-            self.blame("raises", f"{method} raises {error_text(error)}", place)
-        raise TrialOver
+            self.give_up("raises", f"{method} raises {error_text(error)}", place)
 
 
 def _place(file: str, line: int | None) -> str:
@@ -219,19 +218,15 @@ def _text(motion: Velocity) -> str:
     return f"{motion.x:.6g} m/s, {motion.turn:.6g} rad/s"
 
 
-def _look(make: Callable[[ViewMaker], Iterable[View]], trial: Trial) -> None:
-    trial.look(make(trial.moment))
-
-
 def _look_at_old_poses(ages: tuple[float, float], trial: Trial) -> None:
     """A robot that other old poses would move otherwise, and that stands or fails while these are unknown, drives by
     them."""
     own, unknown = ages[0] > 0.0, list[Velocity]()
     others = [poses if own else {**poses, ROBOT: POSES[ROBOT]} for poses in OTHER_POSES]
-    here, *there = (str(trial.look(trial.moment.views(poses=each, ages=ages))) for each in (POSES, *others))
+    here, *there = (str(trial.look(steady(poses=each), ages)) for each in (POSES, *others))
     known = dict(trial.faults)
     with suppress(TrialOver):
-        unknown = trial.look(trial.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
+        unknown = trial.look(steady(poses={} if own else {ROBOT: POSES[ROBOT]}))
     trial.faults = known
     if any(each != here for each in there) and not any(map(any, unknown)):
         trial.blame("old", f"it drives by poses that are {max(ages):g} s old: see view.is_fresh")
@@ -243,7 +238,7 @@ def _try_bounds(trial: Trial) -> None:
         with suppress(UsageError):
             trial.label, given = f", with {name} = {value}", trial.read({name: value})
             made, changed = trial.make(**{name: value}), trial.make()
-            for step, view in enumerate(trial.moment.views()):
+            for step, view in enumerate(make_views(steady(), empty_messages(trial.kind.inputs))):
                 if step == 1:
                     changed.params = given
                     trial.call("on_params", changed.on_params)
@@ -266,6 +261,7 @@ PLACES = {
     "it starts in a corner": Start(Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
 }
 """By the name of the trial."""
+_WORLD = cache(lambda: load_world(find_world("arena")))
 
 
 def drive(
@@ -276,7 +272,7 @@ def drive(
     Returns metres, and seconds in which the safety layer held the robot. Adds to `contacts` its pose of each tick in
     which it stands against something.
     """
-    world, starts = _load(), {LEADER: place.other, ROBOT: place.own}
+    world, starts = _WORLD(), {LEADER: place.other, ROBOT: place.own}
     robots = {i: add_robot(world, "erratic", pose, names.robot_name(i)) for i, pose in starts.items()}
     engine, other = Engine(world, robots=robots), Forward(ForwardParams(place.speed))
     layers = {i: SafetyLayer() for i in robots}
@@ -299,7 +295,7 @@ def drive(
 def _drive(place: Start, trial: Trial) -> None:
     contacts, behavior = list[Pose2](), trial.make()
     try:
-        travelled, held = drive(partial(trial.step, behavior), place, trial.moment.messages(), contacts)
+        travelled, held = drive(partial(trial.step, behavior), place, empty_messages(trial.kind.inputs), contacts)
     finally:
         if contacts:
             x, y, _ = contacts[0]
@@ -324,16 +320,13 @@ def _view(observation: Observation, robot_id: int, inputs: Mapping[str, Any]) ->
     )
 
 
-@cache
-def _load() -> World:
-    return load_world(find_world("arena"))
-
-
-def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], None]]:
+def all_trials(kind: type[Behavior]) -> dict[str, Callable[[Trial], object]]:
     """The trials of a behaviour, by their names, in order."""
-    found: dict[str, Callable[[Trial], None]] = {name: partial(_look, make) for name, make in SITUATIONS.items()}
+    found: dict[str, Callable[[Trial], object]] = {
+        name: partial(Trial.look, situation=situation) for name, situation in SITUATIONS.items()
+    }
     if kind.inputs:
-        found["empty messages on its inputs"] = partial(_look, lambda moment: moment.views(has_messages=True))
+        found["empty messages on its inputs"] = partial(Trial.look, situation=steady(), robots=(LEADER, 2))
     found |= {name: partial(_look_at_old_poses, ages) for name, ages in STALE_SITUATIONS.items()}
     if any(bounds(kind)):
         found["parameters at their bounds"] = _try_bounds
@@ -356,7 +349,7 @@ def run_trials(spec: str, kind: type[Behavior], params: dict[str, Any]) -> Itera
             return
 
 
-def _run(trial: Trial, act: Callable[[Trial], None]) -> None:
+def _run(trial: Trial, act: Callable[[Trial], object]) -> None:
     """Run a trial on a thread, which is left alone where a step does not return."""
 
     def work() -> None:

@@ -1,9 +1,10 @@
 """Trials by hand: what a robot knows in awkward moments, as views; and values at the bounds of parameters."""
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,13 +58,25 @@ def laser_frame(robot_id: int) -> str:
 
 Poses = Mapping[int, tuple[float, float, float]]
 
+
+class Moment(NamedTuple):
+    """What stands around the robot under trial."""
+
+    dt: float
+    """Seconds since the moment before."""
+    ranges: np.ndarray | None
+    """Of its laser, in metres; None: no scan and no odometry has come."""
+    poses: Poses
+    """Of the robots that are known."""
+
+
 ROBOT = 1
 """The id of the robot under trial; the robots LEADER and 2 are there besides."""
 LEADER = 0
 STEPS = 12
-"""Views of a situation: longer than a second, so that what depends on time shows."""
+"""Moments of a situation: longer than a second, so that what depends on time shows."""
 DT = 0.1
-"""Seconds from one view to the next, and of a tick of Stage's worlds."""
+"""Seconds from one moment to the next, and of a tick of Stage's worlds."""
 _BEAMS, _FOV = 1081, math.radians(270.25)
 _HALF_ROOM = 3.0
 """Metres from the robot to the walls of the made-up room."""
@@ -86,103 +99,73 @@ def _all(value: float) -> np.ndarray:
     return np.full(_BEAMS, value)
 
 
-class ViewMaker:
-    """Makes views of one behaviour's robot."""
+def empty_messages(inputs: Mapping[str, Any], robots: Collection[int] = ()) -> Mapping[str, Any]:
+    """What views hold of `inputs`, as a behaviour declares them, when these robots have sent empty messages."""
+    found: dict[str, Any] = {}
+    for declared in declared_inputs(inputs, ROBOT):
+        each, own = {robot: declared.type() for robot in robots}, declared.type() if robots else None
+        found[declared.name] = MappingProxyType(each) if declared.of_all_robots else own
+    return MappingProxyType(found)
 
-    def __init__(self, inputs: Mapping[str, Any]) -> None:
-        """`inputs` is what the behaviour declares."""
-        self._declared = declared_inputs(inputs, ROBOT)
 
-    def view(
-        self,
-        seconds: float,
-        dt: float,
-        ranges: np.ndarray | None,
-        poses: Poses = POSES,
-        *,
-        ages: tuple[float, float] = (0.0, 0.0),
-        has_messages: bool = False,
-    ) -> View:
-        """What it knows at `seconds`; `ages` (s) are those of its own pose and of the others'."""
-        now = to_ns(seconds)
-        own, others = lookup_in(poses, now - to_ns(ages[0])), lookup_in(poses, now - to_ns(ages[1]))
-        base, scan, odom = names.robot_frame(ROBOT, names.BASE_FOOTPRINT), None, None
-        alone = {names.MAP_FRAME, base}
+def make_views(
+    situation: Iterable[Moment], messages: Mapping[str, Any], ages: tuple[float, float] = (0.0, 0.0)
+) -> Iterator[View]:
+    """What it knows in these moments; `ages` (s) are those of its own pose and of the others'."""
+    seconds, base = 1.0, names.robot_frame(ROBOT, names.BASE_FOOTPRINT)
+    for dt, ranges, poses in situation:
+        seconds += dt
+        now, scan, odom = to_ns(seconds), None, None
         if ranges is not None:
             scan = make_scan(ranges.tolist(), _FOV, Header(time_from_ns(now), laser_frame(ROBOT)))
             # As of a scan that came over the bus.
             scan.ranges.flags.writeable = False
             odom = Odometry(Header(time_from_ns(now), names.robot_frame(ROBOT, names.ODOM)), base)
-
-        def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
-            return (own if {target, source} <= alone else others)(target, source)
-
-        return View(
+        own, others = (lookup_in(poses, now - to_ns(age)) for age in ages)
+        yield View(
             now=now,
             dt=dt,
             robot_id=ROBOT,
             scan=scan,
             odom=odom,
-            lookup=lookup,
+            lookup=partial(_look_up, {names.MAP_FRAME, base}, own, others),
             team=tuple(sorted(POSES)),
             bases=dict.fromkeys(POSES, DEFAULT_BASE),
-            inputs=self.messages((LEADER, 2) if has_messages else ()),
+            inputs=messages,
         )
 
-    def views(self, ranges: np.ndarray | None = None, poses: Poses = POSES, **more: Any) -> Iterator[View]:
-        """STEPS views in a row, by default in the middle of a room."""
-        for step in range(STEPS):
-            yield self.view(1.0 + step * DT, DT if step else 0.0, room() if ranges is None else ranges, poses, **more)
 
-    def messages(self, robots: Collection[int] = ()) -> Mapping[str, Any]:
-        """What a view holds of its inputs when empty messages have come from these robots; without any, none at all."""
-        found: dict[str, Any] = {}
-        for declared in self._declared:
-            each, own = {robot: declared.type() for robot in robots}, declared.type() if robots else None
-            found[declared.name] = MappingProxyType(each) if declared.of_all_robots else own
-        return MappingProxyType(found)
+def _look_up(alone: set[str], own: FindPose, others: FindPose, target: str, source: str) -> tuple[Pose2, int] | None:
+    return (own if {target, source} <= alone else others)(target, source)
 
 
-def _moved(moment: ViewMaker) -> Iterator[View]:
-    """It stands somewhere else from the middle on, as after `zteam sim move`."""
-    for step in range(STEPS):
-        is_late = step >= STEPS // 2
-        ranges, poses = (0.5 * room(), ELSEWHERE) if is_late else (room(), POSES)
-        yield moment.view(1.0 + step * DT, DT if step else 0.0, ranges, poses)
+def steady(ranges: np.ndarray | None = None, poses: Poses = POSES, *later: Moment) -> list[Moment]:
+    """STEPS moments at one place, by default in the middle of a room; `later` are the last of them."""
+    ranges = room() if ranges is None else ranges
+    return [Moment(DT if step else 0.0, ranges, poses) for step in range(STEPS - len(later))] + [*later]
 
 
-def _odd_times(moment: ViewMaker) -> Iterator[View]:
-    now = 1.0
-    for dt in (0.0, 0.1, 0.0, 0.0, 0.1, 5.0, 0.1, 1e-9):
-        now += dt
-        yield moment.view(now, dt, room())
+_NEAR = np.where(np.abs(np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)) < 0.5, 0.15, room())
 
-
-def _near(moment: ViewMaker) -> Iterator[View]:
-    angles = np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)
-    ranges = np.where(np.abs(angles) < 0.5, 0.15, room())
-    return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})
-
-
-SITUATIONS: dict[str, Callable[[ViewMaker], Iterable[View]]] = {
-    "in the middle of a room": lambda moment: moment.views(),
-    "all beams say nothing (nan)": lambda moment: moment.views(_all(math.nan)),
-    "all beams meet nothing (inf)": lambda moment: moment.views(_all(math.inf)),
-    "all beams meet nothing (30 m)": lambda moment: moment.views(_all(RANGE_MAX)),
-    "all ranges are 0": lambda moment: moment.views(_all(0.0)),
-    "every second beam is nan": lambda moment: moment.views(np.where(np.arange(_BEAMS) % 2, math.nan, room())),
-    "a laser of 1 beam": lambda moment: moment.views(np.array([_HALF_ROOM])),
-    "a laser of 2 beams": lambda moment: moment.views(room(2)),
-    "a laser of 7 beams": lambda moment: moment.views(room(7)),
-    "a laser of 2000 beams": lambda moment: moment.views(room(2000)),
-    "a robot right before it": _near,
-    "no transforms": lambda moment: moment.views(poses={}),
-    "no other robot known": lambda moment: moment.views(poses={ROBOT: POSES[ROBOT]}),
-    "it is put elsewhere": _moved,
-    "time stands still, then leaps": _odd_times,
-    "nothing has come yet": lambda moment: [moment.view(1.0, 0.0, None, {})],
+SITUATIONS: dict[str, list[Moment]] = {
+    "in the middle of a room": steady(),
+    "all beams say nothing (nan)": steady(_all(math.nan)),
+    "all beams meet nothing (inf)": steady(_all(math.inf)),
+    "all beams meet nothing (30 m)": steady(_all(RANGE_MAX)),
+    "all ranges are 0": steady(_all(0.0)),
+    "every second beam is nan": steady(np.where(np.arange(_BEAMS) % 2, math.nan, room())),
+    "a laser of 1 beam": steady(np.array([_HALF_ROOM])),
+    "a laser of 2 beams": steady(room(2)),
+    "a laser of 7 beams": steady(room(7)),
+    "a laser of 2000 beams": steady(room(2000)),
+    "a robot right before it": steady(_NEAR, {**POSES, LEADER: (0.45, 0.0, math.pi)}),
+    "no transforms": steady(poses={}),
+    "no other robot known": steady(poses={ROBOT: POSES[ROBOT]}),
+    "it is put elsewhere": steady(None, POSES, *[Moment(DT, 0.5 * room(), ELSEWHERE)] * (STEPS // 2)),
+    "time stands still, then leaps": [Moment(dt, room(), POSES) for dt in (0, 0.1, 0, 0, 0.1, 5.0, 0.1, 1e-9)],
+    "nothing has come yet": [Moment(0.0, None, {})],
 }
-"""By name: the views of a robot."""
+"""By name."""
 STALE_SITUATIONS: dict[str, tuple[float, float]] = {
     "the others' poses are 3 s old": (0.0, 3.0),
     "all poses are 3 s old": (3.0, 3.0),

@@ -12,7 +12,7 @@ from zteam.robot.behaviors.behavior import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.robot.behaviors.straight import Forward
 from zteam.robot.trials.check import PLACES, drive
-from zteam.robot.trials.situations import LEADER, POSES, SITUATIONS, ViewMaker
+from zteam.robot.trials.situations import LEADER, POSES, SITUATIONS, empty_messages, make_views, steady
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
 """The leader stands so near before it that it has nothing to do."""
@@ -38,12 +38,10 @@ _CASES = [*((name, dict(_NEEDED.get(name, {}))) for name in BEHAVIORS), *_FURTHE
 
 
 def _views(kind: type[Behavior]) -> Iterator[tuple[str, Iterator[View]]]:
-    moment = ViewMaker(kind.inputs)
-    for name, make in SITUATIONS.items():
-        yield name, make(moment)
-    yield "with messages", moment.views(has_messages=True)
-    yield "at its place", moment.views(poses=_AT_ITS_PLACE)
-    yield "a narrow room", moment.views(np.full(1081, 0.35))
+    places = {"at its place": steady(poses=_AT_ITS_PLACE), "a narrow room": steady(np.full(1081, 0.35))}
+    for name, situation in {**SITUATIONS, **places}.items():
+        yield name, make_views(situation, empty_messages(kind.inputs))
+    yield "with messages", make_views(steady(), empty_messages(kind.inputs, (LEADER, 2)))
 
 
 class _Asked:
@@ -77,7 +75,7 @@ class _Asked:
                 self._note(*decide(self._behavior, view, layer))
         for where, place in PLACES.items():
             self._begin(where)
-            drive(self.step, place, ViewMaker(self._behavior.inputs).messages(), [])
+            drive(self.step, place, empty_messages(self._behavior.inputs), [])
 
 
 @pytest.mark.few(1)
@@ -99,7 +97,7 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
     """By both laws, at its place and before it."""
     for law, said in (("trail", "waits: robot_0 is 0.6 m away"), ("direct", "waits: robot_0 is 0.6 m away")):
         behavior = load_behavior("follow", {"leader": LEADER, "law": law})
-        for view in ViewMaker(behavior.inputs).views(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}):
+        for view in make_views(steady(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}), empty_messages(behavior.inputs)):
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said
