@@ -151,8 +151,6 @@ class StatusReport:
         self._node, self._id, self._stop = node, robot_id, stop
         self.behavior, self.readiness = behavior, readiness
         self._warning = "" if safety else "no safety layer"
-        self.note = ""
-        """What else is wrong, for its text."""
         self.tells_of: StatusSource = OwnStep()
         """Whose place in a line, goal and rest it tells."""
         self.command: Twist | None = None
@@ -236,7 +234,7 @@ class StatusReport:
             is_ready=readiness.is_ready,
             state=readiness.state,
             epoch=readiness.epoch,
-            text="; ".join(filter(None, (self._warning, self.note, readiness.reason))),
+            text="; ".join(filter(None, (self._warning, readiness.reason))),
             behavior=self.behavior,
             driver=self.driver,
             reason=str(reason),

@@ -90,7 +90,6 @@ T = TypeVar("T")
 
 ANSWER_LIMIT = 10.0
 """Host seconds for an answer, which waits for the step at hand in lock-step."""
-_ALL = "*"
 
 
 class ParametersClient:
@@ -101,49 +100,36 @@ class ParametersClient:
 
     def describe(self, robot: str) -> DescribeReply:
         """The parameters of `robot_N` and their values. Raises BusError if there is no such robot."""
-        return self._ask(robot, DESCRIBE, DescribeReply)
+        return self._query(robot, DESCRIBE, DescribeReply)[robot]
 
     def describe_all(self) -> dict[str, DescribeReply]:
         """The parameters of all robots that answer, by name. Raises BusError if robots are there and none answers."""
-        answers = self._query(_ALL, DESCRIBE, DescribeReply)
-        return {key.removesuffix(f"/{DESCRIBE}"): reply for key, reply in answers}
+        return self._query("*", DESCRIBE, DescribeReply)
 
     def set(self, robot: str, parameters: dict[str, Any]) -> dict[str, Any]:
         """Set all of these parameters of `robot_N` from its next step on; returns the values of all its parameters.
 
         Raises UsageError if one of them is refused: then none is set. Raises BusError if there is no such robot.
         """
-        reply = self._ask(robot, SET, SetReply, SetRequest(parameters=parameters))
+        reply = self._query(robot, SET, SetReply, SetRequest(parameters=parameters))[robot]
         if reply.refused:
             raise UsageError(f"{robot}: {reply.refused}")
         return reply.values
 
-    def _ask(self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None) -> T:
-        answers = self._query(robot, service, reply_type, request)
-        if not answers:
-            raise self._missing(robot)
-        return answers[0][1]
-
     def _query(
         self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None
-    ) -> list[tuple[str, T]]:
-        key = names.service_key(robot, service)
+    ) -> dict[str, T]:
+        """The answers by robot: of one, or of all that there are."""
+        who = "all robots" if robot == "*" else robot
         try:
-            return self._bus.query(key, reply_type, request, timeout=ANSWER_LIMIT)
+            answers = self._bus.query(names.service_key(robot, service), reply_type, request, timeout=ANSWER_LIMIT)
         except QueryTimeoutError:
-            silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
-            raise BusError(f"{silent} within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
+            raise BusError(f"{who}: no answer within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
         except QueryError as error:
-            raise BusError(error.why if robot == _ALL else f"{robot}: {error.why}") from None
-
-    def _missing(self, robot: str) -> BusError:
-        try:
-            known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
-        except BusError as error:
-            return BusError(f"no process {robot} with parameters; {error}")
-        if not known:
-            return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
-        return BusError(f"no process {robot} with parameters; there is {', '.join(known)}")
+            raise BusError(f"{who}: {error.why}") from None
+        if not answers and robot != "*":
+            raise BusError(f"no process {robot} with parameters: 'zteam param list' shows those that there are")
+        return {key.removesuffix(f"/{service}"): reply for key, reply in answers}
 
 
 def navigation_query(robot_id: int, service: str) -> str:

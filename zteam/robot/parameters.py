@@ -1,9 +1,9 @@
 """The parameters of a behaviour as plain data: what it takes, and what it has."""
 
 import enum
-from collections.abc import Iterator
+from inspect import formatannotation
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -29,7 +29,8 @@ class Parameter(msgspec.Struct, frozen=True):
 
 def parameters_of(kind: type[msgspec.Struct]) -> list[Parameter]:
     """The parameters that a behaviour with these `Params` takes, in their order."""
-    return [_parameter(field) for field in msgspec.structs.fields(kind)]
+    types = get_type_hints(kind)
+    return [_parameter(field, _type_text(types[field.name])) for field in msgspec.structs.fields(kind)]
 
 
 def values_of(params: msgspec.Struct) -> dict[str, Any]:
@@ -37,14 +38,14 @@ def values_of(params: msgspec.Struct) -> dict[str, Any]:
     return {field.encode_name: _plain(getattr(params, field.name)) for field in msgspec.structs.fields(type(params))}
 
 
-def _parameter(field: msgspec.structs.FieldInfo) -> Parameter:
+def _parameter(field: msgspec.structs.FieldInfo, type_text: str) -> Parameter:
     metas = list(_metas(field.type))
     default = None if field.default is msgspec.NODEFAULT else field.default
     if field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
     return Parameter(
         name=field.encode_name,
-        type=_type_text(field.type),
+        type=type_text,
         limits={name: value for meta in metas for name in _LIMITS if (value := getattr(meta, name)) is not None},
         description=next((meta.description for meta in metas if meta.description), ""),
         required=field.required,
@@ -56,28 +57,20 @@ def _plain(value: Any) -> Any:
     return msgspec.to_builtins(value, enc_hook=str)
 
 
-def _metas(annotation: Any) -> Iterator[msgspec.Meta]:
+def _metas(annotation: Any) -> list[msgspec.Meta]:
     """What is annotated to a type, or to a member of a union."""
-    if get_origin(annotation) is Annotated:
-        yield from (meta for meta in annotation.__metadata__ if isinstance(meta, msgspec.Meta))
-        yield from _metas(annotation.__origin__)
-    elif get_origin(annotation) in (Union, UnionType):
-        for part in get_args(annotation):
-            yield from _metas(part)
+    parts = get_args(annotation) if get_origin(annotation) in (Annotated, Union, UnionType) else ()
+    own = [meta for meta in parts if isinstance(meta, msgspec.Meta)]
+    return own + [meta for part in parts for meta in _metas(part)]
 
 
 def _type_text(annotation: Any) -> str:
-    origin, parts = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        return _type_text(annotation.__origin__)
-    if origin in (Union, UnionType):
-        return " | ".join(map(_type_text, parts))
-    if origin is Literal:
+    """A type without what is annotated to it, or its choices."""
+    parts = get_args(annotation)
+    if get_origin(annotation) is Literal:
         return " | ".join(map(repr, parts))
+    if get_origin(annotation) in (Union, UnionType):
+        return " | ".join(map(_type_text, parts))
     if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
         return " | ".join(repr(choice.value) for choice in annotation)
-    if origin is not None and parts:
-        return f"{_type_text(origin)}[{', '.join(map(_type_text, parts))}]"
-    if annotation is NoneType:
-        return "None"
-    return "..." if annotation is ... else getattr(annotation, "__name__", str(annotation))
+    return formatannotation(annotation) if annotation is not NoneType else "None"

@@ -1,47 +1,35 @@
 """Clients: the parameters of a robot that does not answer; which processes confirm a stop, and which do not."""
 
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
 from support.named_sessions import open_named
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest, presence
+from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.transport import TIMED_OUT
 from zteam.errors import BusError
-from zteam.node.node import Node
-from zteam.node.process_options import RobotOptions
-from zteam.node.shutdown import Stop
 from zteam.node.stopping import EngageRequest, StopReply, StopService
-from zteam.robot.behaviors.straight import Forward
 from zteam.robot.client import CONFIRM_LIMIT, ParametersClient, StopClient, StopResult
-from zteam.robot.process.node import RobotNode
 from zteam.simulator.client import SimStatus
 
-NAME = "robot_1"
 WITHIN = f"within {CONFIRM_LIMIT:g} s"
 
 
 def test_a_robot_that_is_not_there_or_does_not_answer_is_named(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error lists the robots that there are, or says how to start some, or what to do next."""
-    monkeypatch.setattr(presence, "CLAIM_WAIT", 0.0)
+    """The error names the command that lists the robots, or says what to do next."""
     bus = hub.bus()
     client = ParametersClient(bus)
-    with pytest.raises(BusError, match=r"^no process robot_7, and no other .* start a team with 'zteam up'$"):
-        client.describe("robot_7")
-    node = Node(NAME, hub.bus(), Stop())
-    node.become_present()
-    RobotNode(node, Forward, RobotOptions(1, "forward"))
-    with pytest.raises(BusError, match=r"^no process robot_7 with parameters; there is robot_1$"):
-        client.set("robot_7", {"speed": 0.1})
-    monkeypatch.setattr(bus.transport, "get", lambda key, *_: [] if key.startswith("robot_7/") else [TIMED_OUT])
-    for call, text in (
-        (lambda: client.describe(NAME), r"^robot_1: does not answer within 10 s: see 'zteam doctor'$"),
-        (client.describe_all, r"^no robot answers within 10 s: see 'zteam doctor'$"),
-        (lambda: client.describe("robot_7"), r"^no process robot_7 with parameters; no robot answers within 10 s"),
-    ):
-        with pytest.raises(BusError, match=text):
-            call()
+    assert client.describe_all() == {}
+    for act in (client.describe, partial(client.set, parameters={"speed": 0.1})):
+        with pytest.raises(BusError, match=r"^no process robot_7 with parameters: 'zteam param list' shows"):
+            act("robot_7")
+    monkeypatch.setattr(bus.transport, "get", lambda *_: [TIMED_OUT])
+    with pytest.raises(BusError, match=r"^robot_1: no answer within 10 s: see 'zteam doctor'$"):
+        client.describe("robot_1")
+    with pytest.raises(BusError, match=r"^all robots: no answer within 10 s: see 'zteam doctor'$"):
+        client.describe_all()
 
 
 class StoppingTeam:

@@ -40,8 +40,6 @@ _ANSWER_LIMIT = 0.5
 """Host seconds for the simulator to say which robots it has."""
 _LOOKS = 3
 """Looks, a second apart, until something that does not come is missing."""
-NO_POSES = f"no new poses on '{names.TF}' (zteam-tf)"
-"""What the status says while scans come without them."""
 _TELL_EVERY = 5
 """Seconds between two lines about the others that GO waits for."""
 
@@ -60,8 +58,7 @@ class DataWatch:
         self._is_out = self._is_logged = False
         """Whether nothing comes any more, and whether the log says so."""
         self._scan: LaserScan | None = None
-        self._poses = 0
-        """The newest scan, and the stamp of the newest transforms, at the last look."""
+        """The newest at the last look."""
 
     def beat(self) -> None:
         """Look once a second, and not at the start, where all is on its way."""
@@ -86,7 +83,6 @@ class DataWatch:
         if self._scan is not before:
             self._driver.absence = ""
             self._tell_outage("")
-            self._look_at_poses()
             return
         try:
             status = read_status(self._node.bus, _ANSWER_LIMIT)
@@ -132,17 +128,6 @@ class DataWatch:
                 self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=self._is_logged)
             elif self._is_logged:
                 log.info("data comes again")
-
-    def _look_at_poses(self) -> None:
-        """Say once that no poses come while scans do. A behaviour that drives by them says so itself."""
-        before, self._poses = self._poses, self._inputs.transforms.stamp
-        with self._node.changed:
-            is_old = 0 < before == self._poses and not (self._node.ticks_tell_time or FREEZES.has_just_woken())
-            if is_old != bool(self._driver.status.note):
-                self._driver.status.note = NO_POSES if is_old else ""
-                if not self._driver.behavior.uses_tf:
-                    log.info("%s", NO_POSES if is_old else "poses come again")
-                self._driver.status.say_again()
 
 
 class RobotNode:

@@ -258,19 +258,6 @@ def test_a_world_that_stands_and_a_freeze_of_its_own_are_no_outage(
     assert driving.wait_for_more_statuses(20).reason == ""
 
 
-def test_poses_that_stay_away_are_told_once(driving: RealTimeRobot) -> None:
-    """By a robot that drives by its laser alone too."""
-    with captured_log() as log:
-        for tick in range(2, 6):
-            driving.say_time(tick)
-            driving.say_scan(tick)
-            driving.wait_for_more_statuses(3)
-        assert robot_module.NO_POSES in driving.said[-1].text
-        driving.ready(6)
-        driving.wait_for_status(lambda status: robot_module.NO_POSES not in status.text)
-    assert (log.count("no new poses"), log.count("poses come again")) == (1, 1)
-
-
 def test_time_begins_anew_after_a_pause(driving: RealTimeRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     """A step after a freeze has no `dt`: the base stood meanwhile, and that the robot did not get on does not count."""
     # The host's time goes by as well.
