@@ -154,12 +154,12 @@ class Pilot:
         inputs.on_odom(tick.odometries[self._id])
         inputs.transforms.on_bundle(tick.bundle)
         if part.goal is not None and not self._seconds:
-            (goal,) = inputs.declared.declared
+            (goal,) = inputs.declared
             pose = Pose(Point(*part.goal, 0.0))
-            inputs.declared.receive(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
+            inputs.on_declared(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
         if part.teleop:
             speed, turn = self._asked()
-            inputs.mux.receive(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
+            inputs.on_velocity(RobotDriver.TELEOP, "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
         self._seconds += dt
 
     def step(self, now: int, dt: float, times: Iterator[int]) -> tuple[Twist, Cost]:
@@ -167,7 +167,7 @@ class Pilot:
         inputs = self._inputs
         begin = next(times)
         view = inputs.view(now, dt, self._team)
-        choice = inputs.mux.choose(now)
+        choice = inputs.choose(now)
         asked = next(times)
         wanted, reason = ask(self._behavior, view)
         answered = next(times)

@@ -81,24 +81,11 @@ PATIENCE = to_ns(1.0)
 TURNED = 0.05
 """Radians that count as turning."""
 AGAIN = to_ns(0.5)
-"""Nanoseconds after which what it wanted before does not count."""
+"""Nanoseconds without being asked after which what it wanted before does not count."""
 SPEED, FOR = 0.2, to_ns(1.0)
 """m/s at which it moves, and nanoseconds for which it does."""
 MOVED, TRIED = 0.02, to_ns(0.4)
 """Metres that it has to come in so many nanoseconds; else it moves the other way."""
-
-
-class Pause:
-    """Whether a robot begins again with something after a pause, such as one without its leader: what it has counted
-    before does not hold then."""
-
-    def __init__(self) -> None:
-        self._asked = 0
-
-    def is_over(self, now: int) -> bool:
-        """Whether it was not asked in the AGAIN before the time `now` (ns). Ask in each step."""
-        is_over, self._asked = now - self._asked > AGAIN, now
-        return is_over
 
 
 class Escape:
@@ -112,11 +99,11 @@ class Escape:
         """-1 while it moves back."""
         self._from, self._due = (0.0, 0.0), 0
         """Where it began to move, and when it has to have come away from there (ns)."""
-        self._until, self._pause = 0, Pause()
+        self._until = self._asked = 0
 
     def rest(self) -> None:
         """That it has not turned until now does not count."""
-        self._until, self._pause = 0, Pause()
+        self._until = self._asked = 0
 
     def free(self, view: View, command: Twist) -> Twist:
         """The velocity instead of `command`; odometry says whether the robot turns and moves."""
@@ -124,7 +111,7 @@ class Escape:
             return command
         pose, now = view.odom.pose.pose, view.now
         at, facing = (pose.position.x, pose.position.y), pose.orientation
-        is_new = self._pause.is_over(now)
+        is_new, self._asked = now - self._asked > AGAIN, now
         if now < self._until:
             if now >= self._due and math.dist(at, self._from) < MOVED:
                 self._move(now, at)

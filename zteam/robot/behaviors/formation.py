@@ -352,7 +352,7 @@ class Formation(Behavior):
         if leader is None or here is None:
             self.reason = self.reason or NO_POSE
             self._trail.forget()
-            self._boxed_in, self._makes_way = BoxedIn(), False
+            self.on_release()
             return Twist()
         members = self._members(view)
         self._trail.add(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)

@@ -205,14 +205,12 @@ class GoTo(Behavior):
         super().__init__(params)
         self.navigation: NavigationStatus = NavigationStatus(text=NO_GOAL)
         """`distance_remaining` is as the crow flies, `estimated_time_remaining` at the parameter `speed`."""
+        self.reason = NO_GOAL
+        """It stays while there is no goal."""
         self._is_canceled = False
         """Whether the goal is to be given up."""
         self._goal: Pose2 | None = None
         """In map."""
-        self._refusal = NO_GOAL
-        """Why there is no goal."""
-        self._goal_state = NavigationState.DRIVING
-        """What became of the goal in this step."""
         self._is_there = False
         """Whether it has been within the tolerance; then it only turns."""
         self._boundary: Boundary | None = None
@@ -225,13 +223,11 @@ class GoTo(Behavior):
         """Towards the goal or along what stands between; zero without a goal and at the goal."""
         status, message = self.navigation, view.inputs.get("goal")
         if self._is_canceled:
-            self._is_canceled, self._goal, self._refusal = False, None, "its goal is canceled"
+            self._is_canceled, self._goal, self.reason = False, None, "its goal is canceled"
             status.state = NavigationState.CANCELED
         if message is not None and message is not status.goal:
             self._on_goal(message, view)
-        command = self._head_for_goal(view)
-        if self._goal is not None:
-            status.state = self._goal_state
+        command = Twist() if self._goal is None else self._head_for(view, self._goal)
         status.text = "" if status.state == NavigationState.SUCCEEDED else self.reason
         return command
 
@@ -244,38 +240,12 @@ class GoTo(Behavior):
         self._is_canceled = self.navigation.state == NavigationState.DRIVING
         return self._is_canceled
 
-    def _head_for_goal(self, view: View) -> Twist:
-        self._goal_state = NavigationState.DRIVING
-        if self._goal is None:
-            self.reason = self._refusal
-            return Twist()
-        own = own_pose(view)
-        if own is None:
-            self.reason = NO_POSE
-            return Twist()
-        goal = own.inverse().compose(self._goal)
-        distance = self.navigation.distance_remaining = math.hypot(goal.x, goal.y)
-        seconds = distance / self.params.speed if self.params.speed else 0.0
-        self.navigation.estimated_time_remaining = Duration(int(seconds), int(seconds % 1.0 * 1e9))
-        self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
-        if self._is_there:
-            is_done = abs(goal.yaw) <= self.params.yaw_goal_tolerance
-            self.reason = GOAL_REACHED if is_done else ""
-            self._goal_state = NavigationState.SUCCEEDED if is_done else NavigationState.DRIVING
-            return self._escape.free(view, Twist(angular=Vector3(z=0.0 if is_done else self._turn_rate(goal.yaw))))
-        heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
-        if heading is None:
-            return Twist()
-        command = self._drive(heading, distance)
-        self._spun = 0.0 if command.linear.x else self._spun + abs(command.angular.z) * view.dt
-        return self._escape.free(view, command)
-
     def why_it_rests(self) -> str:
         return "its parameter speed is 0"
 
     def _on_goal(self, message: PoseStamped, view: View) -> None:
         """One that is repeated changes nothing on the way; it counts anew at the goal."""
-        goal, self._refusal = read_goal(message, view)
+        goal, self.reason = read_goal(message, view)
         self.navigation.goal, self.navigation.distance_remaining = message, 0.0
         if goal is None:
             self.navigation.state = NavigationState.ABORTED
@@ -283,9 +253,30 @@ class GoTo(Behavior):
             self._is_there, self._boundary = False, None
         self._goal = goal
 
+    def _head_for(self, view: View, target: Pose2) -> Twist:
+        status, own = self.navigation, own_pose(view)
+        status.state, self.reason = NavigationState.DRIVING, "" if own else NO_POSE
+        if own is None:
+            return Twist()
+        goal = own.inverse().compose(target)
+        distance = status.distance_remaining = math.hypot(goal.x, goal.y)
+        seconds = distance / self.params.speed if self.params.speed else 0.0
+        status.estimated_time_remaining = Duration(int(seconds), int(seconds % 1.0 * 1e9))
+        self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
+        if self._is_there:
+            command = Twist(angular=Vector3(z=self._turn_rate(goal.yaw)))
+            if abs(goal.yaw) <= self.params.yaw_goal_tolerance:
+                status.state, self.reason, command = NavigationState.SUCCEEDED, GOAL_REACHED, Twist()
+            return self._escape.free(view, command)
+        heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
+        if heading is None:
+            return Twist()
+        command = self._drive(heading, distance)
+        self._spun = 0.0 if command.linear.x else self._spun + abs(command.angular.z) * view.dt
+        return self._escape.free(view, command)
+
     def _way(self, view: View, own: Pose2, bearing: float, distance: float) -> float | None:
         """The heading to take (rad), or None where there is none; `reason` says why."""
-        self.reason = ""
         scan = view.scan
         if scan is None:
             self.reason = "no scan yet"
@@ -297,7 +288,7 @@ class GoTo(Behavior):
         if boundary is None:
             return bearing
         if boundary.is_closed:
-            self.reason, self._goal_state = NO_WAY, NavigationState.ABORTED
+            self.reason, self.navigation.state = NO_WAY, NavigationState.ABORTED
             return None
         # What the laser does not see, behind it, looks clear again and again.
         self.reason = BOXED_IN if self._spun > math.tau else ""

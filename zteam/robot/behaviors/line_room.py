@@ -5,13 +5,12 @@ And how the others make room behind a head that keeps its place, and that may tu
 
 import math
 from collections.abc import Sequence, Set
-from typing import NamedTuple
 
 from zteam import names
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
-from zteam.robot.behaviors.evasion import Around, Escape, Pause
+from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.line import LineRole, keep_together
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.robot.scans import is_seen, look_along
@@ -53,10 +52,10 @@ class Head:
         self._anchor = Pose2(0.0, 0.0, 0.0), 0
         """Where it got on last, and when."""
         self._drawn_at = Pose2(0.0, 0.0, 0.0)
-        self._escape, self._pause = Escape(), Pause()
+        self._escape = Escape()
 
     def rest(self) -> None:
-        """It does not lead."""
+        """It does not lead, or stands for a reason."""
         self._since = None
 
     def step(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> tuple[Twist | None, str]:
@@ -64,7 +63,7 @@ class Head:
         scan = view.scan
         if scan is None:
             return Twist(), "no scan yet"
-        if self._pause.is_over(view.now) or self._since is None:
+        if self._since is None:
             self._since, self._anchor, self._drawn_at, self._heading = view.now, (own, view.now), own, None
         if math.dist(own[:2], self._anchor[0][:2]) > PROGRESS:
             self._anchor = own, view.now
@@ -144,19 +143,6 @@ Answer = tuple[Twist, str]
 """A velocity, and why it is zero, or what the robot does instead of following."""
 
 
-class Following(NamedTuple):
-    """Where a robot follows."""
-
-    path: Polyline
-    """The way of the head."""
-    here: float
-    """The robot's place on it."""
-    back: float
-    """Metres behind the head where it belongs."""
-    driven_on: float = 0.0
-    """Metres that the robot ahead has driven away since its pose, which may be late."""
-
-
 class BoxedIn:
     """Whether a leader has no room to get on."""
 
@@ -179,7 +165,6 @@ class Stray:
         self._head = Head()
         self._anchor = (0.0, 0.0), 0, 0
         """Where it got on last, when (ns), and how often the line had turned then."""
-        self._pause = Pause()
 
     def rest(self) -> None:
         """It has not been stuck until now."""
@@ -191,9 +176,6 @@ class Stray:
         `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
         """
         place, since, before = self._anchor
-        if self._pause.is_over(view.now):
-            since = view.now
-            self._anchor = place, since, before
         is_fruitless = turns - before >= FRUITLESS
         is_stuck = is_fruitless or view.now - since > STUCK_FOR
         if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
@@ -217,7 +199,7 @@ class MakingRoom:
         self._around, self._escape, self._stray = Around(), Escape(), Stray()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
-        self._boxed_in, self._pause = BoxedIn(), Pause()
+        self._boxed_in = BoxedIn()
         self._asking: int | None = None
         """The robot for which it drives back."""
 
@@ -228,29 +210,28 @@ class MakingRoom:
         self._faced_since, self._boxed_in = None, BoxedIn()
 
     def step(
-        self, view: View, own: Pose2, role: LineRole, way: Following, limits: SpeedLimits, stopped: Set[int],
-        *, keeps: bool, wants: bool,
-    ) -> Answer | None:  # fmt: skip
-        """The velocity of a robot at `own` (map) and its `role` in the line, and what it does; None to follow.
+        self, view: View, own: Pose2, role: LineRole, back: float, limits: SpeedLimits, stopped: Set[int],
+        *, keeps: bool, wants: bool, driven_on: float = 0.0,
+    ) -> tuple[Twist | None, str]:  # fmt: skip
+        """The velocity of a robot at `own` (map) and its `role` in the line, and what it does; without what it does it
+        follows, and without a velocity it backs up.
 
-        `stopped`: the robots that this one is in the way of. `keeps`: the head keeps its place, as one that is driven
-        by hand does. For `wants` see `Stray`.
+        `back`: metres behind the head where it belongs. `stopped`: the robots that this one is in the way of. `keeps`:
+        the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`. `driven_on`: metres that
+        the robot ahead has driven away since its pose, which may be late.
         """
         head = role.before[-1]
-        if self._pause.is_over(view.now):
-            self._faced_since, self._boxed_in = None, BoxedIn()
-        self._asking, seen = self._find_asking(view, own, role.before, stopped, way.driven_on) if keeps else (None, {})
+        self._asking, seen = self._find_asking(view, own, role.before, stopped, driven_on) if keeps else (None, {})
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=role.turns)
         if command is not None:
             return command, "is stuck: leaves its way"
         if not keeps:
-            return None
-        command = self._go_round(view, seen.get(head), way.back, limits)
+            return None, ""
+        command = self._go_round(view, seen.get(head), back, limits)
         if command is not None:
             return self._escape.free(view, command), f"drives round {names.robot_name(head)}"
-        if self._asking is not None and seen[self._asking].x > 0.0:
-            return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
-        return None
+        backs_up = self._asking is not None and seen[self._asking].x > 0.0
+        return None, f"makes room for {names.robot_name(self._asking)}" if backs_up else ""
 
     def _find_asking(
         self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int], driven_on: float

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 from msgspec import Meta, Struct
@@ -103,6 +103,11 @@ class Polyline:
                 nearest, best = off, begin + share * (end - begin)
             from_x, from_y, begin = to_x, to_y, end
         return best
+
+    def near(self, point: Sequence[float], low: float = -math.inf, high: float = math.inf) -> tuple[float, float]:
+        """The place of `project` for (x, y), and the metres from there to it."""
+        place = self.project(point[0], point[1], low, high)
+        return place, math.dist(point[:2], self.point(place))
 
     def _point(self, piece: int, s: float) -> tuple[float, float]:
         """The point at `s`, which lies on this piece: as `at`."""

@@ -11,7 +11,7 @@ from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
-from zteam.robot.behaviors.evasion import Around, Escape, Pause
+from zteam.robot.behaviors.evasion import Around, Escape
 from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import (
     NO_TURNS,
@@ -25,7 +25,7 @@ from zteam.robot.behaviors.line import (
     see_robot,
     waits_for,
 )
-from zteam.robot.behaviors.line_room import Answer, Following, Head, MakingRoom, find_stopped
+from zteam.robot.behaviors.line_room import Head, MakingRoom, back_up, find_stopped
 from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits, pursue
 from zteam.robot.scans import is_clear, is_seen
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
@@ -80,26 +80,24 @@ def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequen
     for robot in after:
         seen = view.base_from_robot(robot)
         if seen is not None:
-            x, y, _ = own.compose(seen[0])
-            place = path.project(x, y)
-            if place > here + OFF and math.dist((x, y), path.point(place)) < OFF:
+            place, off = path.near(own.compose(seen[0]))
+            if place > here + OFF and off < OFF:
                 found.append(robot)
     return found
 
 
 def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
     """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
-    place = path.project(robot.x, robot.y, here - BEHIND, here + BEHIND)
-    return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
+    place, off = path.near(robot, here - BEHIND, here + BEHIND)
+    return place < here + PAST and off < BESIDE
 
 
 def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
     """Whether one of these robots is on the path, a little ahead of `place`."""
     for mate in view.teammates if robots else ():
         if mate.robot_id in robots and math.hypot(*mate.pose[:2]) < LOOK_ON:
-            x, y, _ = own.compose(mate.pose)
-            at = path.point(path.project(x, y, place, place + LOOK_ON))
-            if math.dist((x, y), at) < view.base.half_width + mate.base.radius + BODY:
+            off = path.near(own.compose(mate.pose), place, place + LOOK_ON)[1]
+            if off < view.base.half_width + mate.base.radius + BODY:
                 return True
     return False
 
@@ -200,7 +198,6 @@ class Trail:
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
-        self._pause = Pause()
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
 
@@ -221,12 +218,13 @@ class Trail:
 
     def step(
         self, view: View, own: Pose2, role: LineRole, gap: float, stale_after: float, limits: SpeedLimits
-    ) -> Answer:
+    ) -> tuple[Twist, str]:
         """The velocity of a robot at `own` (map) behind the robots `role.before`, and why it is zero."""
         before = role.before
         head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
         ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
         if head is None or ahead is None:
+            self.rest()
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._update(view, before, head, own, gap)
         self.ahead.see(own, ahead, view.now)
@@ -247,11 +245,13 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = role.behind in passed or not stopped.isdisjoint(role.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, role)
-        way = Following(trail.path, self._place, gap * len(before), self.ahead.driven_on)
         wants = share > 0.0 and (is_late or speed > WANTED)
-        answer = self._making_room.step(view, own, role, way, limits, stopped, keeps=alone, wants=wants)
-        if answer is not None:
-            return answer
+        command, does = self._making_room.step(
+            view, own, role, gap * len(before), limits, stopped, keeps=alone, wants=wants,
+            driven_on=self.ahead.driven_on,
+        )  # fmt: skip
+        if does:
+            return command or back_up(own, trail.path, self._place), does
         if share == 0.0:
             return Twist(), reason
         if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
@@ -298,7 +298,7 @@ class Trail:
                 path.append(x, y)
             self._got_on = view.now, self._place
         self._find_place(view, own)
-        if self._pause.is_over(view.now) or self._place > self._got_on[1] + PROGRESS:
+        if self._place > self._got_on[1] + PROGRESS:
             self._got_on = view.now, self._place
         if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
             return None
@@ -307,13 +307,11 @@ class Trail:
     def _find_place(self, view: View, own: Pose2) -> None:
         """Where it is on the trail. Where a wall parts it from that, the trail begins anew."""
         path = self._trail.path
-        self._place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
-        off = math.dist(own[:2], path.point(self._place))
+        self._place, off = path.near(own, self._place - BACK, self._place + AHEAD)
         if off > OFF:
-            self._place = path.project(own.x, own.y)
+            self._place, off = path.near(own)
             if self._left is not None and is_walled_off(view, own, path.point(self._place)):
-                self._place = self._go_back(own, *self._left)
-            off = math.dist(own[:2], self._trail.path.point(self._place))
+                self._place, off = self._go_back(own, *self._left), 0.0
         if self._place >= self._known and off < OFF:
             self._left = self._place, self._own.end
 
@@ -340,10 +338,8 @@ class Trail:
 def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
     """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
     # The own way may have crossed itself: the head stands on the newest part of it.
-    place = way.project(head.x, head.y, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else 0.0
-    if len(way) and math.dist(head[:2], way.point(place)) < JUMP:
-        return way_back(own, way, place)
-    return [own, *places_of(view, before[:-1])]
+    place, off = way.near(head, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else (0.0, math.inf)
+    return way_back(own, way, place) if off < JUMP else [own, *places_of(view, before[:-1])]
 
 
 def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
@@ -353,12 +349,9 @@ def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
 
 def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
     """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
-    there = path.project(own.x, own.y, here + AHEAD, path.end)
-    if there > here + AHEAD and math.dist(own[:2], path.point(there)) < ASIDE:
-        nearest = path.project(ahead.x, ahead.y, here, there)
-        if math.dist(ahead[:2], path.point(nearest)) > OFF:
-            return there
-    return here
+    there, off = path.near(own, here + AHEAD, path.end)
+    comes_back = there > here + AHEAD and off < ASIDE and path.near(ahead, here, there)[1] > OFF
+    return there if comes_back else here
 
 
 def find_silent(view: View, role: LineRole) -> int | None:
@@ -402,6 +395,7 @@ class LineMember(Behavior):
         own = own_pose(view)
         self.reason = role.reason or (NO_POSE if own is None else "")
         if own is None or role.reason:
+            self.on_release()
             return None
         self._silent = find_silent(view, role)
         if self._silent is not None:
@@ -414,6 +408,7 @@ class LineMember(Behavior):
 
     def _lead(self, view: View, own: Pose2, role: LineRole, speed: float, turn_rate: float) -> Twist:
         """The velocity as the robot that leads; it hands over where it gets on no more."""
+        self._trail.rest()
         if self._silent is not None:
             self.reason = waits_for(self._silent, "is silent")
             return Twist()

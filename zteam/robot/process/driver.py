@@ -154,7 +154,7 @@ class Driver:
         self._prepare_behavior()
         if not self._node.pass_gate(partial(self._lacking, view), due.epoch):
             return None
-        choice = None if due.is_first else self._inputs.mux.choose(due.now)
+        choice = None if due.is_first else self._inputs.choose(due.now)
         if self._node.is_stopped:
             # Its behaviour is not asked.
             self._rested = True
@@ -194,7 +194,7 @@ class Driver:
         if not in_lockstep and self._rested:
             self._heard_from = monotonic()
         heard_from = 0.0 if in_lockstep else max(self._heard_from, FREEZES.look())
-        silent = inputs.declared.silent(now if in_lockstep else None, heard_from)
+        silent = inputs.silent(now if in_lockstep else None, heard_from)
         return inputs.view(now, dt, self._team(), self._seed, is_first=due.is_first, silent=silent)
 
     def _note(self, due: Due, driver: str, command: Twist, reason: str, *, logged: bool) -> Twist:

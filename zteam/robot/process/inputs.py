@@ -46,77 +46,6 @@ TIMEOUT = to_ns(0.5)
 """Nanoseconds of the process's clock without a velocity after which a source no longer drives."""
 
 
-class Mux:
-    """The velocity mux, as ROS's twist_mux: the first of SOURCES heard within TIMEOUT drives, else the behaviour.
-
-    The bus refuses velocities with numbers that are not finite.
-    """
-
-    def __init__(self) -> None:
-        self._newest: dict[str, tuple[Twist, int]] = {}
-        """What came and its stamp, by the driver."""
-
-    def receive(self, driver: str, _key: str, message: Any, stamp: int) -> None:
-        """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent."""
-        self._newest[driver] = (message.twist if isinstance(message, TwistStamped) else message), stamp
-
-    def choose(self, now: int) -> tuple[str, Twist] | None:
-        """What drives at time `now` (ns) instead of the behaviour, and its velocity; None if nothing does."""
-        for driver in SOURCES:
-            if driver in self._newest and abs(now - self._newest[driver][1]) <= TIMEOUT:
-                return driver, self._newest[driver][0]
-        return None
-
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._newest.clear()
-
-
-class DeclaredInputs:
-    """The newest message of each input that the behaviour declares."""
-
-    def __init__(self, declared: list[DeclaredInput]) -> None:
-        self.declared = declared
-        self._newest: dict[str, Any] = {}
-        """By the input's name: a message or None, or the messages by robot."""
-        self._heard: dict[int, tuple[int, float]] = {}
-        """When each robot's newest status came, in ns and in host time."""
-        self.forget()
-
-    def receive(self, declared: DeclaredInput, key: str, message: Message, stamp: int) -> None:
-        """A message of this input that has come on `key` at time `stamp` (ns) counts."""
-        if not declared.of_all_robots:
-            self._newest[declared.name] = message
-        elif target := names.split_robot_key(key):
-            self._newest[declared.name][target[0]] = message
-            if isinstance(message, RobotStatus):
-                self._heard[target[0]] = stamp, monotonic()
-
-    def silent(self, now: int | None, heard_from: float = 0.0) -> Set[int]:
-        """The robots whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
-        host time, where they could be heard from `heard_from` on.
-        """
-        found = []
-        for robot, (stamp, heard) in self._heard.items():
-            age = monotonic() - max(heard, heard_from) if now is None else (now - stamp) / 1e9
-            if age > SILENT_AFTER:
-                found.append(robot)
-        return frozenset(found)
-
-    def view(self) -> Mapping[str, Any]:
-        """What counts, by the input's name: a copy, as a behaviour may look at it while messages come."""
-        found = dict(self._newest)
-        for name, newest in found.items():
-            if isinstance(newest, dict):
-                found[name] = MappingProxyType(dict(sorted(newest.items())))
-        return MappingProxyType(found)
-
-    def forget(self) -> None:
-        """Time jumped back."""
-        self._newest = {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
-        self._heard = {}
-
-
 class TransformInputs:
     """What `tf` and `tf_static` have brought. The robots of one process share one, as all get the same messages."""
 
@@ -160,7 +89,7 @@ class TransformInputs:
 
 
 class RobotInputs:
-    """The newest scan, odometry, transforms and team status of robot `robot_id`. Stamps are in ns.
+    """The newest of what comes for robot `robot_id`: data, velocities, what its behaviour declares. Stamps are in ns.
 
     The caller holds a lock for everything but `transforms.find_pose`, which any thread may call.
     """
@@ -182,8 +111,13 @@ class RobotInputs:
         """DEFAULT_BASE and the override until the own `base_info` has come."""
         self._given_up, self._waits_since = False, 0.0
         """Whether the robot does without `base_info`; host time of its first scan in real time, 0 before."""
-        self.mux = Mux()
-        self.declared = DeclaredInputs(declared or [])
+        self.declared = declared or []
+        self._of_behavior = self._none_declared()
+        """By the name of a declared input: the newest message or None, or the newest messages by robot."""
+        self._heard: dict[int, tuple[int, float]] = {}
+        """When each robot's newest status came, in ns and in host time."""
+        self._velocities: dict[str, tuple[Twist, int]] = {}
+        """The newest velocity and its stamp, by the driver."""
         self.scan: LaserScan | None = None
         self.scan_stamp = 0
         """0 = none."""
@@ -224,6 +158,44 @@ class RobotInputs:
         for transform in message.transforms:
             parent, child = (names.resolve_frame(own, f) for f in (transform.header.frame_id, transform.child_frame_id))
             self._fixed.set_transform_static(TransformStamped(Header(frame_id=parent), child, transform.transform), own)
+
+    def on_velocity(self, driver: str, _key: str, message: Any, stamp: int) -> None:
+        """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent. The bus drops
+        those that are not finite."""
+        self._velocities[driver] = (message.twist if isinstance(message, TwistStamped) else message), stamp
+
+    def choose(self, now: int) -> tuple[str, Twist] | None:
+        """The velocity mux, as ROS's twist_mux: the first of SOURCES heard within TIMEOUT of `now` (ns) drives.
+
+        Its velocity, too; None where the behaviour drives.
+        """
+        for driver in SOURCES:
+            if driver in self._velocities and abs(now - self._velocities[driver][1]) <= TIMEOUT:
+                return driver, self._velocities[driver][0]
+        return None
+
+    def on_declared(self, declared: DeclaredInput, key: str, message: Message, stamp: int) -> None:
+        """A message of a declared input that has come on `key` at time `stamp` (ns) counts."""
+        if not declared.of_all_robots:
+            self._of_behavior[declared.name] = message
+        elif target := names.split_robot_key(key):
+            self._of_behavior[declared.name][target[0]] = message
+            if isinstance(message, RobotStatus):
+                self._heard[target[0]] = stamp, monotonic()
+
+    def silent(self, now: int | None, heard_from: float = 0.0) -> Set[int]:
+        """The robots whose newest status is older than SILENT_AFTER at time `now` (ns); or, if that is None, by
+        host time, where they could be heard from `heard_from` on.
+        """
+        found = []
+        for robot, (stamp, heard) in self._heard.items():
+            age = monotonic() - max(heard, heard_from) if now is None else (now - stamp) / 1e9
+            if age > SILENT_AFTER:
+                found.append(robot)
+        return frozenset(found)
+
+    def _none_declared(self) -> dict[str, Any]:
+        return {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
 
     def missing(self) -> list[str]:
         """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
@@ -282,6 +254,11 @@ class RobotInputs:
         In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
         seen = None if self.scan is None else self._lasers.level(self.scan)
+        declared = self._none_declared() if is_first else dict(self._of_behavior)
+        for name, newest in declared.items():
+            if isinstance(newest, dict):
+                # A copy: the behaviour may look at it while messages come.
+                declared[name] = MappingProxyType(dict(sorted(newest.items())))
         return View(
             now=now,
             dt=dt,
@@ -294,7 +271,7 @@ class RobotInputs:
             base=self.base,
             bases=self.bases,
             team=team,
-            inputs=(DeclaredInputs(self.declared.declared) if is_first else self.declared).view(),
+            inputs=MappingProxyType(declared),
             silent=silent,
             seed=seed,
         )
@@ -302,7 +279,7 @@ class RobotInputs:
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""
         self.transforms.forget()
-        self.mux.forget()
-        self.declared.forget()
+        self._of_behavior, self._heard = self._none_declared(), {}
+        self._velocities.clear()
         self.scan = self.odom = None
         self.scan_stamp = 0

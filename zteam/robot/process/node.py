@@ -180,9 +180,9 @@ class RobotNode:
         # The newest one of each broadcaster counts.
         node.subscribe_latched_raw(key(names.TF_STATIC), self._on_fixed)
         for driver, (topic, kind) in SOURCES.items():
-            node.receive(key(topic), kind, partial(inputs.mux.receive, driver), self._lateness_of)
-        for declared in inputs.declared.declared:
-            receive = partial(inputs.declared.receive, declared)
+            node.receive(key(topic), kind, partial(inputs.on_velocity, driver), self._lateness_of)
+        for declared in inputs.declared:
+            receive = partial(inputs.on_declared, declared)
             node.receive(declared.key, declared.type, receive, latched=is_latched(declared.key))
 
     def _lateness_of(self, sample: RawSample) -> str:

@@ -9,8 +9,8 @@ from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.robot.behaviors.line import LineRole
 from zteam.robot.behaviors.line_room import (
     FRUITLESS,
-    Following,
     MakingRoom,
+    back_up,
     find_stopped,
     is_too_near,
 )
@@ -22,6 +22,7 @@ AHEAD = Pose2(5.0, 0.0, 0.0)
 """The head, which drives away."""
 GAP = 0.8
 """Metres to the place behind it."""
+WAY = Polyline([(-5.0, 0.0), (5.0, 0.0)])
 
 
 @pytest.mark.parametrize(
@@ -56,9 +57,11 @@ def step(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(blocked_by=blocked_by)}},
     )  # fmt: skip
-    way = Following(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
     own, place = Pose2(x, 0.0, 0.0), LineRole((0,), turns=turns)
-    return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
+    command, does = room.step(
+        view, own, place, GAP, LIMITS, find_stopped(view), keeps=True, wants=wants, driven_on=driven_on
+    )
+    return (command or back_up(own, WAY, 5.0 + x), does) if does else None
 
 
 def test_a_robot_between_two_ends_that_get_on_no_more_leaves_its_trail() -> None:

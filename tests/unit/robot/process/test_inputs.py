@@ -30,7 +30,7 @@ from zteam.messages.base import DEFAULT_BASE, BaseOverride
 from zteam.messages.topics import type_of_key
 from zteam.robot.behaviors.behavior import DeclaredInput
 from zteam.robot.process import inputs as module
-from zteam.robot.process.inputs import SOURCES, DeclaredInputs, Mux, RobotInputs, TransformInputs
+from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.robot.view import SILENT_AFTER
 
 
@@ -189,22 +189,23 @@ OTHERS = DeclaredInput("others", "robot_$*/status", RobotStatus)
 
 def test_what_a_step_sees_of_declared_inputs_does_not_change_afterwards() -> None:
     """Each name is there before anything comes. A view stays as it was; the next one has the message, by robot."""
-    inputs = DeclaredInputs([GOAL, OTHERS])
-    before = inputs.view()
-    inputs.receive(GOAL, GOAL.key, PoseStamped(), TICK)
+    inputs = RobotInputs(1, declared=[GOAL, OTHERS])
+    before = inputs.view(0, 0.0, ()).inputs
+    inputs.on_declared(GOAL, GOAL.key, PoseStamped(), TICK)
     for robot_id in (2, 0):
-        inputs.receive(OTHERS, names.robot_key(robot_id, names.STATUS), RobotStatus(robot_id=robot_id), TICK)
+        inputs.on_declared(OTHERS, names.robot_key(robot_id, names.STATUS), RobotStatus(robot_id=robot_id), TICK)
     assert dict(before) == {"goal": None, "others": {}}
-    assert inputs.view()["goal"] == PoseStamped()
-    assert [*inputs.view()["others"]] == [0, 2]
+    after = inputs.view(0, 0.0, ()).inputs
+    assert (after["goal"], [*after["others"]]) == (PoseStamped(), [0, 2])
+    assert inputs.view(0, 0.0, (), is_first=True).inputs == before
     inputs.forget()
-    assert dict(inputs.view()) == {"goal": None, "others": {}}
+    assert inputs.view(0, 0.0, ()).inputs == before
 
 
 def test_a_silent_teammate_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """By simulated time in lock-step, else by the host's, from when it could be heard on; not after a jump."""
-    inputs, key, now = DeclaredInputs([OTHERS]), names.robot_key(2, names.STATUS), monotonic()
-    inputs.receive(OTHERS, key, RobotStatus(robot_id=2), TICK)
+    inputs, key, now = RobotInputs(1, declared=[OTHERS]), names.robot_key(2, names.STATUS), monotonic()
+    inputs.on_declared(OTHERS, key, RobotStatus(robot_id=2), TICK)
     late = TICK + round(SILENT_AFTER * 1e9)
     assert [inputs.silent(stamp) for stamp in (late, late + 1)] == [frozenset(), {2}]
     assert inputs.silent(None) == frozenset()
@@ -220,14 +221,14 @@ def test_the_source_of_highest_priority_drives_until_its_time_out() -> None:
     Neither a jump back nor a velocity of an hour ahead, as after the host's clock was set, drives. What the mux listens
     to is what tools know of these keys.
     """
-    mux, nav = Mux(), TwistStamped(Header(), Twist(Vector3(0.2)))
-    mux.receive(RobotDriver.TELEOP, "", Twist(Vector3(0.3)), TICK)
-    mux.receive(RobotDriver.NAVIGATION, "", nav, 4 * TICK)
+    mux, nav = RobotInputs(1), TwistStamped(Header(), Twist(Vector3(0.2)))
+    mux.on_velocity(RobotDriver.TELEOP, "", Twist(Vector3(0.3)), TICK)
+    mux.on_velocity(RobotDriver.NAVIGATION, "", nav, 4 * TICK)
     choices = [mux.choose(tick * TICK) for tick in range(4, 11)]
     teleop = RobotDriver.TELEOP, Twist(Vector3(0.3))
     assert choices == [teleop] * 3 + [(RobotDriver.NAVIGATION, nav.twist)] * 3 + [None]
     mux.forget()
     assert mux.choose(TICK) is None
-    mux.receive(RobotDriver.TELEOP, "", Twist(Vector3(0.3)), 36_000 * TICK)
+    mux.on_velocity(RobotDriver.TELEOP, "", Twist(Vector3(0.3)), 36_000 * TICK)
     assert mux.choose(TICK) is None
     assert all(type_of_key(names.robot_key(0, topic)) is kind for topic, kind in SOURCES.values())
