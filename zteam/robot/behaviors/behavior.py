@@ -41,33 +41,24 @@ def declared_inputs(inputs: Mapping[str, tuple[str, type[Message]]], robot_id: i
 
 def check_inputs(what: str, inputs: Any) -> None:
     """Raise UsageError that names the first mistake in what a behaviour declares; its text begins with `what`."""
-    if not isinstance(inputs, Mapping):
-        raise UsageError(f"{what} is {inputs!r}, not a dict such as {_EXAMPLE}")
-    for name, declared in inputs.items():
-        if not (isinstance(name, str) and isinstance(declared, tuple) and len(declared) == 2):
-            raise UsageError(f"{what}: {name!r}: {declared!r} is no topic with its type: {_EXAMPLE}")
-        try:
-            _check_input(*declared)
-        except UsageError as error:
-            raise UsageError(f"{what}: {name!r}: {error}") from None
-
-
-def _check_input(topic: Any, kind: Any) -> None:
     # Imported here, because most behaviours declare nothing.
     from zteam.messages.topics import type_of_key
 
-    if not isinstance(topic, str) or not topic:
-        raise UsageError(f"{topic!r} is no topic, such as 'goal_pose'")
-    key = names.input_key(0, topic)
-    single = names.keys_in(key, [0])
-    if not single:
-        raise UsageError(f"{topic!r} stands for many keys: take one topic, of every robot as 'robot_$*/status'")
-    if not all(re.fullmatch(r"[\w.-]+", chunk) for chunk in single[0].split("/")):
-        raise UsageError(f"{topic!r} is no topic: join words of letters, digits and _ by single slashes")
-    check_message_type(topic, kind)
-    carried = type_of_key(single[0])
-    if carried not in (None, kind):
-        raise UsageError(f"{topic} carries {carried.__name__}, not {kind.__name__}")
+    if not isinstance(inputs, Mapping):
+        raise UsageError(f"{what} is {inputs!r}, not a dict such as {_EXAMPLE}")
+    for name, declared in inputs.items():
+        place = f"{what}: {name!r}"
+        if not (isinstance(name, str) and isinstance(declared, tuple) and [*map(type, declared[:-1])] == [str]):
+            raise UsageError(f"{place}: {declared!r} is no topic with its type: {_EXAMPLE}")
+        topic, kind = declared
+        key = (names.keys_in(names.input_key(0, topic), [0]) or [""])[0]
+        if not all(re.fullmatch(r"[\w.-]+", chunk) for chunk in key.split("/")):
+            way_out = "join words of letters, digits and _ by single slashes, for every robot as 'robot_$*/status'"
+            raise UsageError(f"{place}: {topic!r} is no topic: {way_out}")
+        check_message_type(f"{place}: {topic}", kind)
+        carried = type_of_key(key)
+        if carried not in (None, kind):
+            raise UsageError(f"{place}: {topic} carries {carried.__name__}, not {kind.__name__}")
 
 
 class NoParams(msgspec.Struct, forbid_unknown_fields=True):
