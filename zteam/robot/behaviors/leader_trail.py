@@ -6,10 +6,10 @@ drives, is estimated (an alpha-beta filter).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Point2, Pose2, normalize_angle
 from zteam.robot.behaviors.path import Polyline
 
 _SPACING = 0.1
@@ -81,17 +81,17 @@ class LeaderTrail:
         """Whether the leader cannot have driven to this pose from the last one: it was set down there."""
         return not len(self.path) or math.hypot(leader.x - self.leader.x, leader.y - self.leader.y) > _JUMP
 
-    def begin(self, leader: Pose2, stamp: int, way: Sequence[Pose2] = ()) -> None:
-        """Begin anew with this pose of time `stamp` (ns), and with the `way` up to it."""
-        self.path = Polyline([(x, y) for x, y, _yaw in (*way, leader)])
-        self._first, self.leader, self.stamp = (*way, leader)[0], leader, stamp
+    def begin(self, first: Pose2, way: Iterable[Point2], leader: Pose2, stamp: int) -> None:
+        """Begin anew with a way from `first` to this pose of the leader, of time `stamp` (ns)."""
+        self.path = Polyline([first[:2], *way, leader[:2]])
+        self._first, self.leader, self.stamp = first, leader, stamp
         self.place, self.speed = self.path.end, 0.0
         self._samples, self._has_turned = [Sample(self.place, leader)], False
 
     def add(self, leader: Pose2, stamp: int, keep: float) -> None:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
         if self.is_far(leader):
-            self.begin(leader, stamp)
+            self.begin(leader, (), leader, stamp)
             return
         seconds = (stamp - self.stamp) / 1e9
         if seconds <= 0.0:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
@@ -58,20 +58,20 @@ def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
     return not is_clear(view.scan, view.base.half_width, reach, bearing)
 
 
-def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
-    """The poses in map of those that are seen."""
+def places_of(view: View, robots: Sequence[int]) -> list[Point2]:
+    """Where those are in map that are seen."""
     seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in robots)
-    return [each.pose for each in seen if each is not None]
+    return [each.pose[:2] for each in seen if each is not None]
 
 
 def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
     """Metres straight from robot to robot up to the head; infinite where the first of them may be behind a wall."""
-    way = [own, *places_of(view, before)]
-    x, y, _ = own.inverse().compose(way[1])
+    way = [own[:2], *places_of(view, before)]
+    x, y = own.locate(*way[1])
     is_blind = view.scan is not None and not is_seen(view.scan, math.atan2(y, x))
-    if is_blind or is_walled_off(view, own, way[1][:2]):
+    if is_blind or is_walled_off(view, own, way[1]):
         return math.inf
-    return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
+    return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
 def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
@@ -142,8 +142,8 @@ SCRIBBLE = 2.0
 """So many times longer than the way straight from robot to robot a trail is given up."""
 BEYOND = 1.9
 """Metres past a lost head to which the robot drives that leads in its place."""
-STALLED, PROGRESS = to_ns(3.0), 0.05
-"""It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
+NEARLY, PASSES_FOR = 0.1, to_ns(20.0)
+"""It is there within so many metres, and after so many nanoseconds: that way may end at a wall."""
 
 
 class Ahead:
@@ -198,14 +198,13 @@ class Trail:
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
-        self._got_on = 0, 0.0
-        """When it got on last on its way past a lost head, and to which place."""
+        self._passes_until = 0
+        """Nanoseconds: when it gives up to drive past a lost head."""
 
     def rest(self) -> None:
         """It was stopped: that it did not get on does not count."""
         self._making_room.rest()
         self._escape.rest()
-        self._got_on = self._got_on[0], -math.inf
 
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
@@ -271,14 +270,21 @@ class Trail:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, stamp = self._trail, head.stamp or view.now
         if before[-1] != self._leads or trail.is_far(head.pose):
-            way = way_to(view, before, head.pose, own, gap, self._own)
+            way = self._way_to(view, before, head.pose, gap)
         elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
-            way = [own, *places_of(view, before[:-1])]
+            way = places_of(view, before[:-1])
         else:
             trail.add(head.pose, stamp, trail.place - self._place + KEPT)
             return
-        trail.begin(head.pose, stamp, way)
+        trail.begin(own, way, head.pose, stamp)
         self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
+
+    def _way_to(self, view: View, before: Sequence[int], head: Pose2, gap: float) -> list[Point2]:
+        """The way to a new head: back over the own one if it stands there, else over the places of those between."""
+        # The own way may have crossed itself: the head stands on the newest part of it.
+        low = self._own.end - 1.3 * gap * len(before) - JUMP
+        place, off = self._own.near(head, low) if len(self._own) else (0.0, math.inf)
+        return way_back(self._own, place) if off < JUMP else places_of(view, before[:-1])
 
     def _is_far_behind(self, length: float) -> bool:
         """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
@@ -296,11 +302,9 @@ class Trail:
             for along in (0.0, BEYOND):
                 x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
                 path.append(x, y)
-            self._got_on = view.now, self._place
+            self._passes_until = view.now + PASSES_FOR
         self._find_place(view, own)
-        if self._place > self._got_on[1] + PROGRESS:
-            self._got_on = view.now, self._place
-        if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
+        if path.end - self._place < NEARLY or view.now > self._passes_until:
             return None
         return self._along(view, own, min(PASSING, limits.linear), limits, gone)
 
@@ -319,7 +323,7 @@ class Trail:
         """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""
         trail = self._trail
         on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
-        trail.begin(trail.leader, trail.stamp, [*way_back(own, self._own, left_at), *(Pose2(x, y, 0.0) for x, y in on)])
+        trail.begin(own, (*way_back(self._own, left_at), *on), trail.leader, trail.stamp)
         self._known = trail.path.start
         return self._known
 
@@ -335,16 +339,9 @@ class Trail:
         return pursue(own, path, here, speed, limits)
 
 
-def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
-    """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
-    # The own way may have crossed itself: the head stands on the newest part of it.
-    place, off = way.near(head, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else (0.0, math.inf)
-    return way_back(own, way, place) if off < JUMP else [own, *places_of(view, before[:-1])]
-
-
-def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
-    """From the own pose back over the own way to this place on it."""
-    return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, int((way.end - place) / STEP)))]
+def way_back(way: Polyline, place: float) -> list[Point2]:
+    """From the end of the own way back to this place on it."""
+    return [way.point(way.end - i * STEP) for i in range(1, int((way.end - place) / STEP))]
 
 
 def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:

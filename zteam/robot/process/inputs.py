@@ -160,8 +160,8 @@ class RobotInputs:
             self._fixed.set_transform_static(TransformStamped(Header(frame_id=parent), child, transform.transform), own)
 
     def on_velocity(self, driver: str, _key: str, message: Any, stamp: int) -> None:
-        """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent. The bus drops
-        those that are not finite."""
+        """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent. The bus
+        drops those that are not finite."""
         self._velocities[driver] = (message.twist if isinstance(message, TwistStamped) else message), stamp
 
     def choose(self, now: int) -> tuple[str, Twist] | None:
