@@ -91,7 +91,7 @@ class RealTimeRobot:
 
     def _run(self) -> None:
         try:
-            self.node.drive(self.robot.watch.beat)
+            self.node.drive(self.robot.beat)
         except BaseException as error:
             self.failures.append(error)
 

@@ -1,7 +1,6 @@
 """The robot's steps: gate, behaviour, velocity mux, safety layer, status. The same in real time and in lock-step."""
 
 import logging
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -16,7 +15,7 @@ from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
-from zteam.reasons import Cause, Reason
+from zteam.reasons import Reason
 from zteam.robot.behaviors import Behavior, View
 from zteam.robot.behaviors.behavior import ask, missing, old_data
 from zteam.robot.behaviors.registry import read_params
@@ -24,8 +23,7 @@ from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetReques
 from zteam.robot.parameters import parameters_of, values_of
 from zteam.robot.process.inputs import RobotInputs
 from zteam.robot.safety import SafetyLayer
-from zteam.robot.safety.motion import DRIVE_MARGIN, limit_speed
-from zteam.robot.scans import look_along
+from zteam.robot.safety.motion import limit_speed
 
 log = logging.getLogger("zteam")
 
@@ -42,37 +40,26 @@ class SafetyLog:
         self._behavior = behavior
         self.stops = 0
         """How often a stop has begun."""
-        self._began: int | None = None
-        """Time of the stop (ns); None while there is none."""
+        self._began = self._free = 0
+        """Time of the stop, and since when the robot may drive again (ns); 0: there is none."""
         self._stands = False
         """Whether a line has said that it was stopped, and not only slowed."""
-        self._free: int | None = None
-        """Time since which the robot may drive again (ns)."""
 
-    def note(self, driver: str, wanted: Twist, trouble: str, view: View) -> None:
-        """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
+    def note(self, driver: str, wanted: Twist, trouble: str, now: int) -> None:
+        """At time `now` (ns) `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
-            self._free = None
-            stands = Reason.of(trouble).cause is not Cause.UNSEEN
-            if self._began is None or (stands and not self._stands):
-                self.stops += self._began is None
-                self._began, self._stands = self._began or view.now, stands
+            self._free, stands = 0, not Reason.of(trouble).slows
+            if not self._began or (stands and not self._stands):
+                self.stops += not self._began
+                self._began, self._stands = self._began or now, stands
                 wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver
                 verb = "stopped" if stands else "slowed"
-                log.info("safety: %s %s (%.2f m/s): %s", verb, wanting, wanted.linear.x, _cause(trouble, view))
-        elif self._began is not None and wanted.linear.x:
-            self._free = view.now if self._free is None else self._free
-            if view.now - self._free >= FREE_AFTER:
+                log.info("safety: %s %s (%.2f m/s): %s", verb, wanting, wanted.linear.x, trouble)
+        elif self._began and wanted.linear.x:
+            self._free = self._free or now
+            if now - self._free >= FREE_AFTER:
                 log.info("safety: the way is free again after %.1f s", (self._free - self._began) / 1e9)
-                self._began = self._free = None
-                self._stands = False
-
-
-def _cause(trouble: str, view: View) -> str:
-    if Reason.of(trouble).cause is not Cause.OBSTACLE_AHEAD or view.scan is None:
-        return trouble
-    away = look_along(view.scan, view.base.half_width + DRIVE_MARGIN)
-    return f"obstacle {away:.2f} m ahead of the laser" if math.isfinite(away) else trouble
+                self._began, self._free, self._stands = 0, 0, False
 
 
 class Driver:
@@ -93,7 +80,7 @@ class Driver:
     ) -> None:
         """`kind` is the class of the behaviour; `team()`: ids of the robots that are alive."""
         self._node, self._team, self._inputs, self._kind, self.status = node, team, inputs, kind, status
-        self.robot_id, self._seed, self._has_layer = options.robot_id, options.seed, options.safety
+        self._id, self._seed, self._has_layer = options.robot_id, options.seed, options.safety
         self._parameters = options.params
         """Those that were given at the start or set since: never changed, only replaced (under `node.changed`). They
         outlast a jump back in time."""
@@ -114,7 +101,7 @@ class Driver:
 
     def _read(self, parameters: dict[str, Any]) -> Any:
         """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""
-        return read_params(self.status.behavior, self._kind, parameters, self.robot_id)
+        return read_params(self.status.behavior, self._kind, parameters, self._id)
 
     def _describe(self) -> DescribeReply:
         values = values_of(self._read(self._parameters))
@@ -178,7 +165,7 @@ class Driver:
         # A behaviour that old data keeps from wanting anything is not stopped.
         is_stopped = bool(trouble) and not (rests and choice is None)
         if is_stopped or not trouble:
-            self.safety.note(driver, wanted, trouble, view)
+            self.safety.note(driver, wanted, trouble, due.now)
         reason = trouble or reason
         # What the safety layer stops has lines of its own.
         return self._note(due, driver, command, reason and (self.absence or reason), logged=not is_stopped)

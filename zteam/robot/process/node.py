@@ -44,92 +44,6 @@ _TELL_EVERY = 5
 """Seconds between two lines about the others that GO waits for."""
 
 
-class DataWatch:
-    """Finds out what a robot waits for: GO, its first data, or in real time data that no longer comes. No step is taken
-    then.
-    """
-
-    def __init__(self, node: Node, inputs: RobotInputs, driver: Driver) -> None:
-        self._node, self._inputs, self._driver = node, inputs, driver
-        self._looks = self._ready_for = self._deaf = 0
-        """Seconds since the start, since the robot is ready or the last line about GO; looks without an answer."""
-        self._told = ""
-        """What GO waits for, in that line."""
-        self._is_out = self._is_logged = False
-        """Whether nothing comes any more, and whether the log says so."""
-        self._scan: LaserScan | None = None
-        """The newest at the last look."""
-
-    def beat(self) -> None:
-        """Look once a second, and not at the start, where all is on its way."""
-        self._looks += 1
-        if self._looks >= _LOOKS:
-            self._find_absence()
-            self._node.look()
-        with self._node.changed:
-            self._tell_what_go_waits_for()
-
-    def _tell_what_go_waits_for(self) -> None:
-        waiting_for = self._node.team.waiting_for
-        waits = self._node.readiness.state == RobotState.READY and waiting_for
-        self._ready_for = self._ready_for + 1 if waits else 0
-        if self._ready_for > _TELL_EVERY and waiting_for != self._told:
-            self._ready_for, self._told = 0, waiting_for
-            log.info("ready; GO waits for %s", waiting_for)
-
-    def _find_absence(self) -> None:
-        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
-        before, self._scan = self._scan, self._inputs.scan
-        if self._scan is not before:
-            self._driver.absence = ""
-            self._tell_outage("")
-            return
-        try:
-            status = read_status(self._node.bus, _ANSWER_LIMIT)
-        except BusError as error:
-            log.debug("%s", error)
-            self._tell_outage(self._find_outage())
-            return
-        if status is None:
-            self._tell_outage(self._find_outage())
-        robot_id = self._driver.robot_id
-        lacks = status is not None and robot_id not in status.robots
-        self._driver.absence = (
-            f"{self._node.name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
-        )
-        if status is None and not self._driver.is_alone and self._node.readiness.released and self._scan is None:
-            # Without a gate nothing else says what the robot waits for. Later the monitor tells that data has stopped.
-            log.info("waiting for a first scan: %s", ALONE)
-        self._driver.is_alone = status is None
-
-    def _find_outage(self) -> str:
-        """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""
-        node = self._node
-        if not node.clock.simulated or node.ticks_tell_time or FREEZES.has_just_woken():
-            return ""
-        if not node.link_up:
-            return "the router is lost"
-        self._deaf = 0 if node.reaches_others() else self._deaf + 1
-        if self._deaf:
-            # A router that is gone is known soon.
-            return "no other process answers" if self._deaf >= _LOOKS else ""
-        return "the simulator does not answer" if node.simulators else "the simulator has ended"
-
-    def _tell_outage(self, why: str) -> None:
-        """Say once why nothing comes, and once that it comes again."""
-        with self._node.changed:
-            # What it is said to be at first stays: a frozen simulator loses its token a little later.
-            if not self._node.readiness.released or bool(why) == self._is_out:
-                return
-            self._is_out = bool(why)
-            if why:
-                # The log has the router's loss and return.
-                self._is_logged, driver = self._node.link_up, self._driver.status.driver
-                self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=self._is_logged)
-            elif self._is_logged:
-                log.info("data comes again")
-
-
 class RobotNode:
     """One robot on the bus: what comes for it, and the timer of its steps in real time.
 
@@ -152,7 +66,14 @@ class RobotNode:
         """Of scans, and of velocities that others send."""
         self._alive: TokenSet | None = None
         """The processes of robots that are alive, from the first question on."""
-        self.watch = DataWatch(node, self._inputs, self.driver)
+        self._beats = self._ready_for = self._deaf = 0
+        """Seconds since the start, since the robot is ready or the last line about GO; looks without an answer."""
+        self._told = ""
+        """What GO waits for, in that line."""
+        self._is_out = self._is_logged = False
+        """Whether nothing comes any more, and whether the log says so."""
+        self._scan: LaserScan | None = None
+        """The newest at the last look."""
         self._acted = 0
         """Real time: stamp of the scan that was acted on last."""
         self._looked = 0
@@ -280,6 +201,71 @@ class RobotNode:
     def _now(self) -> int:
         return max(self._inputs.scan_stamp, self._node.clock.now())
 
+    def beat(self) -> None:
+        """Look once a second, and not at the start, where all is on its way, what the robot waits for."""
+        self._beats += 1
+        if self._beats >= _LOOKS:
+            self._find_absence()
+            self._node.look()
+        with self._node.changed:
+            waiting_for = self._node.team.waiting_for
+            waits = self._node.readiness.state == RobotState.READY and waiting_for
+            self._ready_for = self._ready_for + 1 if waits else 0
+            if self._ready_for > _TELL_EVERY and waiting_for != self._told:
+                self._ready_for, self._told = 0, waiting_for
+                log.info("ready; GO waits for %s", waiting_for)
+
+    def _find_absence(self) -> None:
+        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
+        before, self._scan = self._scan, self._inputs.scan
+        node, driver = self._node, self.driver
+        if self._scan is not before:
+            driver.absence = ""
+            self._tell_outage("")
+            return
+        try:
+            status = read_status(node.bus, _ANSWER_LIMIT)
+        except BusError as error:
+            log.debug("%s", error)
+            self._tell_outage(self._find_outage())
+            return
+        driver.absence = ""
+        if status is None:
+            self._tell_outage(self._find_outage())
+            if not driver.is_alone and node.readiness.released and self._scan is None:
+                # Without a gate nothing else says so. Later the monitor tells that data has stopped.
+                log.info("waiting for a first scan: %s", ALONE)
+        elif self._id not in status.robots:
+            driver.absence = f"{node.name} is {absence_text(self._id, status.robots)}"
+        driver.is_alone = status is None
+
+    def _find_outage(self) -> str:
+        """Why no scan comes, in words, where the simulator does not answer; empty if that means nothing."""
+        node = self._node
+        if not node.clock.simulated or node.ticks_tell_time or FREEZES.has_just_woken():
+            return ""
+        if not node.link_up:
+            return "the router is lost"
+        self._deaf = 0 if node.reaches_others() else self._deaf + 1
+        if self._deaf:
+            # A router that is gone is known soon.
+            return "no other process answers" if self._deaf >= _LOOKS else ""
+        return "the simulator does not answer" if node.simulators else "the simulator has ended"
+
+    def _tell_outage(self, why: str) -> None:
+        """Say once why nothing comes, and once that it comes again."""
+        with self._node.changed:
+            # What it is said to be at first stays: a frozen simulator loses its token a little later.
+            if not self._node.readiness.released or bool(why) == self._is_out:
+                return
+            self._is_out = bool(why)
+            if why:
+                # The log has the router's loss and return.
+                self._is_logged, driver = self._node.link_up, self.status.driver
+                self._node.report(Due(0), driver, Twist(), f"no data: {why}", logged=self._is_logged)
+            elif self._is_logged:
+                log.info("data comes again")
+
 
 def run_robot(
     node: Node, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
@@ -293,4 +279,4 @@ def run_robot(
     log.info("robot %d, behaviour %s%s: waiting for its data, %s", options.robot_id, options.behavior, behind, go)
     if not options.safety:
         log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
-    node.drive(robot.watch.beat)
+    node.drive(robot.beat)

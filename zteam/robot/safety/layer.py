@@ -9,7 +9,7 @@ from zteam import names
 from zteam.geometry import Velocity
 from zteam.messages import Twist, ns_from_time
 from zteam.messages.base import Base
-from zteam.reasons import Cause, Reason
+from zteam.reasons import Reason
 from zteam.robot.safety.motion import (
     NO_NUMBER,
     STANDING,
@@ -121,7 +121,7 @@ class SafetyLayer:
         if share >= 1.0:
             return asked, ""
         where = "behind" if is_seen and not forwards else side
-        return asked.scale(share), Reason(f"no laser looks {where}", cause=Cause.UNSEEN)
+        return asked.scale(share), Reason(f"no laser looks {where}", slows=True)
 
     def _avoid(self, motion: Velocity) -> tuple[Velocity, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
@@ -156,11 +156,9 @@ class SafetyLayer:
         return least, met
 
 
-def _before(robot: int | None, side: str) -> Reason:
+def _before(robot: int | None, side: str) -> str:
     """Why it is stopped: by this robot, or by an obstacle, on this side."""
-    if robot is not None:
-        return Reason(f"{names.robot_name(robot)} {side}", blocked_by=robot)
-    return Reason(f"obstacle {side}", cause=Cause.OBSTACLE_AHEAD if side == "ahead" else Cause.OTHER)
+    return f"obstacle {side}" if robot is None else Reason(f"{names.robot_name(robot)} {side}", blocked_by=robot)
 
 
 def _side_of(motion: Velocity) -> str:

@@ -26,11 +26,10 @@ from zteam.messages import (
 )
 from zteam.node import node as node_module
 from zteam.node.stopping import StopReply
-from zteam.reasons import Cause, Reason
+from zteam.reasons import Reason
 from zteam.robot.behaviors.straight import Idle
 from zteam.robot.process import node as robot_module
 from zteam.robot.process.driver import SafetyLog
-from zteam.testing import make_view
 
 Start = Callable[..., RealTimeRobot]
 STOPPED = "stopped (zteam stop --release)"
@@ -322,27 +321,24 @@ def test_a_behaviour_that_hangs_does_not_hold_the_stop_up(start: Start, monkeypa
     assert speeds(robot) == [0.2, 0.2, 0.0, 0.0]
 
 
-OBSTACLE = Reason("obstacle ahead", cause=Cause.OBSTACLE_AHEAD)
-
-
 def test_the_log_has_a_line_for_a_stop_and_one_when_the_way_is_free() -> None:
-    """The first names driver, command and distance; one that comes and goes is one stop; the second comes when the way
+    """The first names driver, command and cause; one that comes and goes is one stop; the second comes when the way
     has been free for a second, not while the robot turns away. A robot that is slowed and then stopped has two lines.
     """
     safety, ahead = SafetyLog("forward"), Twist(Vector3(0.4))
 
     def note(begin: int, end: int, wanted: Twist, trouble: Callable[[int], str], driver: str = "behavior") -> None:
         for tick in range(begin, end):
-            safety.note(driver, wanted, trouble(tick), make_view([9.0, 0.31, 9.0], fov=1.0, now=0.1 * tick))
+            safety.note(driver, wanted, trouble(tick), tick * 100_000_000)
 
     with captured_log() as log:
-        note(1, 39, ahead, lambda tick: OBSTACLE if tick % 3 else "")
-        assert log.lines == ["safety: stopped forward (0.40 m/s): obstacle 0.31 m ahead of the laser"]
+        note(1, 39, ahead, lambda tick: "obstacle ahead" if tick % 3 else "")
+        assert log.lines == ["safety: stopped forward (0.40 m/s): obstacle ahead"]
         note(40, 60, Twist(angular=Vector3(z=1.0)), lambda _: "")
         assert len(log.lines) == 1
         note(60, 90, ahead, lambda _: "")
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
-        unseen = Reason("no laser looks behind", cause=Cause.UNSEEN)
+        unseen = Reason("no laser looks behind", slows=True)
         back = Twist(Vector3(-0.4))
         note(90, 98, back, lambda tick: unseen if tick < 94 else "robot_2 behind", RobotDriver.TELEOP)
     assert log.lines[2:] == [
