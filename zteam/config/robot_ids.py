@@ -54,9 +54,15 @@ def _parse_item(item: str, place: str) -> range:
 
 def circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
     """`1, 2, 1` if `robot_id` is part of a circle of robots that follow each other, else empty."""
+    chain = chain_from(robot_id, leaders)
+    return chain if chain[1:] and chain[-1] == robot_id else []
+
+
+def chain_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
+    """The robot, the one that it follows, and so on to the head, or to the first one that is there twice."""
     chain = [robot_id]
-    leader = leaders.get(robot_id)
-    while leader is not None and leader not in chain:
+    while (leader := leaders.get(chain[-1])) is not None:
         chain.append(leader)
-        leader = leaders.get(leader)
-    return [*chain, robot_id] if leader == robot_id else []
+        if leader in chain[:-1]:
+            break
+    return chain

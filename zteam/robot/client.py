@@ -120,13 +120,13 @@ class ParametersClient:
         self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None
     ) -> dict[str, T]:
         """The answers by robot: of one, or of all that there are."""
-        who = "all robots" if robot == "*" else robot
+        asked = "all robots" if robot == "*" else robot
         try:
             answers = self._bus.query(names.service_key(robot, service), reply_type, request, timeout=ANSWER_LIMIT)
         except QueryTimeoutError:
-            raise BusError(f"{who}: no answer within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
+            raise BusError(f"{asked}: no answer within {ANSWER_LIMIT:g} s: see 'zteam doctor'") from None
         except QueryError as error:
-            raise BusError(f"{who}: {error.why}") from None
+            raise BusError(f"{asked}: {error.why}") from None
         if not answers and robot != "*":
             raise BusError(f"no process {robot} with parameters: 'zteam param list' shows those that there are")
         return {key.removesuffix(f"/{service}"): reply for key, reply in answers}

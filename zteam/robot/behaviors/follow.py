@@ -131,11 +131,7 @@ class Follow(LineMember):
         return self._lead(view, own, role, min(HEAD_SPEED, limits.linear), HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
-        if not self.params.max_linear:
-            return "its parameter max_linear is 0"
-        if self._successor is not None:
-            return self._successor.why_it_rests()
-        return super().why_it_rests()
+        return super().why_it_rests() if self._successor is None else self._successor.why_it_rests()
 
     def _drive_straight(self, view: View, ahead: int, limits: SpeedLimits) -> Twist:
         """The lectures' law, mended: to the robot ahead, past what stands between."""

@@ -19,10 +19,9 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Message, Twist, Vector3
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
-from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import STATUSES, see_robot
 from zteam.robot.behaviors.line_room import MOVED, BoxedIn, Stray
-from zteam.robot.behaviors.path import SpeedLimits
+from zteam.robot.behaviors.path import LeaderTrail, SpeedLimits
 from zteam.robot.scans import beams_of, is_clear
 from zteam.robot.view import NO_POSE, View, own_pose
 
@@ -400,7 +399,7 @@ class Formation(Behavior):
         return self._around_leader.drive_to(view, STEP * math.cos(away), STEP * math.sin(away), limits)
 
     def why_it_rests(self) -> str:
-        return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
+        return super().why_it_rests() or "in its slot"
 
     def _members(self, view: View) -> dict[int, Pose2]:
         """The robots that form it and are seen, itself among them, in its own base frame."""

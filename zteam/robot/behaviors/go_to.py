@@ -240,9 +240,6 @@ class GoTo(Behavior):
         self._is_canceled = self.navigation.state == NavigationState.DRIVING
         return self._is_canceled
 
-    def why_it_rests(self) -> str:
-        return "its parameter speed is 0"
-
     def _on_goal(self, message: PoseStamped, view: View) -> None:
         """One that is repeated changes nothing on the way; it counts anew at the goal."""
         goal, self.reason = read_goal(message, view)

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from zteam import names
 from zteam.clock import to_ns
+from zteam.config.robot_ids import chain_from
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
 from zteam.reasons import Reason
@@ -135,12 +136,12 @@ class Line:
         leaders.pop(view.robot_id, None)
         if leader is not None:
             leaders[view.robot_id] = leader
-        before = chain_before(view.robot_id, leaders)
-        if before is None:
+        line = chain_from(view.robot_id, leaders)[::-1]
+        if line[0] in line[1:]:
             return LineRole(reason="the robots follow each other in a circle")
-        order, is_tree = _order([*reversed(before), view.robot_id], leaders)
+        lost = [robot for robot in reversed(line[:-1]) if robot in gone]
+        order, is_tree = _order(line, leaders)
         head = order[0]
-        lost = [robot for robot in before if robot in gone]
         if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
             missed = lost[0] if on_lost == "stop" else head
             return LineRole(reason=Reason(f"leader {names.robot_name(missed)} is gone", waits_for=missed))
@@ -204,18 +205,6 @@ class Line:
     def turn_on(self, turns: int = 1) -> None:
         """The line is led from its other end, so many times more."""
         self.turns = (self.turns + turns) % _ROUND
-
-
-def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
-    """The robots before `own`, from the one that it is to follow to the head; None if they lead back to one of them."""
-    found: list[int] = []
-    robot = own
-    while (leader := leaders.get(robot)) is not None:
-        if len(found) == len(leaders):
-            return None
-        found.append(leader)
-        robot = leader
-    return found
 
 
 def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool]:

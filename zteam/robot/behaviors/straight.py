@@ -37,7 +37,7 @@ class Forward(Behavior):
         return Twist(linear=Vector3(x=self.params.speed))
 
     def why_it_rests(self) -> str:
-        return "its parameter speed is 0" if not self.params.speed else "its base does not drive backwards"
+        return super().why_it_rests() or "its base does not drive backwards"
 
 
 class AvoidParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -64,9 +64,6 @@ class Avoid(Behavior):
     def step(self, view: View) -> Twist:
         self.reason = self._obstruction(view)
         return Twist() if self.reason else Twist(linear=Vector3(x=self.params.speed))
-
-    def why_it_rests(self) -> str:
-        return "its parameter speed is 0"
 
     def _obstruction(self, view: View) -> str:
         if view.scan is None:

@@ -12,7 +12,6 @@ from zteam.geometry import Point2, Pose2
 from zteam.messages import Message, Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around, Escape
-from zteam.robot.behaviors.leader_trail import LeaderTrail
 from zteam.robot.behaviors.line import (
     NO_TURNS,
     STATUSES,
@@ -26,7 +25,7 @@ from zteam.robot.behaviors.line import (
     waits_for,
 )
 from zteam.robot.behaviors.line_room import Head, MakingRoom, back_up, find_stopped
-from zteam.robot.behaviors.path import LOOK_AHEAD, Polyline, SpeedLimits, pursue
+from zteam.robot.behaviors.path import LOOK_AHEAD, LeaderTrail, Polyline, SpeedLimits, pursue
 from zteam.robot.scans import is_clear, is_seen
 from zteam.robot.view import NO_POSE, SILENT_AFTER, View, own_pose
 
@@ -424,6 +423,8 @@ class LineMember(Behavior):
         self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
+        if zero := super().why_it_rests():
+            return zero
         if self._silent is not None:
             return waits_for(self._silent, "is silent")
         if self.follows is None:

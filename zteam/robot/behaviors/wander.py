@@ -117,9 +117,6 @@ class Wander(LineMember):
         command, self.reason = self._trail.step(view, own, role, role.gap, STALE_AFTER, LIMITS)
         return command
 
-    def why_it_rests(self) -> str:
-        return "its parameter speed is 0" if self.follows is None else super().why_it_rests()
-
     def _step_alone(self, view: View, scan: LaserScan) -> Twist:
         if self._side:
             self._turned += self.params.turn_rate * view.dt

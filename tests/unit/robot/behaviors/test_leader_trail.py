@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from support.flat_floor import TICK, drive
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.robot.behaviors.leader_trail import LeaderTrail, Sample, between, fit
+from zteam.robot.behaviors.path import LeaderTrail, Sample, between, fit
 
 SPACING = 0.1
 """Metres between two points of the trail."""

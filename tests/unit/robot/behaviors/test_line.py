@@ -10,7 +10,7 @@ from support.flat_floor import TICK, make_scan
 from support.flat_floor import make_view as view_of
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist
-from zteam.robot.behaviors.line import NO_TURNS, Line, LineRole, OnLeaderLost, chain_before, see_robot
+from zteam.robot.behaviors.line import NO_TURNS, Line, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.registry import load_behavior
 from zteam.testing import make_view
 
@@ -157,7 +157,6 @@ def test_a_robot_that_follows_in_another_way_counts_as_a_head() -> None:
 @pytest.mark.parametrize("leaders", [{1: 1}, {1: 2, 2: 1}, {1: 2, 2: 3, 3: 2}])
 def test_a_circle_moves_no_robot(leaders: dict[int, int | None]) -> None:
     """A line that leads back to one of its robots has no head."""
-    assert chain_before(1, {robot: leader for robot, leader in leaders.items() if leader is not None}) is None
     assert places(leaders)[1].reason == "the robots follow each other in a circle"
 
 

@@ -10,7 +10,6 @@ from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import ask
 from zteam.robot.behaviors.registry import BEHAVIORS, load_behavior
-from zteam.robot.behaviors.straight import Forward
 from zteam.robot.trials.check import PLACES, drive
 from zteam.robot.trials.situations import LEADER, POSES, SITUATIONS, empty_messages, make_views, steady
 
@@ -101,13 +100,3 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said
-
-
-def test_a_step_of_a_users_own_has_no_word_of_the_class_above() -> None:
-    """What a shipped behaviour says of its own step need not be true of a subclass's."""
-
-    class Own(Forward):
-        def step(self, view: View) -> Twist:
-            return Twist()
-
-    assert Own(Forward.Params(speed=0.0)).why_it_rests() == ""
