@@ -68,13 +68,6 @@ def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats]:
     return angles, np.array((np.cos(angles), np.sin(angles)))
 
 
-@lru_cache(maxsize=64)
-def _cone(start: float, step: float, count: int, half_angle: float) -> NDArray[np.int64]:
-    """The beams within `half_angle` of straight ahead."""
-    angles, _axes = _directions(start, step, count)
-    return (np.abs(angles) <= half_angle + _ANGLE_TOLERANCE).nonzero()[0]
-
-
 def _read(scan: LaserScan) -> Beams | None:
     ranges, nearest, all_speak = read_ranges(scan.ranges, scan.range_min, scan.range_max)
     laser = start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
@@ -84,20 +77,19 @@ def _read(scan: LaserScan) -> Beams | None:
     return Beams(laser, *_directions(*laser), ranges, distances, nearest, all_speak)
 
 
-_newest: list[tuple[LaserScan, object, Beams | None]] = []
+_newest: tuple[LaserScan | None, object, Beams | None] = None, None, None
 """The scan that was read last, with its ranges: a step looks at one up to forty times."""
 
 
 def beams_of(scan: LaserScan) -> Beams | None:
     """The scan, read; None where there are no beams."""
-    ranges = scan.ranges
-    for known, its_ranges, beams in _newest:
-        if known is scan and its_ranges is ranges:
-            return beams
-    beams = _read(scan)
-    # What can be changed is read each time.
-    if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
-        _newest[:] = [(scan, ranges, beams)]
+    global _newest
+    known, ranges, beams = _newest
+    if known is not scan or ranges is not scan.ranges:
+        ranges, beams = scan.ranges, _read(scan)
+        # What can be changed is read each time.
+        if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
+            _newest = scan, ranges, beams
     return beams
 
 
@@ -117,7 +109,7 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     beams = beams_of(scan)
     if beams is None:
         return None
-    inside = _cone(*beams.laser, half_angle)
+    inside = (np.abs(beams.angles) <= half_angle + _ANGLE_TOLERANCE).nonzero()[0]
     if not inside.size:
         return None
     distances, silent = beams.ranges.take(inside), 0

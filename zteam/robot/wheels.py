@@ -55,10 +55,9 @@ class Turn:
         self.other = session
         return True
 
-    def take(self, now: float) -> str:
-        """A key of this one was pressed: it drives. The session that it takes the robot from; empty for none."""
-        before, self.other, self._idle_since = self.other, "", now
-        return before
+    def take(self, now: float) -> None:
+        """A key of this one was pressed: it drives."""
+        self.other, self._idle_since = "", now
 
     def command(self, command: Twist, now: float) -> bool:
         """A command of this one is due; whether to send it."""
@@ -146,24 +145,18 @@ class Wheels:
         if forwards and not self.is_stopped:
             self._publisher.put(command)
         if gives_way:
-            self._log_aside("%s: driven by %s from now on; a key takes it back", session)
+            # It asks the session what it is, which a thread of the bus must not wait for.
+            threading.Thread(target=self._log_sender, args=(session,), name="sender", daemon=True).start()
 
-    def _log_aside(self, text: str, session: str) -> None:
-        """Log `text` with the robot and what this session is, which is asked for on a thread of its own."""
-
-        def ask() -> None:
-            if session not in self._senders:
-                self._senders[session] = describe_sessions(self._bus, [session]).get(session, f"session {session}")
-            log.warning(text, self.name, self._senders[session])
-
-        threading.Thread(target=ask, name="sender", daemon=True).start()
+    def _log_sender(self, session: str) -> None:
+        self._senders |= describe_sessions(self._bus, [session])
+        sender = self._senders.get(session, f"session {session}")
+        log.warning("%s: driven by %s from now on; a key takes it back", self.name, sender)
 
     def press(self) -> None:
         """A key was pressed here: from now on this one drives."""
         with self._lock:
-            before = self._turn.take(monotonic())
-        if before:
-            self._log_aside("%s: taken from %s", before)
+            self._turn.take(monotonic())
 
     @property
     def gives_way(self) -> bool:

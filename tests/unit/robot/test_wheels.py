@@ -98,16 +98,15 @@ def test_the_newest_key_drives(hub: MemoryHub, time: Callable[[], None]) -> None
         assert mux == [AHEAD, Twist(), BACK, BACK]
         assert (first.gives_way, second.gives_way) == (True, False)
         me = f"(process {os.getpid()} on {socket.gethostname()})"
-        # Each of the two gives way once, and the second one takes the robot.
-        wait_until_true(lambda: (log.count("robot_0: driven by "), log.count("robot_0: taken from ")) == (2, 1))
-        assert log.count(me) == 3
+        # Each of the two gives way once.
+        wait_until_true(lambda: log.count("robot_0: driven by ") == 2)
+        assert log.count(me) == 2
         assert me in first.others[0]
         assert "| driven by " in describe(Pilot((0,), 0.5, 1.0), first)
         time()
         first.press()
         first.drive(AHEAD)
         assert mux[-1] == AHEAD
-        wait_until_true(lambda: log.count("robot_0: taken from ") == 2)
         assert (first.gives_way, second.gives_way) == (False, True)
 
 

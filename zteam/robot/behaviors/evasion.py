@@ -52,11 +52,9 @@ class Around:
         if self._is_clear(view, bearing, reach, but):
             self._side = 0.0
             return bearing
-        sides = (1.0, -1.0) if self._side == 0.0 else (self._side,)
-        turns = [side * step * STEP for step in range(1, STEPS + 1) for side in sides]
-        if self._side:
-            turns += [-self._side * step * STEP for step in range(1, STEPS + 1)]
-        for turn in turns:
+        turns = [side * step * STEP for step in range(1, STEPS + 1) for side in (1.0, -1.0)]
+        # First those of the side that is kept, if one is.
+        for turn in sorted(turns, key=lambda turn: turn * self._side < 0.0):
             if self._is_clear(view, bearing + turn, reach, but):
                 self._side = math.copysign(1.0, turn)
                 return normalize_angle(bearing + turn)
