@@ -11,7 +11,7 @@ from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.evasion import Around
-from zteam.robot.behaviors.line import MOST_GAP, NO_TURNS, LineRole, OnLeaderLost, see_robot
+from zteam.robot.behaviors.line import MOST_GAP, LineRole, OnLeaderLost, see_robot
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.straight import Avoid, Forward, Idle
 from zteam.robot.behaviors.trail import LineMember, head_comes_round
@@ -76,12 +76,16 @@ class Follow(LineMember):
         """Whether it has passed that head."""
         self._before = params.leader
         """The robot that it followed last."""
+        self.on_params()
 
     def on_params(self) -> None:
         """Follow the robot that `params` names, by the law that they name."""
         self.leader, self.follows = self.params.leader, self.params.leader
-        self.turns = self._line.turns if self.params.hand_over and self.params.law == "trail" else NO_TURNS
         self.gap, self._successor = self.params.gap, None
+
+    @property
+    def _may_turn(self) -> bool:
+        return super()._may_turn and self.params.law == "trail"
 
     def on_release(self) -> None:
         super().on_release()
@@ -103,7 +107,7 @@ class Follow(LineMember):
             return self._take_the_lead(view, own, role, limits)
         self._successor, self._is_past, self._before = None, False, role.ahead
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
-            self._turn_line()
+            self._line.turn_on()
         if params.law == "direct":
             return self._drive_straight(view, role.ahead, limits)
         command, self.reason = self._trail.step(view, own, role, params.gap, params.stale_after, limits)

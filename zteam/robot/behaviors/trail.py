@@ -363,7 +363,7 @@ def find_silent(view: View, role: LineRole) -> int | None:
 
 
 class LineMember(Behavior):
-    """A robot that may be in a line. A subclass sets `turns` to NO_TURNS if it cannot follow the robot behind it."""
+    """A robot that may be in a line."""
 
     inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
@@ -372,7 +372,16 @@ class LineMember(Behavior):
         self._line, self._trail, self._head = Line(), Trail(), Head()
         self._silent: int | None = None
         """A robot of its line that is silent, or whose pose is old."""
-        self.on_params()
+
+    @property
+    def _may_turn(self) -> bool:
+        """Whether it can follow the robot behind it."""
+        return bool(self.params.hand_over)
+
+    @property
+    def turns(self) -> int:  # type: ignore[override]
+        """See Behavior."""
+        return self._line.turns if self._may_turn else NO_TURNS
 
     def on_release(self) -> None:
         """See Behavior: that it did not get on meanwhile is no reason to hand over or to leave its way."""
@@ -380,11 +389,8 @@ class LineMember(Behavior):
         self._head.rest()
 
     def _find_role(self, view: View, leader: int | None, on_lost: OnLeaderLost = "relink") -> LineRole:
-        may_turn = self.turns != NO_TURNS
-        role = self._line.find_role(view, leader, on_lost, may_turn=may_turn)
-        self.turns = self._line.turns if may_turn else NO_TURNS
         self._silent = None
-        return role
+        return self._line.find_role(view, leader, on_lost, may_turn=self._may_turn)
 
     def _locate(self, view: View, role: LineRole) -> Pose2 | None:
         """The own pose in map, which counts as a part of its way; None where the robot has to stand for a reason."""
@@ -412,15 +418,10 @@ class LineMember(Behavior):
         if command is not None:
             return command
         self._head.rest()
-        self._turn_line()
+        self._line.turn_on()
         self.reason = "hands over to the other end of the line"
         log.info("%s", self.reason)
         return Twist()
-
-    def _turn_line(self) -> None:
-        """The line is led from its other end from now on."""
-        self._line.turn_on()
-        self.turns = self._line.turns
 
     def why_it_rests(self) -> str:
         if zero := super().why_it_rests():

@@ -7,7 +7,6 @@ from msgspec import Meta, Struct
 
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.robot.behaviors.evasion import Escape
-from zteam.robot.behaviors.line import NO_TURNS
 from zteam.robot.behaviors.path import SpeedLimits
 from zteam.robot.behaviors.trail import LineMember
 from zteam.robot.scans import Cone, is_clear, is_seen, look_ahead, look_along
@@ -84,10 +83,6 @@ class Wander(LineMember):
         self._place = math.nan, math.nan
         """In odometry, where it has moved last."""
         self._escape = Escape()
-
-    def on_params(self) -> None:
-        """Say whether its line may be led from the other end."""
-        self.turns = self._line.turns if self.params.hand_over else NO_TURNS
 
     def on_release(self) -> None:
         """See Behavior: it was not stuck."""
