@@ -153,14 +153,6 @@ class CancelReply(msgspec.Struct):
     """Whether there was a goal to give up."""
 
 
-class PauseRequest(Change):
-    """Send the robot no further goal of the list. The one that it has stays, unless it is canceled."""
-
-
-class ResumeRequest(Change):
-    """Go on with the next goal of the list."""
-
-
 class ListReply(msgspec.Struct):
     """The list of one robot."""
 
@@ -172,15 +164,18 @@ _LIST_LIMIT = 1.0
 
 
 def serve_list(bus: Bus, robot_id: int, is_paused: Callable[[], bool], pause: Callable[[bool], None]) -> None:
-    """Answer for the list of a robot; `pause(paused)` is called on a thread of the bus."""
+    """Answer for the list of a robot; `pause(paused)` is called on a thread of the bus.
+
+    While it is paused, the robot gets no further goal of the list. The one that it has stays, unless it is canceled.
+    """
 
     def take(paused: bool, _request: Change) -> ListReply:
         pause(paused)
         return ListReply(paused)
 
     bus.serve(names.robot_key(robot_id, names.GOALS), NoRequest, lambda _: ListReply(is_paused()))
-    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), PauseRequest, partial(take, True))
-    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), ResumeRequest, partial(take, False))
+    bus.serve(names.robot_key(robot_id, names.PAUSE_GOALS), Change, partial(take, True))
+    bus.serve(names.robot_key(robot_id, names.RESUME_GOALS), Change, partial(take, False))
 
 
 def find_lists(bus: Bus) -> dict[int, bool]:
@@ -195,10 +190,10 @@ def find_lists(bus: Bus) -> dict[int, bool]:
 def pause_lists(bus: Bus, robots: Iterable[int] | None = None, *, paused: bool) -> list[int]:
     """Pause the lists of these robots or of all, or go on with them; those that have answered. Raises BusError."""
     lists: Collection[int] = find_lists(bus)
-    service, request = (names.PAUSE_GOALS, PauseRequest()) if paused else (names.RESUME_GOALS, ResumeRequest())
+    service = names.PAUSE_GOALS if paused else names.RESUME_GOALS
     done = []
     for robot_id in sorted(lists if robots is None else set(robots) & set(lists)):
-        if bus.query(names.robot_key(robot_id, service), ListReply, request, timeout=_LIST_LIMIT):
+        if bus.query(names.robot_key(robot_id, service), ListReply, Change(), timeout=_LIST_LIMIT):
             done.append(robot_id)
     return done
 
@@ -291,10 +286,8 @@ class StopClient:
             return self._bus.query(key, StopReply, request, timeout=CONFIRM_LIMIT), ""
         except QueryTimeoutError:
             return [], ""
-        except QueryError as error:
-            return [], error.why
         except BusError as error:
-            return [], str(error)
+            return [], error.why if isinstance(error, QueryError) else str(error)
 
 
 def _expected(alive: Collection[str], world: SimStatus | None) -> defaultdict[int, set[str]]:

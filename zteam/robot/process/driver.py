@@ -90,8 +90,8 @@ class Driver:
         """Why no scan comes; empty if nothing is known of that."""
         self.is_alone = False
         """Whether no simulator answers."""
-        self._begins_anew, self._stepped = False, 0
-        """Whether time has jumped back since the last step, and when that was (ns; 0 before the first one)."""
+        self._stepped = 0
+        """Time of the last step (ns); 0 before the first one, and after time has jumped back."""
         self._rested, self._pauses = False, Pauses()
         """Whether the behaviour was not asked in the last step: the robot was stopped, or its data old."""
         self._heard_from = 0.0
@@ -127,13 +127,13 @@ class Driver:
 
     def _make_behavior(self, parameters: dict[str, Any]) -> None:
         self.behavior = self.status.tells_of = self._kind(self._read(parameters))
-        self._given = parameters
-        """The parameters that the behaviour has."""
+        self._given: dict[str, Any] | None = parameters
+        """The parameters that the behaviour has; None: time has jumped back, and it is to be made anew."""
         self._layer, self.safety = SafetyLayer(), SafetyLog(self.status.behavior)
 
     def begin_anew(self) -> None:
         """Time jumped back (under `node.changed`): the next step makes the behaviour anew."""
-        self._begins_anew, self._stepped = True, 0
+        self._given, self._stepped = None, 0
 
     def step(self, due: Due) -> Twist | None:
         """The command of the step that is `due`; None while the gate is shut."""
@@ -141,12 +141,11 @@ class Driver:
         self._prepare_behavior()
         if not self._node.pass_gate(partial(self._lacking, view), due.epoch):
             return None
-        choice = None if due.is_first else self._inputs.choose(due.now)
+        driver, chosen = (not due.is_first and self._inputs.choose(due.now)) or (RobotDriver.BEHAVIOR, None)
         if self._node.is_stopped:
             # Its behaviour is not asked.
             self._rested = True
             self._layer.halt(view)
-            driver = RobotDriver.BEHAVIOR if choice is None else choice[0]
             return self._note(due, driver, Twist(), STOPPED, logged=False)
         rests = bool(old_data(self.behavior, view))
         if self._rested and not rests:
@@ -155,15 +154,14 @@ class Driver:
         # In lock-step the next scan waits.
         asking = partial(ask, self.behavior, view)
         wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=due.tick is None)
-        driver = RobotDriver.BEHAVIOR
-        if choice is not None:
-            driver, wanted, reason = *choice, ""
+        if chosen is not None:
+            wanted, reason = chosen, ""
         if self._has_layer:
             command, trouble = self._layer.limit(wanted, view, reason)
         else:
             command, trouble = limit_speed(wanted, view.base)
         # A behaviour that old data keeps from wanting anything is not stopped.
-        is_stopped = bool(trouble) and not (rests and choice is None)
+        is_stopped = bool(trouble) and not (rests and chosen is None)
         if is_stopped or not trouble:
             self.safety.note(driver, wanted, trouble, due.now)
         reason = trouble or reason
@@ -193,14 +191,13 @@ class Driver:
     def _prepare_behavior(self) -> None:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
         parameters = self._parameters
-        if self._begins_anew:
+        if self._given is parameters:
+            return
+        if self._given is None:
             self._make_behavior(parameters)
-        elif self._given is not parameters:
+        else:
             self.behavior.params, self._given = self._read(parameters), parameters
             self.behavior.on_params()
-        else:
-            return
-        self._begins_anew = False
         with self._node.changed:
             self.status.publish()
 
