@@ -72,8 +72,9 @@ if TYPE_CHECKING:
     from zteam.navigation.basic_navigator import BasicNavigator
     from zteam.navigation.client import TaskResult
     from zteam.node.node import Node, run
-    from zteam.robot.behaviors import Behavior, View
+    from zteam.robot.behaviors.behavior import Behavior
     from zteam.robot.client import ParametersClient
+    from zteam.robot.view import View
     from zteam.simulator.client import SimulatorClient
     from zteam.team.file.entries import Team
     from zteam.team.file.reading import load_team
@@ -124,8 +125,9 @@ _NAMES = {
     "navigation.basic_navigator": ["BasicNavigator"],
     "navigation.client": ["TaskResult"],
     "node.node": ["Node", "run"],
-    "robot.behaviors.behavior": ["Behavior", "View"],
+    "robot.behaviors.behavior": ["Behavior"],
     "robot.client": ["ParametersClient"],
+    "robot.view": ["View"],
     "simulator.client": ["SimulatorClient"],
     "team.file.entries": ["Team"],
     "team.file.reading": ["load_team"],

@@ -1,9 +1,26 @@
-"""The public names of behaviours: their base class, the view, reading laser scans, and the safety layer below them
-(`zteam.robot.behaviors`, `zteam.robot.safety`)."""
+"""The public names of behaviours: their base class, the view, reading laser scans, and the safety layer below them."""
 
-from zteam.robot import behaviors
-from zteam.robot.behaviors import *  # noqa: F403
-from zteam.robot.behaviors.behavior import decide, missing
-from zteam.robot.safety import SafetyLayer, make_safe
+from zteam.messages.base import Base
+from zteam.robot.behaviors.behavior import Behavior, decide, missing
+from zteam.robot.behaviors.registry import load_behavior
+from zteam.robot.safety.layer import SafetyLayer, make_safe
+from zteam.robot.scans import Cone, first_clear, look_ahead, look_along, read_beams
+from zteam.robot.view import FindPose, Teammate, View
 
-__all__ = [*behaviors.__all__, "SafetyLayer", "decide", "make_safe", "missing"]
+__all__ = [
+    "Base",
+    "Behavior",
+    "Cone",
+    "FindPose",
+    "SafetyLayer",
+    "Teammate",
+    "View",
+    "decide",
+    "first_clear",
+    "load_behavior",
+    "look_ahead",
+    "look_along",
+    "make_safe",
+    "missing",
+    "read_beams",
+]

@@ -16,14 +16,14 @@ from zteam.node.robot_status import StatusReport
 from zteam.node.stopping import STOPPED
 from zteam.node.working import Pauses, StepWatch
 from zteam.reasons import Reason
-from zteam.robot.behaviors import Behavior, View
-from zteam.robot.behaviors.behavior import ask, missing, old_data
+from zteam.robot.behaviors.behavior import Behavior, ask, missing, old_data
 from zteam.robot.behaviors.registry import read_params
 from zteam.robot.client import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 from zteam.robot.parameters import parameters_of, values_of
 from zteam.robot.process.inputs import RobotInputs
-from zteam.robot.safety import SafetyLayer
+from zteam.robot.safety.layer import SafetyLayer
 from zteam.robot.safety.motion import limit_speed
+from zteam.robot.view import View
 
 log = logging.getLogger("zteam")
 

@@ -20,8 +20,7 @@ from zteam.node.node import Due, Node
 from zteam.node.process_options import RobotOptions
 from zteam.node.robot_status import Readiness, StatusReport
 from zteam.node.tokens import TokenSet
-from zteam.robot.behaviors import Behavior
-from zteam.robot.behaviors.behavior import declared_inputs
+from zteam.robot.behaviors.behavior import Behavior, declared_inputs
 from zteam.robot.client import CANCEL, SAFETY, CancelReply, CancelRequest, SafetyReply, navigation_query
 from zteam.robot.process.driver import ALONE, Driver
 from zteam.robot.process.inputs import SOURCES, RobotInputs, TransformInputs

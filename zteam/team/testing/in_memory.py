@@ -20,8 +20,8 @@ from zteam.messages.base import DEFAULT_BASE, Base
 from zteam.node.node import Node
 from zteam.node.process_node import ClockMode
 from zteam.node.shutdown import Stop
-from zteam.robot.behaviors import View
 from zteam.robot.trials.situations import laser_frame, lookup_in, make_scan
+from zteam.robot.view import View
 
 LIMIT = 30.0 * HOST_FACTOR
 """Host seconds for the node's thread to begin or to end: many times what a crowded machine needs."""

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.config.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.errors import UsageError
 from zteam.node.process_options import NodeOptions, to_line
-from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import BEHAVIORS
 from zteam.team.launch.own_behaviors import Inquiry, Question
 from zteam.team.launch.plan import MEMBER

@@ -25,7 +25,7 @@ from zteam.errors import UsageError
 from zteam.monitor.observer import RobotView
 from zteam.node.logs import KEEPER
 from zteam.node.process_options import LOCKSTEP_TIMEOUT
-from zteam.robot.behaviors import Behavior
+from zteam.robot.behaviors.behavior import Behavior
 from zteam.robot.behaviors.registry import look_in
 from zteam.robot.client import StopClient, StopResult
 from zteam.simulator.client import SimReport, SimStatus, SimulatorClient
