@@ -49,12 +49,6 @@ def slots_of(shape: Shape, count: int, spacing: float) -> tuple[Slot, ...]:
     return tuple(sorted(_SLOTS[shape](count, spacing), key=lambda slot: (round(slot.back, 6), abs(slot.lateral))))
 
 
-def reach_of(slots: Sequence[Slot]) -> tuple[float, float]:
-    """Metres that the slots reach to the left and to the right of the trail, to the micrometre."""
-    laterals = [round(slot.lateral, 6) for slot in slots]
-    return max((0.0, *laterals)), -min((0.0, *laterals))
-
-
 def squeeze(slot: Slot, rank: int, spacing: float, share: float) -> Slot:
     """A slot moved by `share` (0 to 1) towards place `rank` (from 0) of the column.
 
@@ -258,11 +252,6 @@ def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     return Twist(Vector3(ahead), Vector3(z=limits.clamp_turn(TURN_GAIN * angle + turn)))
 
 
-def turn_to(angle: float, limits: SpeedLimits) -> Twist:
-    """Turn on the spot by this angle (rad)."""
-    return Twist(angular=Vector3(z=0.0 if abs(angle) < ALIGNED else limits.clamp_turn(TURN_GAIN * angle)))
-
-
 def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
     """Where to drive that is far from its slot, which moves (m/s) at this place of the trail; in the own base frame.
 
@@ -374,7 +363,8 @@ class Formation(Behavior):
         self._is_parked = abs(trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
         if self._is_parked:
             self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
-            return turn_to(at.yaw, limits)
+            turn = 0.0 if abs(at.yaw) < ALIGNED else limits.clamp_turn(TURN_GAIN * at.yaw)
+            return Twist(angular=Vector3(z=turn))
         bend = trail.curvature(place)
         speed = trail.speed * (1.0 - bend * slot.lateral)
         if distance < NEAR:
@@ -428,7 +418,7 @@ class Formation(Behavior):
         rank = self._slots.get(view.robot_id, 0)
         slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
-            self._needed = self._needed_share(view, here, slot, *reach_of(slots))
+            self._needed = self._needed_share(view, here, slot, slots)
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
@@ -441,8 +431,11 @@ class Formation(Behavior):
             place = self._place(slot)
         return slot, place
 
-    def _needed_share(self, view: View, here: Pose2, own: Slot, left: float, right: float) -> float:
+    def _needed_share(self, view: View, here: Pose2, own: Slot, slots: Sequence[Slot]) -> float:
         """What share of the squeeze the bend and the walls need: at the leader, and where the own slot is."""
+        # Metres that they reach to the left and to the right of the trail, to the micrometre.
+        laterals = [0.0, *(round(slot.lateral, 6) for slot in slots)]
+        left, right = max(laterals), -min(laterals)
         if not left and not right:
             return 0.0
         trail = self._trail

@@ -85,12 +85,6 @@ def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequen
     return found
 
 
-def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
-    """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
-    place, off = path.near(robot, here - BEHIND, here + BEHIND)
-    return place < here + PAST and off < BESIDE
-
-
 def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
     """Whether one of these robots is on the path, a little ahead of `place`."""
     for mate in view.teammates if robots else ():
@@ -252,8 +246,10 @@ class Trail:
             return command or back_up(own, trail.path, self._place), does
         if share == 0.0:
             return Twist(), reason
-        if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
-            return Twist(), waits_for(before[0], "comes past")
+        if alone and len(before) > 1 and self.ahead.moves:
+            there, off = trail.path.near(ahead.pose, self._place - BEHIND, self._place + BEHIND)
+            if there < self._place + PAST and off < BESIDE:
+                return Twist(), waits_for(before[0], "comes past")
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, role.ahead)
         return self._escape.free(view, command), ""
 
