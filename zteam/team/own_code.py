@@ -18,7 +18,7 @@ def find_body(name: str, spec: str) -> "Callable[[Node], None]":
     module, _, function = spec.partition(":")
     if not (function.isidentifier() and all(part.isidentifier() for part in module.split("."))):
         raise UsageError(f"{what} is no function: give package.module:function, such as 'crowd:main'")
-    body = load_named(f"node {name!r}", module, function, callable)
+    body = load_named(f"node {name!r}", module, function)
     if not callable(body):
         raise UsageError(f"{what} is a {type(body).__name__}, and no function of the node")
     return body  # type: ignore[no-any-return]

@@ -72,8 +72,6 @@ class Follow(LineMember):
         self._around = Around()
         self._successor: Behavior | None = None
         """What it does in the place of a head that is gone."""
-        self._is_past = False
-        """Whether it has passed that head."""
         self._before = params.leader
         """The robot that it followed last."""
         self.on_params()
@@ -105,7 +103,7 @@ class Follow(LineMember):
         limits = SpeedLimits(params.max_linear, params.max_angular)
         if role.ahead is None:
             return self._take_the_lead(view, own, role, limits)
-        self._successor, self._is_past, self._before = None, False, role.ahead
+        self._successor, self._before = None, role.ahead
         if role.may_reverse and not role.after and self._silent is None and head_comes_round(view, role):
             self._line.turn_on()
         if params.law == "direct":
@@ -115,12 +113,11 @@ class Follow(LineMember):
 
     def _take_the_lead(self, view: View, own: Pose2, role: LineRole, limits: SpeedLimits) -> Twist:
         """In the place of a head that is gone, or that has handed over."""
-        if self._before in role.gone and not self._is_past:
+        if self._before in role.gone:
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
             command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, role.gone)
             if command is not None:
                 return command
-            self._is_past = True
         if role.head in role.gone:
             then: str = self.params.takeover_behavior
             if then == "same":

@@ -24,10 +24,8 @@ def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
     """The goal in `map`, by the newest transform of its frame; or None, and why it is refused."""
     place, turn = message.pose.position, message.pose.orientation
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
-    if not all(map(math.isfinite, (place.x, place.y, norm))):
-        return None, f"{REFUSED}it has a value that is no number"
-    if abs(place.x) > FAR or abs(place.y) > FAR:
-        return None, f"{REFUSED}it is more than {FAR / 1e3:g} km away"
+    if not (abs(place.x) <= FAR and abs(place.y) <= FAR and math.isfinite(norm)):
+        return None, f"{REFUSED}it has a value that is no number, or is more than {FAR / 1e3:g} km away"
     if norm < _LEAST_NORM:
         return None, f"{REFUSED}its orientation is zero; use w = 1 for none"
     yaw = yaw_from_quaternion(*(part / norm for part in (turn.x, turn.y, turn.z, turn.w)))

@@ -4,7 +4,7 @@ import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -102,11 +102,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
-    if colon and module.endswith(".py"):
-        meant = f"{module.removesuffix('.py').replace('/', '.')}:{name}"
-        raise UsageError(f"no behaviour {spec!r} (did you mean {meant}?): a module is named without .py")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
-        return _checked(spec, load_named(f"behaviour {spec!r}", module, name, _is_behavior))
+        return _checked(spec, load_named(f"behaviour {spec!r}", module, name))
     found = load_offered(GROUP, spec)
     if found is not None:
         return _checked(spec, found)
@@ -115,8 +112,8 @@ def find_behavior(spec: str) -> type[Behavior]:
     raise UsageError(f"no behaviour {spec!r}{meant}: use {', '.join(known)} or package.module:Class")
 
 
-def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]) -> Any:
-    """What the user's `module` calls `name`, for `what`. Raises UsageError, which names what of the module `fits`."""
+def load_named(what: str, module: str, name: str) -> Any:
+    """What the user's `module` calls `name`, for `what`. Raises UsageError."""
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
@@ -124,16 +121,14 @@ def load_named(what: str, module: str, name: str, fits: Callable[[object], bool]
         raise UsageError(f"{what}: cannot import {module}: {explain(error)}") from error
     found = getattr(imported, name, None)
     if found is None:
-        known = [name for name, value in vars(imported).items() if fits(value) and value is not Behavior]
-        hint = did_you_mean(name, known) or (f"; it has {', '.join(known)}" if known else "")
         place = getattr(imported, "__file__", None) or "built in"
-        raise UsageError(f"{what}: module {module} ({place}) has no {name}{hint}")
+        raise UsageError(f"{what}: module {module} ({place}) has no {name}{did_you_mean(name, vars(imported))}")
     return found
 
 
 def _checked(spec: str, found: Any) -> type[Behavior]:
     """`found` itself, if it is a behaviour with a type for its parameters. Raises UsageError."""
-    if not _is_behavior(found):
+    if not (inspect.isclass(found) and issubclass(found, Behavior)):
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
     params = getattr(found, "Params", None)
     if not (inspect.isclass(params) and issubclass(params, msgspec.Struct)):
@@ -149,11 +144,7 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
             inspect.signature(called).bind(*given)
         except TypeError:
             raise UsageError(f"behaviour {spec!r}: {text}") from None
-    return found  # type: ignore[no-any-return]
-
-
-def _is_behavior(found: object) -> bool:
-    return inspect.isclass(found) and issubclass(found, Behavior)
+    return found
 
 
 class BehaviorInfo(msgspec.Struct):

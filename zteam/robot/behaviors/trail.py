@@ -286,7 +286,7 @@ class Trail:
         return self._trail.place - self._place > SCRIBBLE * length + OFF
 
     def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: SpeedLimits, gone: Set[int]) -> Twist | None:
-        """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
+        """The velocity along the trail to a lost head, and straight on past it (both in map); None once it is there."""
         path = self._trail.path
         if head is None:
             return None
@@ -298,8 +298,11 @@ class Trail:
                 x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
                 path.append(x, y)
             self._passes_until = view.now + PASSES_FOR
+        if view.now > self._passes_until:
+            return None
         self._find_place(view, own)
-        if path.end - self._place < NEARLY or view.now > self._passes_until:
+        if path.end - self._place < NEARLY:
+            self._passes_until = 0
             return None
         return self._along(view, own, min(PASSING, limits.linear), limits, gone)
 
