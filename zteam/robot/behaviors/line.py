@@ -181,9 +181,7 @@ class Line:
         """
         told = {robot: turns[robot] for robot in line if robot != own and turns.get(robot, NO_TURNS) != NO_TURNS}
         if told:
-            counts = Counter(told.values())
-            most = max(counts.values())
-            agreed = min(number for number, count in counts.items() if count == most)
+            agreed, most = min(Counter(told.values()).items(), key=lambda each: (-each[1], each[0]))
             if not self._has_heard or (most > 1 and 2 * most > len(told) and self._ahead(agreed)):
                 self.turns = agreed
             self._has_heard = True

@@ -168,6 +168,28 @@ class _TrackedTeammate:
                 self.x = self.y = self.speed = 0.0
         self.pose, self.stamp, self.age = pose, stamp, age
 
+    def near(self, here: Pose2, x: float, y: float, radius: float, reaction: float) -> NearTeammate | None:
+        """It, if it may come into this disc of the map (m), braking `reaction` seconds from now; `here` is the pose in
+        `map` of the robot that looks."""
+        if self.pose is None:
+            return None
+        way = self.speed * (self.age + reaction + 0.5 * self.speed / self.braking)
+        growth = 0.0 if self.age <= GRACE else min(MAX_GROWTH, (self.age - GRACE) * max(self.speed, GROWTH))
+        if math.hypot(self.pose.x - x, self.pose.y - y) - self.outline.radius > radius + way + growth:
+            return None
+        at, cos, sin = here.inverse().compose(self.pose), math.cos(here.yaw), math.sin(here.yaw)
+        vx, vy = cos * self.x + sin * self.y, cos * self.y - sin * self.x
+        cos, sin, (x, y) = math.cos(at.yaw), math.sin(at.yaw), self.outline.border
+        border = np.array((at.x + cos * x - sin * y, at.y + sin * x + cos * y))
+        if vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y):
+            # It comes no nearer, should it stop at once.
+            return NearTeammate(self.robot_id, border, FOLLOWING_GAP, growth)
+        if way:
+            count = math.ceil(way / _STEP)
+            seconds = np.arange(count + 1) * (way / count / math.hypot(vx, vy))
+            border = (border[:, :, None] + np.array((vx, vy))[:, None, None] * seconds).reshape(2, -1)
+        return NearTeammate(self.robot_id, border, GAP, growth)
+
 
 class TeammateTracker:
     """Tracks the teammates of one robot."""
@@ -191,35 +213,12 @@ class TeammateTracker:
 
     def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
         """The teammates that may come into a disc of the base frame (m), braking `reaction` seconds from now."""
-        here, found = self._here, []
+        here = self._here
         if here is None or not self._known:
             return []
         x, y, _ = here.compose(Pose2(x, y, 0.0))
-        for mate in self._known.values():
-            if mate.pose is not None:
-                speed, age = mate.speed, mate.age
-                way = speed * (age + reaction + 0.5 * speed / mate.braking)
-                growth = 0.0 if age <= GRACE else min(MAX_GROWTH, (age - GRACE) * max(speed, GROWTH))
-                away = math.hypot(mate.pose.x - x, mate.pose.y - y) - mate.outline.radius
-                if away <= radius + way + growth:
-                    found.append(_near(mate, here.inverse().compose(mate.pose), here.yaw, way, growth))
-        return found
-
-
-def _near(mate: _TrackedTeammate, at: Pose2, yaw: float, way: float, growth: float) -> NearTeammate:
-    """A teammate that is at a pose of the base frame; the base is turned by `yaw` in `map`."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    vx, vy = cos * mate.x + sin * mate.y, cos * mate.y - sin * mate.x
-    cos, sin, (x, y) = math.cos(at.yaw), math.sin(at.yaw), mate.outline.border
-    border = np.array((at.x + cos * x - sin * y, at.y + sin * x + cos * y))
-    if vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y):
-        # It comes no nearer, should it stop at once.
-        return NearTeammate(mate.robot_id, border, FOLLOWING_GAP, growth)
-    if way:
-        count = math.ceil(way / _STEP)
-        seconds = np.arange(count + 1) * (way / count / math.hypot(vx, vy))
-        border = (border[:, :, None] + np.array((vx, vy))[:, None, None] * seconds).reshape(2, -1)
-    return NearTeammate(mate.robot_id, border, GAP, growth)
+        found = (mate.near(here, x, y, radius, reaction) for mate in self._known.values())
+        return [mate for mate in found if mate is not None]
 
 
 SPAN = 3.0
