@@ -261,50 +261,24 @@ def test_bases_obey_within_their_limits(
                 assert bases.setpoint[0, axis] == pytest.approx(reached, abs=1e-12)
 
 
-def wrong(**changes: Any) -> dict[str, Any]:
-    """Arguments of Polygons for two triangles of one mover, but for `changes`."""
-    return {
-        "x": np.zeros(6),
-        "y": np.zeros(6),
-        "first_vertex": np.array([0, 3, 6], np.int32),
-        "z_min": np.zeros(2),
-        "z_max": np.ones(2),
-        "first_shape": np.array([0, 2], np.int32),
-        "owner": np.zeros(1, np.int64),
-        "centre": np.zeros((1, 2)),
-        "radius": np.ones(1),
-    } | changes
-
-
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
-        ({"x": np.zeros(6, np.float32)}, "x: float32"),
-        ({"y": np.zeros(5)}, "y: "),
-        ({"x": np.zeros(12)[::2]}, "x: "),
-        ({"first_vertex": np.array([0, 3, 7], np.int32)}, "first_vertex"),
-        ({"first_vertex": np.array([0, 0, 6], np.int32)}, "first_vertex"),
-        ({"first_shape": np.array([0, 1, 2], np.int32)}, "first_shape"),
-        ({"owner": np.array([-2])}, "owner"),
-    ],
-)
-def test_what_does_not_fit_is_refused(changes: dict[str, Any], named: str) -> None:
-    """Wrong types, shapes, orders in memory and indexes raise ValueError with the argument's name."""
-    Polygons(**wrong())
-    with pytest.raises(ValueError, match=named):
-        Polygons(**wrong(**changes))
-
-
 def test_calls_with_what_does_not_fit_are_refused() -> None:
-    """Too few poses, a bitmap that is not there, rays that were read only, parked rays that would move."""
-    polygons = Polygons(**wrong())
+    """Indexes, shapes without vertices, too few poses, a bitmap that is not there, rays that were read only, parked
+    rays that would move."""
+    triangle = [(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 0.0, 1.0)]
+    for groups, named in (([(-2, triangle)], "owner"), ([(0, [])], "groups"), ([(0, [((), 0.0, 1.0)])], "groups")):
+        with pytest.raises(ValueError, match=named):
+            Polygons(groups)
+    polygons = Polygons([(0, triangle)])
     fans, fields = fan_of((0.0, 0.0, 0.0), np.zeros(3)), build_fields(np.zeros((3, 3), bool))
     with pytest.raises(ValueError, match="0 are too few for 1 movers"):
         polygons.move(np.empty((0, 3)))
     with pytest.raises(ValueError, match="index: 0 is not within"):
         cast_squares(Bitmaps([]), 0, fans, 1)
     with pytest.raises(ValueError, match="owner"):
-        simulator.place_mounts(Rays(np.zeros((3, 1)), np.zeros(1), np.array([2])), np.zeros((2, 3)), fans_rays(1))
+        fans.place(np.zeros((2, 3)))
+    for given, named in ((np.zeros((2, 3), np.float32), "poses: float32"), (np.zeros((2, 6))[:, ::2], "poses: ")):
+        with pytest.raises(ValueError, match=named):
+            polygons.move(given)
     fields[:, -1] = 1
     with pytest.raises(ValueError, match="parked"):
         Bitmaps([Bitmap(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
@@ -313,8 +287,3 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
     some = np.ones(1, bool)
     with pytest.raises(ValueError, match=r"ends: .*read-only"):
         simulator.hold(polygons, Bitmaps([]), np.ones(1), np.zeros((1, 3)), ends, some, some, True)
-
-
-def fans_rays(count: int) -> Rays:
-    """Rays of sensors at zero."""
-    return Rays(np.zeros((3, count)), np.zeros(count), np.zeros(count, np.int64))

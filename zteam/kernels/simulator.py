@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.geometry import Point2
 from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, empty, ffi, lib, memory
 
 
@@ -81,16 +82,19 @@ class Rays(NamedTuple):
 class Fans:
     """Fans of rays, and what they met. The arrays are kept: their contents may change."""
 
-    def __init__(self, rays: Rays, beams: BeamTable) -> None:
-        count, width = len(rays.z), beams.cos.shape[1]
+    def __init__(self, mounts: Rays, beams: BeamTable) -> None:
+        """The rays start at `mounts`, until `place` brings them to where the sensors are."""
+        count, width = len(mounts.z), beams.cos.shape[1]
         tables = 1 if len(beams.cos) == 1 else count
-        self.beams = beams
+        self._mounts, self.beams = mounts, beams
+        self.at = mounts.at.copy()
+        """(3, fans): rows x, y and yaw in `map`."""
         self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
         """(fans, beams): metres, and what was met."""
         self._kept = {
-            **_memories(DOUBLE, 3, count, at=rays.at),
-            **_memories(DOUBLE, count, z=rays.z),
-            **_memories(INT64, count, owner=rays.owner),
+            **_memories(DOUBLE, 3, count, at=self.at),
+            **_memories(DOUBLE, count, z=mounts.z),
+            **_memories(INT64, count, owner=mounts.owner),
             **_memories(DOUBLE, tables, width, cosine=beams.cos, sine=beams.sin),
             **_memories(DOUBLE, count, width, ranges=self.ranges),
             **_memories(INT32, count, width, hits=self.hits),
@@ -99,41 +103,50 @@ class Fans:
         _, _, *numbers = beams._asdict().items()
         self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **dict(numbers), **self._kept})
 
+    def place(self, poses: Floats) -> None:
+        """Bring the rays of sensors that robots carry to where they are with the robots at `poses` (robots; x, y, yaw
+        in `map`)."""
+        count, robots = len(self._mounts.z), len(poses)
+        mounts = memory("mounts", self._mounts.at, DOUBLE, 3, count)
+        places = memory("poses", poses, DOUBLE, robots, 3)
+        if not lib.place_mounts(count, self.data.owner, mounts, robots, places, self._kept["at"]):
+            raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
+
+
+Prism = tuple[Sequence[Point2], float, float]
+"""Vertices, counter-clockwise, and the heights between which it lies: least, greatest."""
+
 
 class Polygons:
     """Polygons in groups that move together: the shapes of a mover, or a shape that stands still. Kernels move them."""
 
-    def __init__(
-        self, x: Floats, y: Floats, first_vertex: NDArray[np.int32], z_min: Floats, z_max: Floats,
-        first_shape: NDArray[np.int32], owner: NDArray[np.int64], centre: Floats, radius: Floats,
-    ) -> None:  # fmt: skip
-        """Vertices x, y, counter-clockwise, in the mover's frame; in `map` for what stands still.
-
-        Shape i has the vertices first_vertex[i] to first_vertex[i + 1] and the heights z_min[i] to z_max[i]; group i
-        the shapes first_shape[i] to first_shape[i + 1], the mover owner[i] (or -1), and a circle about centre[i] (x, y)
-        of radius[i] that holds them all.
-        """
-        shapes, groups = len(z_min), len(owner)
-        self.owner = owner
-        self.movers = int(owner.max(initial=-1)) + 1
-        check_within("owner", owner, -1, self.movers)
-        for name, starts, count in (("first_vertex", first_vertex, len(x)), ("first_shape", first_shape, shapes)):
-            if not (starts.size and starts[0] == 0 and starts[-1] == count and (np.diff(starts) > 0).all()):
-                raise ValueError(f"{name}: it does not rise from 0 to {count}, at each step")
-        room = int(np.diff(first_vertex).max(initial=0))
-        self._kept = {
-            **_memories(DOUBLE, len(x), local_x=x, local_y=y, x=x.copy(), y=y.copy()),
-            **_memories(INT32, shapes + 1, first_vertex=first_vertex),
-            **_memories(DOUBLE, shapes, z_min=z_min, z_max=z_max),
-            **_memories(INT32, groups + 1, first_shape=first_shape),
-            **_memories(INT64, groups, owner=owner),
-            **_memories(DOUBLE, groups, 2, local_centre=centre),
-            **_memories(DOUBLE, groups, centre_x=centre[:, 0].copy(), centre_y=centre[:, 1].copy(), radius=radius),
-            **_memories(INT32, groups, in_bin=np.empty(groups, np.int32)),
-            **_memories(INT32, 64 * 64 + 2, bin_start=np.empty(64 * 64 + 2, np.int32)),
-            **_memories(DOUBLE, room, corner_x=np.empty(room), corner_y=np.empty(room)),
-        }
-        counts = {"shapes": shapes, "groups": groups, "movers": self.movers}
+    def __init__(self, groups: Sequence[tuple[int, Sequence[Prism]]]) -> None:
+        """Each group has a mover (or -1) and at least one shape, in the mover's frame; in `map` if it stands still."""
+        shapes = [shape for _, own in groups for shape in own]
+        vertices = [len(points) for points, _, _ in shapes]
+        if not (all(vertices) and all(own for _, own in groups)):
+            raise ValueError("groups: a group has no shape, or a shape has no vertices")
+        self.owner = np.array([owner for owner, _ in groups], np.int64)
+        self.movers = int(self.owner.max(initial=-1)) + 1
+        check_within("owner", self.owner, -1, self.movers)
+        # A circle about the middle of each group holds its shapes.
+        corners = [np.array([point for points, _, _ in own for point in points], float) for _, own in groups]
+        centre = np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in corners]).reshape(-1, 2)
+        radius = [float(np.hypot(*(own - middle).T).max()) for own, middle in zip(corners, centre, strict=True)]
+        x, y = np.concatenate([np.empty((0, 2)), *corners]).T
+        count, widest = len(groups), max(vertices, default=0)
+        arrays = {
+            "local_x": x.copy(), "local_y": y.copy(), "x": x.copy(), "y": y.copy(),
+            "first_vertex": _starts(vertices), "first_shape": _starts([len(own) for _, own in groups]),
+            "z_min": np.array([low for _, low, _ in shapes], float),
+            "z_max": np.array([high for _, _, high in shapes], float),
+            "owner": self.owner, "local_centre": centre, "radius": np.array(radius, float),
+            "centre_x": centre[:, 0].copy(), "centre_y": centre[:, 1].copy(),
+            "in_bin": np.empty(count, np.int32), "bin_start": np.empty(64 * 64 + 2, np.int32),
+            "corner_x": np.empty(widest), "corner_y": np.empty(widest),
+        }  # fmt: skip
+        self._kept = {name: memory(name, array, array.dtype, *array.shape) for name, array in arrays.items()}
+        counts = {"shapes": len(shapes), "groups": count, "movers": self.movers}
         self.data = ffi.new("polygons *", {**counts, **self._kept})
         self.move(np.zeros((self.movers, 3)))
 
@@ -148,6 +161,10 @@ class Polygons:
         return memory("poses", poses, DOUBLE, len(poses), 3, out=out)
 
 
+def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts], dtype=np.int32)
+
+
 _cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares
 
 
@@ -155,12 +172,8 @@ def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
     """The side of the largest square of `free` cells (rows, columns) that begins at each and extends towards larger
     rows and columns, at most 254, into `out` (rows * columns)."""
     rows, columns = free.shape
-    lib.fill_squares(
-        memory("free", free, BOOL, rows, columns),
-        rows,
-        columns,
-        memory("out", out, UINT8, rows * columns, out=True),
-    )
+    made = memory("out", out, UINT8, rows * columns, out=True)
+    lib.fill_squares(memory("free", free, BOOL, rows, columns), rows, columns, made)
 
 
 def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
@@ -228,16 +241,6 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
     ways = memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3)
     lib.follow(count, *ways, seconds, tangents, made)
     return ends
-
-
-def place_mounts(mounts: Rays, poses: Floats, rays: Rays) -> None:
-    """Bring the `rays` (in `map`) of sensors, which are mounted so, to where they are now: with the robots at `poses`
-    (robots; x, y, yaw)."""
-    count, robots = len(mounts.z), len(poses)
-    owner, at = memory("owner", mounts.owner, INT64, count), memory("mounts", mounts.at, DOUBLE, 3, count)
-    poses, out = memory("poses", poses, DOUBLE, robots, 3), memory("rays", rays.at, DOUBLE, 3, count, out=True)
-    if not lib.place_mounts(count, owner, at, robots, poses, out):
-        raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
 
 
 class Bases:

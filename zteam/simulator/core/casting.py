@@ -111,43 +111,14 @@ def place_shape(pose: Pose2, shape: Shape) -> Shape:
 
 def make_polygons(groups: Sequence[Group]) -> kernels.Polygons:
     """Arrays of the groups' shapes; groups without shapes are left out."""
-    groups = [group for group in groups if group.shapes]
-    shapes = [shape for group in groups for shape in group.shapes]
-    points = np.array([point for shape in shapes for point in shape.points], float).reshape(-1, 2)
-    centres, radii = [], []
-    for group in groups:
-        corners = np.array([point for shape in group.shapes for point in shape.points], float)
-        centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-        centres.append(centre)
-        radii.append(float(np.hypot(*(corners - centre).T).max()))
-    return kernels.Polygons(
-        x=points[:, 0].copy(),
-        y=points[:, 1].copy(),
-        first_vertex=_starts([len(shape.points) for shape in shapes]),
-        z_min=np.array([shape.z_min for shape in shapes], float),
-        z_max=np.array([shape.z_max for shape in shapes], float),
-        first_shape=_starts([len(group.shapes) for group in groups]),
-        owner=np.array([group.owner for group in groups], np.int64),
-        centre=np.array(centres, float).reshape(-1, 2),
-        radius=np.array(radii, float),
-    )
-
-
-def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    return np.cumsum([0, *counts], dtype=np.int32)
+    found = [(group.owner, [(s.points, s.z_min, s.z_max) for s in group.shapes]) for group in groups if group.shapes]
+    return kernels.Polygons(found)
 
 
 def mount_devices(owned: Sequence[tuple[int, Device]]) -> kernels.Rays:
     """Where the robots' devices are mounted in the base frames, by the robots' indexes."""
     x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T
     return kernels.Rays(np.stack((x, y, yaw)), z.copy(), np.array([owner for owner, _ in owned], np.int64))
-
-
-def rays_of(poses: Floats, mounts: kernels.Rays) -> kernels.Rays:
-    """The devices' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
-    rays = mounts._replace(at=np.empty_like(mounts.at))
-    kernels.place_mounts(mounts, poses, rays)
-    return rays
 
 
 class Caster:

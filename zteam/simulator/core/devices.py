@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.simulator import BeamTable, Fans, Rays
 from zteam.messages import Blob, ColorRGBA, Fiducial, Message
-from zteam.simulator.core.casting import NO_MOVER, Caster, SensedWorld, mount_devices, rays_of
+from zteam.simulator.core.casting import NO_MOVER, SensedWorld, mount_devices
 from zteam.simulator.core.observation import Detections, Observation
 from zteam.simulator.world.colors import find_color
 from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
@@ -69,7 +69,7 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
 
 
 def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> Sense:
-    visible, at = scene.visible, mount_devices(owned)
+    visible, own = scene.visible, Fans(mount_devices(owned), BeamTable.ahead(0.0))
     targets = [
         _Target(marker, source, mover, model.pose)
         for source, (mover, model) in enumerate(scene.models)
@@ -109,7 +109,8 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
         )
 
     def sense(poses: Floats) -> list[tuple[Fiducial, ...]]:
-        here = rays_of(poses, at).at.T.tolist()
+        own.place(poses)
+        here = own.at.T.tolist()
         places = np.array([target.place(poses) for target in targets], float).reshape(-1, 3)
         return [find(i, Pose2(*pose), finder, places) for (i, finder), pose in zip(owned, here, strict=True)]
 
@@ -118,41 +119,47 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
 
 def prepare_bumpers(scene: SensedWorld, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
-    at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    mounts = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    fans = Fans(mounts, BeamTable.ahead(_BEHIND + _TOUCH))
     ends = np.cumsum([len(own.owner) for own in rays])
     solid = scene.caster(lambda surface: surface.obstacle)
 
     def sense(poses: Floats) -> list[bool]:
         solid.move(poses)
-        ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
-        hit = ranges[:, 0] < _BEHIND + _TOUCH
-        return [bool(part.any()) for part in np.split(hit, ends[:-1])]
+        fans.place(poses)
+        ranges, _ = solid.cast(fans)
+        return [bool(part.any()) for part in np.split(ranges[:, 0] < _BEHIND + _TOUCH, ends[:-1])]
 
     return sense
 
 
 def prepare_blobfinders(scene: SensedWorld, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
-    visible = scene.visible
-    return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
+    visible, fans = scene.visible, [_pixel_rays(i, finder) for i, finder in owned]
+
+    def find(finder: Blobfinder, pixels: Fans, poses: Floats) -> tuple[Blob, ...]:
+        pixels.place(poses)
+        ranges, hit = visible.cast(pixels)
+        colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
+        blobs, begin, beams = [], 0, pixels.beams
+        for color, group in groupby(colors):
+            end = begin + len(list(group))
+            if color and (not finder.colors or color in finder.colors):
+                middle = beams.angle_min + beams.increment * 0.5 * (begin + end - 1)
+                rgba, nearest = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0))), float(ranges[0, begin:end].min())
+                blobs.append(Blob(rgba, color, middle, beams.increment * (end - begin), nearest))
+            begin = end
+        return tuple(blobs)
+
+    return lambda poses: [find(finder, own, poses) for (_, finder), own in zip(owned, fans, strict=True)]
 
 
-def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
-    # A single pixel looks straight ahead.
+def _pixel_rays(owner: int, finder: Blobfinder) -> Fans:
+    """A ray for each pixel of a blob finder; a single one looks straight ahead."""
     angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
     step = finder.fov / max(1, finder.samples - 1)
     angles = angle_min + step * np.arange(finder.samples)
     beams = BeamTable(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
-    ranges, hit = visible.cast(Fans(rays_of(poses, mount_devices([(i, finder)])), beams))
-    colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
-    blobs, begin = [], 0
-    for color, group in groupby(colors):
-        end = begin + len(list(group))
-        if color and (not finder.colors or color in finder.colors):
-            middle = angle_min + step * 0.5 * (begin + end - 1)
-            rgba = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0)))
-            blobs.append(Blob(rgba, color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
-        begin = end
-    return tuple(blobs)
+    return Fans(mount_devices([(owner, finder)]), beams)
 
 
 class Devices:

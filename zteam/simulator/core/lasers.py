@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zteam.config.simulation_options import Options
 from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import BeamTable, Fans, Rays, place_mounts
+from zteam.kernels.simulator import BeamTable, Fans, Rays
 from zteam.simulator.core.casting import Caster, mount_devices
 from zteam.simulator.world.model import Ranger, Robot
 
@@ -78,11 +78,7 @@ class _Batch:
             np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
         )
         self.range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-        self.at = mount_devices([(m.robot, m.ranger) for m in mounts])
-        """In the robots' base frames."""
-        self.rays = self.at._replace(at=np.empty_like(self.at.at))
-        """Where the sensors are at present."""
-        self.fans = Fans(self.rays, self.beams)
+        self.fans = Fans(mount_devices([(m.robot, m.ranger) for m in mounts]), self.beams)
 
 
 class Scans(NamedTuple):
@@ -131,7 +127,7 @@ class Lasers:
         return Scans(arrays, self._rows)
 
     def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
-        place_mounts(batch.at, poses, batch.rays)
+        batch.fans.place(poses)
         noise = batch.noise
         if noise is not None:
             _jitter(batch, noise, tick)
@@ -149,7 +145,7 @@ class Lasers:
 
     def _dazzle(self, arrays: Sequence[Reading], tick: int) -> None:
         lasers = [
-            _Laser(number, row, mount, Pose2(*batch.rays.at[:, row].tolist()))
+            _Laser(number, row, mount, Pose2(*batch.fans.at[:, row].tolist()))
             for number, batch in enumerate(self._batches)
             for row, mount in enumerate(batch.mounts)
             if mount.ranger.samples > 1
