@@ -20,7 +20,7 @@ from zteam.messages import Twist
 from zteam.simulator.core.bodies import Bodies, make_bodies
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Devices
-from zteam.simulator.core.lasers import Lasers, Scans
+from zteam.simulator.core.lasers import Lasers
 from zteam.simulator.core.motion import WheelOdometry, keep_what_is_left, make_bases
 from zteam.simulator.core.observation import Observation, RobotObservation, Snapshot, pose_of
 from zteam.simulator.core.to_messages import SENSORS
@@ -106,7 +106,7 @@ class RobotArrays:
             self._scene.visible.move(poses)
         snapshot = Snapshot(
             robots=self._robots,
-            scans=Scans([], {}) if bases_only else self._lasers.measure(poses, tick),
+            readings={} if bases_only else self._lasers.measure(poses, tick),
             poses=poses.tolist(),
             odom=self.odometry.poses.tolist(),
             velocity=self.bases.velocity.tolist(),

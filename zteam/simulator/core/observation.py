@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Blob, Fiducial
-from zteam.simulator.core.lasers import Reading, Scans
+from zteam.simulator.core.lasers import Reading, Readings
 from zteam.simulator.core.motion import WheelJoints
 from zteam.simulator.world.model import Robot
 
@@ -32,7 +32,7 @@ class Snapshot(NamedTuple):
     """The state from which the observations of single robots are made."""
 
     robots: Sequence[Robot]
-    scans: Scans
+    readings: Readings
     poses: Rows
     """x, y, yaw in `map`, by index."""
     odom: Rows
@@ -61,7 +61,7 @@ class RobotObservation:
         return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
 
     def reading(self, place: int) -> Reading:
-        return self._snapshot.scans.reading(self._index, place)
+        return self._snapshot.readings[self._index, place]
 
     @property
     def truth(self) -> Pose2:
