@@ -153,16 +153,16 @@ class Lasers:
         ]
         options = self._options
         for (mount, _, angles), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
-            ranges, low, high = readings[mount.robot, mount.place].ranges, mount.ranger.range_min, mount.ranger.range_max
+            ranges, ranger = readings[mount.robot, mount.place].ranges, mount.ranger
             struck = np.abs(np.remainder(angles - bearing + math.pi, math.tau) - math.pi) <= options.dazzle_angle
             if options.dazzle == "scan" and struck.any():
                 struck[:] = True
             if options.dazzle == "max":
-                ranges[struck] = high
+                ranges[struck] = ranger.range_max
             elif options.dazzle == "short":
                 share = uniforms(np.array([draw], np.uint64), len(struck))[0].astype(np.float32)
-                true = np.minimum(ranges, np.float32(high))
-                ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
+                true = np.minimum(ranges, np.float32(ranger.range_max))
+                ranges[struck] = (ranger.range_min + share * np.maximum(true - ranger.range_min, 0.0))[struck]
             else:
                 ranges[struck] = np.nan
 

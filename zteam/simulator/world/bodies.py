@@ -81,9 +81,6 @@ class Block(NamedTuple):
     z_max: float
 
 
-UNIT_BOX = Block(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), 0.0, 1.0)
-
-
 class Surface(NamedTuple):
     """Properties that the shapes of one model share."""
 
@@ -114,10 +111,10 @@ def boundary_slabs(size: Size3) -> list[Block]:
     """Four slabs just inside a box of `size`, centred, as high as the box."""
     x, y, t = size.x / 2, size.y / 2, min(BOUNDARY_THICKNESS, size.x, size.y)
     boxes = ((-x, -y, x, t - y), (-x, y - t, x, y), (-x, -y, t - x, y), (x - t, -y, x, y))
-    return [box_block(*box, size.z) for box in boxes]
+    return [_box(*box, size.z) for box in boxes]
 
 
-def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
+def _box(left: float, bottom: float, right: float, top: float, height: float) -> Block:
     return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
 
 
@@ -177,8 +174,6 @@ class Settings(msgspec.Struct, frozen=True):
     """Names of the file's macros, for error texts."""
     bitmaps: dict[tuple[Path, str], Grid | FloorMap] = msgspec.field(default_factory=dict)
     """Bitmaps read so far, by file and reading: many models may share one."""
-    boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
-    """Rectangles of bitmaps on robots, by the bitmap's identity."""
     counts: Counter[str] = msgspec.field(default_factory=Counter)
     """Of what a small file must not make so much that it takes long or fills the memory."""
 
@@ -193,27 +188,25 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 class Body(NamedTuple):
-    """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
+    """A model's pose in its parent's frame, and its geometry. `origin` and `size` are the box of all its parts."""
 
+    pose: Pose3
     size: Size3
     origin: Pose3
     surface: Surface
     blocks: tuple[Block, ...]
-    """Fitted to `size`, centred; without the slabs and the bitmap."""
-    slabs: tuple[Block, ...]
+    """Fitted to `size`, centred, and the slabs of a boundary; not the bitmap."""
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
-    home: Pose2 | None = None
-    """Where a map_server YAML puts the model, unless the model has a pose."""
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
     reader = settings.reader(entity)
+    pose = reader.pose("pose")
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
     found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]
     blocks = [block for block in found_blocks if block is not None]
     bitmap: Grid | None = None
-    home: Pose2 | None = None
     if reader.has("bitmap"):
         if blocks:
             reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
@@ -221,12 +214,13 @@ def read_body(entity: Entity, settings: Settings) -> Body:
         if isinstance(found, FloorMap):
             size = size if reader.has("size") else Size3(*found.size, FLOOR_HEIGHT)
             home, bitmap = found.map_from_middle, found.occupied
+            pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
         else:
             bitmap = found
     elif not blocks:
         sensing = device_models().get(entity.type)
         has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
-        blocks = [UNIT_BOX] if has_body and not reader.flag("noblocks", False) else []
+        blocks = [_box(0.0, 0.0, 1.0, 1.0, 1.0)] if has_body and not reader.flag("noblocks", False) else []
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
         if min(size.x, size.y) < MIN_EXTENT:
@@ -236,42 +230,31 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
     origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
     surface = Surface(intensity, reader.flag("obstacle_return", True), _read_color(reader))
-    fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
-    return Body(size, origin, surface, fitted, tuple(slabs), bitmap, home)
+    fitted = fit_blocks(blocks, size) if blocks else []
+    return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap)
 
 
-def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
+def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> tuple[Block, ...]:
     """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
-    blocks = [*body.blocks, *body.slabs]
     if body.bitmap is None:
-        return blocks
+        return body.blocks
     rows, columns = body.bitmap.shape
-    if id(body.bitmap) not in settings.boxes:
-        settings.boxes[id(body.bitmap)] = rectangles(body.bitmap, MAX_RECTANGLES) or []
-    boxes = settings.boxes[id(body.bitmap)]
+    boxes = rectangles(body.bitmap, MAX_RECTANGLES)
     if not boxes:
         text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
         settings.remarks.add(place, text)
         boxes = [(0, rows, 0, columns)]
     settings.add_up("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
-    for bottom, top, left, right in boxes:
-        x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
-        blocks.append(box_block(x, y, x + (right - left) * cell_x, y + (top - bottom) * cell_y, body.size.z))
-    return blocks
+    corners = [(left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2) for bottom, _, left, _ in boxes]
+    sides = [((right - left) * cell_x, (top - bottom) * cell_y) for bottom, top, left, right in boxes]
+    places = zip(corners, sides, strict=True)
+    return *body.blocks, *(_box(x, y, x + width, y + depth, body.size.z) for (x, y), (width, depth) in places)
 
 
-def place_body(body: Body, blocks: list[Block], owner_from_model: Pose2, z: float) -> tuple[Shape, ...]:
-    """A model's blocks as shapes of their owner; the model's foot is `z` above the ground."""
-    owner_from_body = owner_from_model.compose(body.origin.planar)
-    return place_blocks(blocks, owner_from_body, z + body.origin.z, body.surface)
-
-
-def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float, name: str) -> Floorplan:
+def place_floorplan(body: Body, occupied: Grid, map_from_body: Pose2, foot: float, name: str) -> Floorplan:
     """A bitmap that stands still: its cells fill the box of the model's size."""
     rows, columns = occupied.shape
-    map_from_body = map_from_model.compose(body.origin.planar)
-    foot = z + body.origin.z
     pose = map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0))
     cell = body.size.x / columns, body.size.y / rows
     return Floorplan(name, occupied, cell, pose, foot, foot + body.size.z, *body.surface)
@@ -296,7 +279,8 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
-    reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
+    usual = "whole" if settings.whole_bitmaps else "crop"
+    reading = reader.choice("bitmap_reading", usual, ("crop", "whole"), strict=True)
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
@@ -326,7 +310,9 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
     settings.add_up("points of blocks", count, MAX_ALL_POINTS, entity.place)
-    z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
+    z_min, z_max = reader.numbers("z", "ll", (0.0, 1.0))
+    if z_min > z_max:
+        reader.fail("z", f"z: the smallest value {z_min:g} is above the largest {z_max:g}")
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:
         reader.remark("points", "a block without an area is ignored")
