@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.simulator.world.text import Remarks, Splicer, TextPlace, Token, TokenKind, read_text
+from zteam.simulator.world.text import Remarks, TextPlace, Token, TokenKind, read_text, splice
 
 MAX_STEPS = 3_000_000
 """Tokens parsed, those of a macro as often as it is used."""
@@ -91,7 +91,7 @@ def parse_world(path: Path, remarks: Remarks) -> Document:
 
 def parse_text(text: str, remarks: Remarks, file: str, path: Path | None = None) -> Document:
     """Parse the text of a world, of the file at `path`, or with includes relative to the working directory."""
-    tokens = Splicer(path.parent if path else Path(), remarks).read(text, file, path)
+    tokens = splice(text, file, path, path.parent if path else Path(), remarks)
     macros: dict[str, Macro] = {}
     return Document(_Parser(tokens, macros, remarks).parse(file), macros, tokens)
 
