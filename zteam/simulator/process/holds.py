@@ -23,11 +23,9 @@ class Holds:
         self._bus, self._on_change = bus, on_change
         self._served: dict[int, StopService] = {}
         """By robot in the world."""
-        self._told: dict[int, bool] = {}
-        """What the queries have said, by robot. A robot that comes back to the world is what it was."""
-        self._before: dict[int, bool] = {}
-        """What holds where no query has come: what others knew at the start, and the team for one that came later."""
-        self._is_known = False
+        self._stopped: dict[int, bool] = {}
+        """What is known, by robot; the newest query counts. A robot that comes back to the world is what it was."""
+        self._has_learned = False
         """Whether the others have been asked."""
         bus.watch_tokens([names.tokens_key(names.ALL_ROBOTS)], self._on_robot)
 
@@ -43,34 +41,23 @@ class Holds:
         for gone in self._served.keys() - robots:
             self._served.pop(gone).close()
         known = sorted(self._served)
-        is_team_stopped = bool(known) and all(map(self.is_stopped, known))
+        is_team_stopped = bool(known) and self.stopped == known
         for robot_id in sorted(robots - self._served.keys()):
             if is_team_stopped:
-                self._told.pop(robot_id, None)
-            self._before[robot_id] = is_team_stopped or self._before.get(robot_id, False)
-            self._served[robot_id] = StopService(
-                self._bus,
-                robot_id,
-                names.SIMULATOR,
-                partial(self._known, robot_id),
-                partial(self._change, robot_id),
-            )
-
-    def is_stopped(self, robot_id: int) -> bool:
-        """Whether the body of this robot is held."""
-        return self._told.get(robot_id, self._before.get(robot_id, False))
-
-    def _known(self, robot_id: int) -> bool | None:
-        return self.is_stopped(robot_id) if self._is_known or robot_id in self._told else None
+                self._stopped[robot_id] = True
+            elif self._has_learned:
+                self._stopped.setdefault(robot_id, False)
+            own = partial(self._stopped.get, robot_id), partial(self._change, robot_id)
+            self._served[robot_id] = StopService(self._bus, robot_id, names.SIMULATOR, *own)
 
     @property
     def stopped(self) -> list[int]:
         """The robots in the world that are stopped."""
-        return [robot_id for robot_id in sorted(self._served) if self.is_stopped(robot_id)]
+        return [robot_id for robot_id in sorted(self._served) if self._stopped.get(robot_id)]
 
     def _change(self, robot_id: int, stopped: bool) -> None:
-        changed = stopped != self.is_stopped(robot_id)
-        self._told[robot_id] = stopped
+        changed = stopped != self._stopped.get(robot_id, False)
+        self._stopped[robot_id] = stopped
         if changed:
             self._on_change()
 
@@ -82,7 +69,8 @@ class Holds:
         found = [(robot_id, reply) for robot_id, reply in ask_stopped(self._bus, names.ALL_ROBOTS)]
         told = {robot_id: reply.is_stopped for robot_id, reply in found if reply.by != names.SIMULATOR}
         team = bool(told) and all(told.values())
-        self._before |= {robot_id: told.get(robot_id, team) for robot_id in self._served}
-        self._is_known = True
+        for robot_id in self._served:
+            self._stopped.setdefault(robot_id, told.get(robot_id, team))
+        self._has_learned = True
         if self.stopped:
             log.info("%s begin stopped, as they were: 'zteam stop --release'", format_robot_ids(self.stopped))

@@ -103,7 +103,7 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
 
     def step(request: client.StepRequest) -> client.SimStatus | Deferred:
         def stand_still() -> client.SimStatus:
-            boundary.wait_for_steps()
+            boundary.wait(lambda: not pacer.paused or boundary.stands())
             return simulation.status()
 
         if boundary.finished:
@@ -112,10 +112,10 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
         return Deferred(stand_still) if request.wait else status
 
     def stand(request: client.WaitRequest) -> Deferred:
-        return Deferred(lambda: client.StandReply(boundary.wait_until_standing(request.timeout), simulation.status()))
+        return Deferred(lambda: client.StandReply(boundary.wait(boundary.stands, request.timeout), simulation.status()))
 
     def finish(request: client.WaitRequest) -> Deferred:
-        return Deferred(lambda: client.FinishReply(boundary.wait_until_finished(request.timeout)))
+        return Deferred(lambda: client.FinishReply(boundary.wait(lambda: boundary.finished, request.timeout)))
 
     serve("status", NoRequest, lambda _: simulation.status())
     serve("report", NoRequest, lambda _: simulation.report())
