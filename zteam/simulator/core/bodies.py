@@ -45,12 +45,6 @@ def make_bodies(
     return KinematicBodies(robots, poses, plans, obstacles, tangents=physics == "stage")
 
 
-def _convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
-    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
-
-    return convex_parts(points)
-
-
 class KinematicBodies:
     """Robots that stall instead of touching: a move that would end in a collision is not made at all.
 
@@ -65,7 +59,7 @@ class KinematicBodies:
         self._robots = len(robots)
         self._tangents = tangents
         self._bitmaps = solid_bitmaps(plans)
-        self._polygons = make_polygons(solid_groups(group_shapes(robots, obstacles), _convex_parts))
+        self._polygons = make_polygons(solid_groups(group_shapes(robots, obstacles)))
         self._bodiless = np.setdiff1d(np.arange(self._robots), self._polygons.owner)
         self.poses = poses.copy()
         self.stalled = self.met = np.zeros(self._robots, bool)

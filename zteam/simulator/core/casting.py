@@ -85,23 +85,22 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
     return groups
 
 
-ConvexParts = Callable[[Sequence[tuple[float, float]]], list[list[tuple[float, float]]]]
-"""Cuts a simple polygon into convex ones."""
-
-
-def solid_groups(groups: Sequence[Group], convex_parts: ConvexParts) -> list[Group]:
+def solid_groups(groups: Sequence[Group]) -> list[Group]:
     """What collides, in convex parts; the groups of which something does."""
     solid = []
     for group in groups:
-        parts: list[Shape] = []
-        for shape in group.shapes:
-            if shape.obstacle and is_convex(shape.points):
-                parts.append(shape)
-            elif shape.obstacle:
-                parts += [replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+        parts = [part for shape in group.shapes if shape.obstacle for part in _convex_parts(shape)]
         if parts:
             solid.append(group._replace(shapes=parts))
     return solid
+
+
+def _convex_parts(shape: Shape) -> list[Shape]:
+    if is_convex(shape.points):
+        return [shape]
+    from zteam.simulator.core.dynamic import convex_parts  # few worlds need pymunk
+
+    return [replace(shape, points=points) for points in convex_parts(shape.points)]
 
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:

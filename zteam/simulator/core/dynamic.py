@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Point2, Pose2, is_convex
+from zteam.geometry import Point2, Pose2
 from zteam.kernels.simulator import find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
@@ -75,10 +75,10 @@ _get_position, _get_angle = _body.position.fget, _body.angle.fget
 class _Builder:
     """Adds what collides to a space; bodies collide if they share a slab, a layer of height."""
 
-    def __init__(self, space: pymunk.Space, shapes: Sequence[Shape]) -> None:
+    def __init__(self, space: pymunk.Space, shapes: Iterable[Shape]) -> None:
         self._space = space
         # Between the heights at which what collides begins or ends; the topmost are one if there are too many.
-        heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
+        heights = sorted({z for shape in shapes for z in (shape.z_min, shape.z_max)})
         self._slabs = list(itertools.pairwise([-math.inf, *heights[: _MAX_SLABS - 1], math.inf]))
 
     def add_walls(self, plan: Floorplan, lines: Lines) -> None:
@@ -96,11 +96,9 @@ class _Builder:
 
     def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
-            if shape.obstacle:
-                for part in convex_parts(shape.points):
-                    poly = pymunk.Poly(body, part)
-                    poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
-                    self._space.add(poly)
+            poly = pymunk.Poly(body, shape.points)
+            poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
+            self._space.add(poly)
 
     def add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
         body = pymunk.Body(mass, moment)
@@ -119,9 +117,8 @@ class _Builder:
 class Cores:
     """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
 
-    def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
+    def __init__(self, solid: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
-        solid = solid_groups(groups, convex_parts)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
         self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
@@ -158,25 +155,25 @@ class DynamicBodies:
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
-        groups = group_shapes(robots, obstacles)
-        builder = _Builder(self._space, [shape for group in groups for shape in group.shapes])
+        solid = solid_groups(group_shapes(robots, obstacles))
+        builder = _Builder(self._space, itertools.chain(*(group.shapes for group in solid)))
         for plan, lines in _find_walls([plan for plan, _ in plans if plan.obstacle]):
             builder.add_walls(plan, lines)
-        for group in groups:
+        for group in solid:
             if group.owner == NO_MOVER:
                 builder.add_shapes(self._space.static_body, group.shapes)
+        shapes = {group.owner: group.shapes for group in solid}
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
-        self._robots = [builder.add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
-        self._pushed = [
-            builder.add_body(o.mass or 1.0, _moment(o), o.shapes, p)
-            for o, p in zip(pushed, poses[len(robots) :], strict=True)
-        ]
-        self._bodies = [*self._robots, *self._pushed]
+        masses = [(robot.mass, math.inf) for robot in robots]
+        masses += [(thing.mass or 1.0, _moment(thing)) for thing in pushed]
+        movers = enumerate(zip(masses, poses, strict=True))
+        self._bodies = [builder.add_body(*mass, shapes.get(i, ()), pose) for i, (mass, pose) in movers]
+        self._robots, self._pushed = self._bodies[: len(robots)], self._bodies[len(robots) :]
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
         self.stalled, self.met = np.zeros((2, len(robots)), bool)
         self._touching = [False] * len(robots)
-        self._cores = Cores(groups, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
+        self._cores = Cores(solid, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
         self._index = {body: i for i, body in enumerate(self._robots)}
@@ -346,16 +343,15 @@ def _core(shape: Shape, rim: float) -> Shape:
     return replace(shape, points=tuple(left))
 
 
-def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
+def _find_walls(plans: Sequence[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
     """Each plan and its border; plans of one bitmap share it. Raises UsageError if there are more than MAX_WALLS."""
-    borders: dict[int, Lines | None] = {}
+    bitmaps = {id(plan.occupied): plan.occupied for plan in plans}
+    borders = {number: _find_border(occupied) for number, occupied in bitmaps.items()}
     left = MAX_WALLS
     for plan in plans:
-        if id(plan.occupied) not in borders:
-            borders[id(plan.occupied)] = _find_borders(plan.occupied, MAX_WALLS)
         lines = borders[id(plan.occupied)]
-        left -= 0 if lines is None else len(lines)
-        if lines is None or left < 0:
+        left -= len(lines)
+        if left < 0:
             raise UsageError(
                 f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
                 "smooth it, or take the physics stage or kinematic"
@@ -363,12 +359,10 @@ def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]
         yield plan, lines
 
 
-def _find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:
-    """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
+def _find_border(occupied: NDArray[np.bool_]) -> Lines:
+    """The border of the occupied cells as maximal straight runs."""
     y, left, right = _runs(occupied)
     x, low, high = _runs(occupied.T)
-    if len(x) + len(y) > limit:
-        return None
     return np.concatenate([np.stack([x, low, x, high], axis=1), np.stack([left, y, right, y], axis=1)])
 
 
@@ -385,11 +379,8 @@ def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
     return lines, begins, ends
 
 
-def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+def convex_parts(points: Sequence[Point2]) -> list[tuple[Point2, ...]]:
     """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
-    if is_convex(points):
-        return [list(points)]
-    closed = [*points, points[0]]
-    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
+    parts = pymunk.autogeometry.convex_decomposition([*points, points[0]], 0.0)
     # Chipmunk closes its polygons with their first corner.
-    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]
+    return [tuple((float(x), float(y)) for x, y in part[:-1]) for part in parts]

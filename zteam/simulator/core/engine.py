@@ -22,7 +22,7 @@ from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Devices
 from zteam.simulator.core.lasers import Lasers
 from zteam.simulator.core.motion import WheelOdometry, keep_what_is_left, make_bases
-from zteam.simulator.core.observation import Observation, RobotObservation, Snapshot, pose_of
+from zteam.simulator.core.observation import Observation, RobotObservation, pose_of
 from zteam.simulator.core.to_messages import SENSORS
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
@@ -104,19 +104,18 @@ class RobotArrays:
         poses = self.bodies.poses
         if not bases_only:
             self._scene.visible.move(poses)
-        snapshot = Snapshot(
-            robots=self._robots,
-            readings={} if bases_only else self._lasers.measure(poses, tick),
-            poses=poses.tolist(),
-            odom=self.odometry.poses.tolist(),
-            velocity=self.bases.velocity.tolist(),
-            stalled=self.bodies.stalled.copy(),
-            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            detections={} if bases_only else self._devices.sense(poses),
-        )
-        robots = {robot_id: RobotObservation(snapshot, i) for robot_id, i in self.ids.items()}
-        places = map(pose_of, snapshot.poses[len(self._robots) :])
-        return Observation(now, tick, robots, {o.name: pose for o, pose in zip(self._pushed, places, strict=True)})
+        readings = {} if bases_only else self._lasers.measure(poses, tick)
+        detections = {} if bases_only else self._devices.sense(poses)
+        wheels = self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy())
+        places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
+        velocity = map(tuple, self.bases.velocity.tolist())
+        own = [*zip(self._robots, velocity, stalled, places, odom, strict=False)]
+        robots = {
+            robot_id: RobotObservation(*own[i], i, detections.get(i, {}), readings, wheels)
+            for robot_id, i in self.ids.items()
+        }
+        pushed = zip(self._pushed, places[len(self._robots) :], strict=True)
+        return Observation(now, tick, robots, {thing.name: pose_of(pose) for thing, pose in pushed})
 
 
 class Engine:

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
@@ -16,8 +14,6 @@ from zteam.simulator.world.model import Robot
 
 Detections = Mapping[str, tuple[Any, ...]]
 """What the devices of one robot detect: by topic, in file order."""
-Rows = list[list[float]]
-"""Plain numbers: each row is read several times a tick."""
 
 
 class Joints(NamedTuple):
@@ -28,32 +24,23 @@ class Joints(NamedTuple):
     velocities: tuple[float, ...]
 
 
-class Snapshot(NamedTuple):
-    """The state from which the observations of single robots are made."""
+class RobotObservation(msgspec.Struct, frozen=True, eq=False):
+    """What one robot senses at a tick's end."""
 
-    robots: Sequence[Robot]
-    readings: Readings
-    poses: Rows
-    """x, y, yaw in `map`, by index."""
-    odom: Rows
-    velocity: Rows
-    stalled: NDArray[np.bool_]
-    wheels: WheelJoints
-    detections: Mapping[int, Detections]
-    """By index; robots without devices are left out."""
-
-
-class RobotObservation:
-    """What one robot senses at a tick's end; each part is made when it is asked for."""
-
-    __slots__ = ("_index", "_snapshot")
-
-    def __init__(self, snapshot: Snapshot, index: int) -> None:
-        self._snapshot, self._index = snapshot, index
-
-    @property
-    def robot(self) -> Robot:
-        return self._snapshot.robots[self._index]
+    robot: Robot
+    velocity: tuple[float, float, float]
+    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
+    stall: bool
+    """Commanded to move, but blocked."""
+    _pose: Sequence[float]
+    """x, y, yaw in `map`, not wrapped; so is that of its odometry."""
+    _odom: Sequence[float]
+    index: int
+    """Among the engine's robots; so in what follows, which all share but for the detections."""
+    detections: Detections
+    """What its other devices detect, by topic."""
+    _readings: Readings
+    _wheels: WheelJoints
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -61,39 +48,23 @@ class RobotObservation:
         return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
 
     def reading(self, place: int) -> Reading:
-        return self._snapshot.readings[self._index, place]
+        return self._readings[self.index, place]
 
     @property
     def truth(self) -> Pose2:
         """In `map`."""
-        return pose_of(self._snapshot.poses[self._index])
+        return pose_of(self._pose)
 
     @property
     def odom(self) -> Pose2:
         """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-        return pose_of(self._snapshot.odom[self._index])
-
-    @property
-    def velocity(self) -> tuple[float, float, float]:
-        """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
-        vx, vy, w = self._snapshot.velocity[self._index]
-        return vx, vy, w
-
-    @property
-    def stall(self) -> bool:
-        """Commanded to move, but blocked."""
-        return bool(self._snapshot.stalled[self._index])
+        return pose_of(self._odom)
 
     @property
     def joints(self) -> Joints:
-        wheels, i = self._snapshot.wheels, self._index
+        wheels, i = self._wheels, self.index
         own = slice(wheels.first[i], wheels.first[i + 1])
         return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
-
-    @property
-    def detections(self) -> Detections:
-        """What its other devices detect, by topic."""
-        return self._snapshot.detections.get(self._index, {})
 
     @property
     def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
