@@ -21,6 +21,7 @@ from zteam.simulator.faults import FaultPlan, is_simulated
 from zteam.simulator.process.commands import RobotCommands
 from zteam.simulator.process.holds import Holds
 from zteam.simulator.process.lockstep import LockStep
+from zteam.simulator.process.open_tick import OpenTick
 from zteam.simulator.process.outputs import TeamOutputs
 from zteam.simulator.process.pacing import Pacer, TickBoundary
 from zteam.simulator.process.statistics import RunStatistics, TickProfile
@@ -134,7 +135,7 @@ class Simulation:
         if self.lockstep is None:
             self.statistics.add_late_steps(self.engine.tick, self.commands.missing(commands))
             return commands
-        answers = dict(self.faults.deliver(self.since_go, self.lockstep.take_commands(self.outputs)))
+        answers = dict(self.faults.deliver(self.since_go, self.lockstep.ask(lambda tick: tick.commands(self.outputs))))
         self.outputs.put_commands(answers)
         return commands | answers
 
@@ -222,7 +223,7 @@ class Simulation:
         self.pacer.start_anew()
         self._is_first = True
         if self.lockstep is not None:
-            self.lockstep.start_anew()
+            self.lockstep.ask(OpenTick.start_anew)
         self.boundary.begin_anew()
 
     def match_robots(self) -> None:
@@ -280,8 +281,8 @@ class Simulation:
             lockstep=lockstep is not None,
             participants=lockstep.tick.members if lockstep else [],
             joining=sorted(lockstep.tick.joining) if lockstep else [],
-            waiting_for=lockstep.waiting_for() if lockstep else "",
-            silent=lockstep.silent() if lockstep else [],
+            waiting_for=lockstep.ask(OpenTick.waiting_for) if lockstep else "",
+            silent=lockstep.ask(OpenTick.silent) if lockstep else [],
             hung=list(lockstep.tick.hung) if lockstep else [],
             finished=self.boundary.finished,
             instance=self._instance,
