@@ -2,12 +2,10 @@
 
 import functools
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from zteam.config.map_files import MAX_PIXELS, FloorMap, Grid, is_floor_map, read_channels, read_floor_map
@@ -16,9 +14,8 @@ from zteam.geometry import Point2, Pose2, convex_hull, signed_area
 from zteam.simulator.world.colors import random_color
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Floorplan, Shape
-from zteam.simulator.world.parser import Entity
-from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3, Units
-from zteam.simulator.world.text import Remarks, TextPlace, find_file
+from zteam.simulator.world.properties import BODILESS, Pose3, Reader, Size3
+from zteam.simulator.world.text import find_file
 
 DARK = 127
 """A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
@@ -163,30 +160,6 @@ MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
-class Settings(msgspec.Struct, frozen=True):
-    """Settings of a whole file."""
-
-    units: Units
-    folder: Path
-    remarks: Remarks
-    whole_bitmaps: bool = False
-    macros: frozenset[str] = frozenset()
-    """Names of the file's macros, for error texts."""
-    bitmaps: dict[tuple[Path, str], Grid | FloorMap] = msgspec.field(default_factory=dict)
-    """Bitmaps read so far, by file and reading: many models may share one."""
-    counts: Counter[str] = msgspec.field(default_factory=Counter)
-    """Of what a small file must not make so much that it takes long or fills the memory."""
-
-    def reader(self, entity: Entity) -> Reader:
-        return Reader(entity, self.units, self.remarks)
-
-    def add_up(self, what: str, number: int, most: int, place: TextPlace) -> None:
-        """Count what all models of a world have together; raises WorldError when it is too much."""
-        self.counts[what] += number
-        if self.counts[what] > most:
-            raise place.error(f"this world has more than {most} {what}: it is refused")
-
-
 class Body(NamedTuple):
     """A model's pose in its parent's frame, and its geometry. `origin` and `size` are the box of all its parts."""
 
@@ -200,23 +173,20 @@ class Body(NamedTuple):
     """Cells that fill the box of `size`."""
 
 
-def read_body(entity: Entity, settings: Settings) -> Body:
-    reader = settings.reader(entity)
-    pose = reader.pose("pose")
+def read_body(reader: Reader) -> Body:
+    entity, pose = reader.entity, reader.pose("pose")
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
-    found_blocks = [_read_block(child, settings) for child in entity.children if child.type == "block"]
+    found_blocks = [_read_block(reader.of(child)) for child in entity.children if child.type == "block"]
     blocks = [block for block in found_blocks if block is not None]
     bitmap: Grid | None = None
     if reader.has("bitmap"):
         if blocks:
             reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
-        blocks, found = [], _read_bitmap(reader, settings)
-        if isinstance(found, FloorMap):
-            size = size if reader.has("size") else Size3(*found.size, FLOOR_HEIGHT)
-            home, bitmap = found.map_from_middle, found.occupied
+        blocks, (bitmap, floor) = [], _read_bitmap(reader)
+        if floor is not None:
+            home = floor.map_from_middle
+            size = size if reader.has("size") else Size3(*floor.size, FLOOR_HEIGHT)
             pose = pose if reader.has("pose") else Pose3(home.x, home.y, 0.0, home.yaw)
-        else:
-            bitmap = found
     elif not blocks:
         sensing = device_models().get(entity.type)
         has_body = entity.type not in BODILESS if sensing is None else sensing.has_body
@@ -234,17 +204,16 @@ def read_body(entity: Entity, settings: Settings) -> Body:
     return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap)
 
 
-def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> tuple[Block, ...]:
-    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
+def solid_blocks(body: Body, reader: Reader) -> tuple[Block, ...]:
+    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move."""
     if body.bitmap is None:
         return body.blocks
     rows, columns = body.bitmap.shape
     boxes = rectangles(body.bitmap, MAX_RECTANGLES)
     if not boxes:
-        text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
-        settings.remarks.add(place, text)
+        reader.remark_entity(f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]
-    settings.add_up("points of blocks", 4 * len(boxes), MAX_ALL_POINTS, place)
+    reader.add_up("bitmap", "points of blocks", 4 * len(boxes), MAX_ALL_POINTS)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
     corners = [(left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2) for bottom, _, left, _ in boxes]
     sides = [((right - left) * cell_x, (top - bottom) * cell_y) for bottom, top, left, right in boxes]
@@ -270,12 +239,13 @@ def _read_color(reader: Reader) -> str:
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
-def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
-    """The bitmap of a model; None if none is named, or if it is white all over and Stage finds no polygon in it."""
-    name = reader.text("bitmap", "")
+def _read_bitmap(reader: Reader) -> tuple[Grid | None, FloorMap | None]:
+    """The bitmap of a model, and the map_server YAML that it is of. It has none if none is named, or if it is white all
+    over and Stage finds no polygon in it."""
+    name, settings = reader.text("bitmap", ""), reader.settings
     if not name:
         reader.remark("bitmap", "no bitmap is named: no body")
-        return None
+        return None, None
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
@@ -284,24 +254,23 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
-            found = read_floor_map(path) if is_floor_map(path) else read_bitmap(path)
+            floor = read_floor_map(path) if is_floor_map(path) else None
+            occupied = read_bitmap(path) if floor is None else floor.occupied
         except WorldError as error:
             reader.fail("bitmap", str(error))
-        if reading == "crop" and not isinstance(found, FloorMap):
-            bottom, top, left, right = occupied_box(found) or (0, 0, 0, 0)
-            found = found[bottom:top, left:right].copy()
-        grid = found.occupied if isinstance(found, FloorMap) else found
-        settings.add_up("pixels of bitmaps", grid.size, MAX_PIXELS, reader.place("bitmap"))
-        settings.bitmaps[key] = found
-    found = settings.bitmaps[key]
-    if isinstance(found, FloorMap) or found.size:
-        return found
+        if reading == "crop" and floor is None:
+            bottom, top, left, right = occupied_box(occupied) or (0, 0, 0, 0)
+            occupied = occupied[bottom:top, left:right].copy()
+        reader.add_up("bitmap", "pixels of bitmaps", occupied.size, MAX_PIXELS)
+        settings.bitmaps[key] = occupied, floor
+    occupied, floor = settings.bitmaps[key]
+    if floor is not None or occupied.size:
+        return occupied, floor
     reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
-    return None
+    return None, None
 
 
-def _read_block(entity: Entity, settings: Settings) -> Block | None:
-    reader = settings.reader(entity)
+def _read_block(reader: Reader) -> Block | None:
     count = reader.whole("points", 0, 0, MAX_POINTS)
     corners = []
     for i in range(count):
@@ -309,7 +278,7 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
         x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
-    settings.add_up("points of blocks", count, MAX_ALL_POINTS, entity.place)
+    reader.add_up("points", "points of blocks", count, MAX_ALL_POINTS)
     z_min, z_max = reader.numbers("z", "ll", (0.0, 1.0))
     if z_min > z_max:
         reader.fail("z", f"z: the smallest value {z_min:g} is above the largest {z_max:g}")
@@ -318,6 +287,6 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
         reader.remark("points", "a block without an area is ignored")
         return None
     if not is_simple(points):
-        settings.remarks.add(entity.place, "this block's outline crosses itself: its convex hull is taken")
+        reader.remark_entity("this block's outline crosses itself: its convex hull is taken")
         points = convex_hull(points)
     return Block(points, z_min, z_max)

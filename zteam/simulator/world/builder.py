@@ -15,11 +15,11 @@ from zteam.config.map_files import is_floor_map
 from zteam.config.simulation_options import PHYSICS
 from zteam.errors import WorldError, did_you_mean
 from zteam.geometry import Point2, Pose2
-from zteam.simulator.world.bodies import Body, Settings, place_blocks, place_floorplan, read_body, solid_blocks
+from zteam.simulator.world.bodies import Body, place_blocks, place_floorplan, read_body, solid_blocks
 from zteam.simulator.world.devices import device_models
 from zteam.simulator.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.simulator.world.parser import Document, Entity, Property, parse_text, parse_world
-from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units
+from zteam.simulator.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Settings, read_units
 from zteam.simulator.world.text import Remarks
 
 WHEEL_SEPARATION = 0.3
@@ -142,9 +142,9 @@ class Builder:
     def add_model(self, entity: Entity, mount: Mount) -> None:
         if entity.type == "window":  # Stage's own window on the screen
             return
-        reader = self._settings.reader(entity)
+        reader = Reader(entity, self._settings)
         self._check_type(reader)
-        body = read_body(entity, self._settings)
+        body = read_body(reader)
         owner_from_model = mount.owner_from_mount.compose(body.pose.planar)
         foot = mount.z + body.pose.z
         name = self._name(reader, mount)
@@ -158,7 +158,7 @@ class Builder:
         base_from_body, lift = base_from_model.compose(body.origin.planar), foot + body.origin.z
         markers = self._read_markers(reader, body, base_from_model, chassis)
         if chassis is not None:
-            blocks = solid_blocks(body, entity.place, self._settings)
+            blocks = solid_blocks(body, reader)
             chassis.shapes.extend(place_blocks(blocks, base_from_body, lift, body.surface))
             chassis.markers.extend(markers)
         elif body.bitmap is not None:
@@ -178,7 +178,7 @@ class Builder:
         own = Mount(owner_from_model, top, chassis, name + ".")
         for child in entity.children:
             if child.type == "block":
-                self._settings.reader(child).remark_unused("block")
+                reader.of(child).remark_unused("block")
             elif child.type != "sensor" or entity.type not in ("ranger", "laser"):
                 self.add_model(child, own)
 
@@ -266,9 +266,9 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
         model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
     else:
         document = parse_world(path, remarks)
-    units = read_units(document.root, remarks)
-    settings = Settings(units, path.parent, remarks, whole_bitmaps, frozenset(document.macros))
-    reader = settings.reader(document.root)
+    settings = Settings(path.parent, remarks, whole_bitmaps, frozenset(document.macros))
+    settings = msgspec.structs.replace(settings, units=read_units(Reader(document.root, settings)))
+    reader = Reader(document.root, settings)
     milliseconds = reader.number("interval_sim", 100.0)
     if not 0 < milliseconds <= MAX_INTERVAL_MS:
         reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
@@ -294,7 +294,7 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
     WorldError if no macro has that name.
     """
-    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Units(), Path(), Remarks())
+    built_in = parse_text(BUILT_IN, Remarks(), file="<built-in>"), Settings(Path(), Remarks())
     templates: dict[str, tuple[Document, Settings]] = {"erratic": built_in, **world.templates}
     if model not in templates:
         known = ", ".join(sorted(templates))

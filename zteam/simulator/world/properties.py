@@ -9,9 +9,14 @@ with a remark (it would change what robots do). Any other property is remarked a
 
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Set
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
+import msgspec
+
+from zteam.config.map_files import FloorMap, Grid
 from zteam.errors import did_you_mean
 from zteam.geometry import FAR, Pose2
 from zteam.simulator.world.parser import Entity, Property, Value
@@ -110,17 +115,33 @@ class Size3(NamedTuple):
     z: float
 
 
+class Settings(msgspec.Struct, frozen=True):
+    """Settings of a whole file."""
+
+    folder: Path
+    remarks: Remarks
+    whole_bitmaps: bool = False
+    macros: frozenset[str] = frozenset()
+    """Names of the file's macros, for error texts."""
+    units: Units = Units()
+    bitmaps: dict[tuple[Path, str], tuple[Grid, FloorMap | None]] = msgspec.field(default_factory=dict)
+    """Bitmaps read so far, by file and reading: many models may share one."""
+    counts: Counter[str] = msgspec.field(default_factory=Counter)
+    """Of what a small file must not make so much that it takes long or fills the memory."""
+
+
 class Reader:
     """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
 
-    def __init__(self, entity: Entity, units: Units, remarks: Remarks) -> None:
+    def __init__(self, entity: Entity, settings: Settings) -> None:
         self.entity = entity
-        self._units = units
-        self._remarks = remarks
+        self.settings = settings
+        self._units = settings.units
+        self._remarks = settings.remarks
 
     def of(self, entity: Entity) -> "Reader":
         """A reader of another entity of the same file."""
-        return Reader(entity, self._units, self._remarks)
+        return Reader(entity, self.settings)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
         """Note the properties that do nothing here. `kind` is "world", "sensor", "block" or a model's type.
@@ -158,6 +179,12 @@ class Reader:
     def remark_entity(self, text: str) -> None:
         """Note something about the entity as a whole."""
         self._remarks.add(self.entity.place, text)
+
+    def add_up(self, name: str, what: str, number: int, most: int) -> None:
+        """Count what all models of a world have together; raises WorldError at a property by which it is too much."""
+        self.settings.counts[what] += number
+        if self.settings.counts[what] > most:
+            self.fail(name, f"this world has more than {most} {what}: it is refused")
 
     def number(self, name: str, default: float, kind: str = "n") -> float:
         """A number of a kind, as of `numbers`."""
@@ -245,8 +272,7 @@ class Reader:
         return size
 
 
-def read_units(world: Entity, remarks: Remarks) -> Units:
+def read_units(reader: Reader) -> Units:
     """`unit_length` and `unit_angle` of a world; they hold for the whole file, wherever they stand."""
-    reader = Reader(world, Units(), remarks)
     length, angle = reader.choice("unit_length", "m", _LENGTHS), reader.choice("unit_angle", "degrees", _ANGLES)
     return Units(_LENGTHS[length], _ANGLES[angle])
