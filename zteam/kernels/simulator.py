@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Point2
-from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, Floats, check_within, empty, ffi, lib, memory
+from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, check_within, empty, ffi, lib, memory
+from zteam.kernels.binding import Floats as Floats
 
 
 def _memories(kind: np.dtype[Any], *shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class Fans:
             raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
 
 
-Prism = tuple[Sequence[Point2], float, float]
+Prism = tuple[Sequence[tuple[float, float]], float, float]
 """Vertices, counter-clockwise, and the heights between which it lies: least, greatest."""
 
 

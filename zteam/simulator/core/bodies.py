@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import follow, move_all
+from zteam.kernels.simulator import Floats, follow, move_all
 from zteam.simulator.core.casting import Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
 from zteam.simulator.world.model import Obstacle, Robot
-
-Floats = NDArray[np.float64]
 
 
 class Bodies(Protocol):

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, is_convex
 from zteam.kernels import simulator as kernels
+from zteam.kernels.binding import Floats
 from zteam.simulator.world.model import Device, Floorplan, Obstacle, Robot, Shape
 
-Floats = NDArray[np.float64]
 Plans = Sequence[tuple[Floorplan, kernels.Bitmap]]
 """Floor plans, each with its bitmap for kernels."""
 

@@ -9,18 +9,15 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.simulator import BeamTable, Fans, Rays
+from zteam.kernels.simulator import BeamTable, Fans, Floats, Rays
 from zteam.messages import Blob, ColorRGBA, Fiducial, Message
 from zteam.simulator.core.casting import NO_MOVER, SensedWorld, mount_devices
 from zteam.simulator.core.observation import Detections, Observation
 from zteam.simulator.world.colors import find_color
 from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
 from zteam.simulator.world.model import FiducialMarker
-
-Floats = NDArray[np.float64]
 
 _TOUCH = 0.02
 """A bumper is pressed by what is this near: Stage's raster."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from zteam.errors import UsageError
 from zteam.geometry import Point2, Pose2
-from zteam.kernels.simulator import find_overlaps, follow, hold
+from zteam.kernels.simulator import Floats, find_overlaps, follow, hold
 from zteam.simulator.core.casting import (
     NO_MOVER,
     Group,
@@ -34,7 +34,6 @@ from zteam.simulator.core.casting import (
 )
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Lines = NDArray[np.intp]
 """(lines, 4): from x, y to x, y in cells."""

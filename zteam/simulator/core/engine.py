@@ -16,6 +16,7 @@ from zteam.config.robot_ids import format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.kernels.binding import Floats
 from zteam.messages import Twist
 from zteam.simulator.core.bodies import Bodies, make_bodies
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
@@ -26,8 +27,6 @@ from zteam.simulator.core.observation import Observation, RobotObservation, pose
 from zteam.simulator.core.to_messages import SENSORS
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
-
-Floats = NDArray[np.float64]
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""

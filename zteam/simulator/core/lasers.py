@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from zteam.config.simulation_options import Options
 from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import BeamTable, Fans, Rays
+from zteam.kernels.simulator import BeamTable, Fans, Floats, Rays
 from zteam.simulator.core.casting import Caster, mount_devices
 from zteam.simulator.world.model import Ranger, Robot
-
-Floats = NDArray[np.float64]
 
 _RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(5)
 """Streams of random numbers: no two kinds of noise draw the same numbers."""

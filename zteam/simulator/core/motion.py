@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
 from zteam.geometry import Pose2
-from zteam.kernels.simulator import Bases
+from zteam.kernels.simulator import Bases, Floats
 from zteam.simulator.world.model import Robot
-
-Floats = NDArray[np.float64]
 
 _STREAM = 100
 """Of odometry's errors, apart from the streams of the lasers' noise."""

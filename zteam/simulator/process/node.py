@@ -128,7 +128,7 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
     serve_change("repeat", Change, lambda _: simulation.repeat())
     # Nothing changes, but only between two ticks does what was sent stay as it is.
     serve_change("scans", client.ScansRequest, lambda request: simulation.scans(request.robots))
-    serve_change("reset", client.ResetRequest, lambda _request: simulation.reset())
+    serve_change("reset", Change, lambda _: simulation.reset())
     serve_change("spawn", client.SpawnRequest, lambda request: client.SpawnReply(simulation.spawn(request)))
     serve_change("remove", client.RemoveRequest, lambda request: simulation.remove(request.id))
     serve_change("fault", client.FaultRequest, lambda request: simulation.add_fault(request))
