@@ -18,11 +18,10 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.kernels.binding import Floats
 from zteam.messages import Twist
-from zteam.simulator.core.bodies import Bodies, make_bodies
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Devices
 from zteam.simulator.core.lasers import Lasers
-from zteam.simulator.core.motion import WheelOdometry, keep_what_is_left, make_bases
+from zteam.simulator.core.motion import Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.core.observation import Observation, RobotObservation, pose_of
 from zteam.simulator.core.to_messages import SENSORS
 from zteam.simulator.world.model import Obstacle, Robot, World

@@ -18,8 +18,7 @@ from zteam.simulator import client
 from zteam.simulator.core import Engine, Observation
 from zteam.simulator.core.occupancy_grid import map_metadata
 from zteam.simulator.faults import FaultPlan, is_simulated
-from zteam.simulator.process.commands import RobotCommands
-from zteam.simulator.process.holds import Holds
+from zteam.simulator.process.commands import Holds, RobotCommands
 from zteam.simulator.process.lockstep import LockStep
 from zteam.simulator.process.open_tick import OpenTick
 from zteam.simulator.process.outputs import TeamOutputs
