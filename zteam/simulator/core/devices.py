@@ -4,7 +4,7 @@ What they are is in `zteam.simulator.world.devices`, their messages are in `ztea
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from zteam.messages import Blob, ColorRGBA, Fiducial, Message
 from zteam.simulator.core.casting import NO_MOVER, SensedWorld, mount_devices
 from zteam.simulator.core.observation import Detections, Observation
 from zteam.simulator.world.colors import find_color
-from zteam.simulator.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
+from zteam.simulator.world.devices import KINDS, Blobfinder, BumperPiece, Finder
 from zteam.simulator.world.model import FiducialMarker
 
 _TOUCH = 0.02
@@ -34,7 +34,6 @@ Sense = Callable[[Floats], Sequence[Any]]
 class Sensor(NamedTuple):
     """One row: how a kind of device senses, and how that becomes a message."""
 
-    kind: DeviceKind
     message: Callable[[Observation, int, int], Message]
     """The message of a robot (by id) of a number, of one tick."""
     prepare: Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense] | None = None
@@ -162,12 +161,12 @@ def _pixel_rays(owner: int, finder: Blobfinder) -> Fans:
 class Devices:
     """All devices of all robots, but for rangers."""
 
-    def __init__(self, scene: SensedWorld, sensors: Iterable[Sensor]) -> None:
+    def __init__(self, scene: SensedWorld, sensors: Mapping[str, Sensor]) -> None:
         self._senses: list[tuple[str, list[int], Sense]] = []
-        for kind, _, prepare in sensors:
-            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in kind.of(robot)]
+        for topic, (_, prepare) in sensors.items():
+            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in KINDS[topic].of(robot)]
             if owned and prepare is not None:
-                self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
+                self._senses.append((topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:
         """What every robot with devices detects, by the robot's index; `visible` has been moved to `poses`."""

@@ -57,7 +57,7 @@ class RobotArrays:
             self.bodies.adopt(old.bodies, kept)
         self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
-        self._devices = Devices(self._scene, SENSORS.values())
+        self._devices = Devices(self._scene, SENSORS)
 
     def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""

@@ -8,6 +8,7 @@ from zteam.bus import Bus, Publisher
 from zteam.messages import BaseInfo, Message, TFMessage, Twist
 from zteam.simulator.core import Engine, Observation, to_messages
 from zteam.simulator.world import Robot
+from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
 
 M = TypeVar("M", bound=Message)
@@ -35,8 +36,11 @@ class RobotOutputs:
         # In real time the robot itself publishes its command.
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
-            topic: [(publisher(kind.key(robot_id, i), kind.message), build, i) for i in range(kind.count(robot))]
-            for topic, (kind, build, _) in to_messages.SENSORS.items()
+            topic: [
+                (publisher(kind.key(robot_id, i), kind.message), to_messages.SENSORS[topic].message, i)
+                for i in range(kind.count(robot))
+            ]
+            for topic, kind in KINDS.items()
         }
         # Robots compute their next command from these: they are published first.
         self._odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)

@@ -260,7 +260,7 @@ KINDS: dict[str, DeviceKind] = {
         ),
     )
 }
-"""All rows by topic."""
+"""All rows by topic, in the order in which they are published."""
 
 
 def device_models() -> dict[str, DeviceModel]:
