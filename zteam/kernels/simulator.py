@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import BOOL, DOUBLE, INT32, INT64, UINT8, check_within, empty, ffi, lib, memory
 from zteam.kernels.binding import Floats as Floats
+from zteam.kernels.binding import check_within, empty, ffi, lib, memory
 
 
-def _memories(kind: np.dtype[Any], *shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
-    """The memory of arrays of one type and shape, by the names that they have in C."""
-    return {name: memory(name, array, kind, *shape) for name, array in arrays.items()}
+def _memories(*shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
+    """The memory of arrays of one shape, by the names that they have in C."""
+    return {name: memory(name, array, *shape) for name, array in arrays.items()}
 
 
 class Bitmap(NamedTuple):
@@ -43,7 +43,7 @@ class Bitmaps:
         for one in maps:
             if one.rows < 0 or one.columns < 0 or 4 * (one.rows * one.columns + 1) >= 1 << 31:
                 raise ValueError(f"sides: {one.rows} x {one.columns} cells are none, or too many for 32 bits")
-            self._kept.append(memory("sides", one.sides, UINT8, 4, one.rows * one.columns + 1))
+            self._kept.append(memory("sides", one.sides, 4, one.rows * one.columns + 1))
             if one.sides[:, -1].any():
                 raise ValueError("sides: the last entry of each quadrant, where rays are parked, is not 0")
         filled = zip(maps, self._kept, strict=True)
@@ -92,13 +92,11 @@ class Fans:
         self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
         """(fans, beams): metres, and what was met."""
         self._kept = {
-            **_memories(DOUBLE, 3, count, at=self.at),
-            **_memories(DOUBLE, count, z=mounts.z),
-            **_memories(INT64, count, owner=mounts.owner),
-            **_memories(DOUBLE, tables, width, cosine=beams.cos, sine=beams.sin),
-            **_memories(DOUBLE, count, width, ranges=self.ranges),
-            **_memories(INT32, count, width, hits=self.hits),
-            **_memories(DOUBLE, width // 8 + 1, tops=np.empty(width // 8 + 1)),
+            **_memories(3, count, at=self.at),
+            **_memories(count, z=mounts.z, owner=mounts.owner),
+            **_memories(tables, width, cosine=beams.cos, sine=beams.sin),
+            **_memories(count, width, ranges=self.ranges, hits=self.hits),
+            **_memories(width // 8 + 1, tops=np.empty(width // 8 + 1)),
         }
         _, _, *numbers = beams._asdict().items()
         self.data = ffi.new("fans *", {"count": count, "beams": width, "tables": tables, **dict(numbers), **self._kept})
@@ -107,8 +105,8 @@ class Fans:
         """Bring the rays of sensors that robots carry to where they are with the robots at `poses` (robots; x, y, yaw
         in `map`)."""
         count, robots = len(self._mounts.z), len(poses)
-        mounts = memory("mounts", self._mounts.at, DOUBLE, 3, count)
-        places = memory("poses", poses, DOUBLE, robots, 3)
+        mounts = memory("mounts", self._mounts.at, 3, count)
+        places = memory("poses", poses, robots, 3)
         if not lib.place_mounts(count, self.data.owner, mounts, robots, places, self._kept["at"]):
             raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
 
@@ -145,7 +143,7 @@ class Polygons:
             "in_bin": np.empty(count, np.int32), "bin_start": np.empty(64 * 64 + 2, np.int32),
             "corner_x": np.empty(widest), "corner_y": np.empty(widest),
         }  # fmt: skip
-        self._kept = {name: memory(name, array, array.dtype, *array.shape) for name, array in arrays.items()}
+        self._kept = {name: memory(name, array, *array.shape) for name, array in arrays.items()}
         counts = {"shapes": len(shapes), "groups": count, "movers": self.movers}
         self.data = ffi.new("polygons *", {**counts, **self._kept})
         self.move(np.zeros((self.movers, 3)))
@@ -158,7 +156,7 @@ class Polygons:
         """The memory of an array of poses (movers or more; x, y, yaw)."""
         if len(poses) < self.movers:
             raise ValueError(f"poses: {len(poses)} are too few for {self.movers} movers")
-        return memory("poses", poses, DOUBLE, len(poses), 3, out=out)
+        return memory("poses", poses, len(poses), 3, out=out)
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
@@ -172,8 +170,8 @@ def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
     """The side of the largest square of `free` cells (rows, columns) that begins at each and extends towards larger
     rows and columns, at most 254, into `out` (rows * columns)."""
     rows, columns = free.shape
-    made = memory("out", out, UINT8, rows * columns, out=True)
-    lib.fill_squares(memory("free", free, BOOL, rows, columns), rows, columns, made)
+    made = memory("out", out, rows * columns, out=True)
+    lib.fill_squares(memory("free", free, rows, columns), rows, columns, made)
 
 
 def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
@@ -195,7 +193,7 @@ def find_overlaps(polygons: Polygons, maps: Bitmaps, apart: bool, found: NDArray
     """Which movers (`found`) overlap a bitmap or what stands still where they are; with `apart` each other too."""
     if len(found) < polygons.movers:
         raise ValueError(f"found: {len(found)} are too few for {polygons.movers} movers")
-    lib.find_overlaps(polygons.data, maps.data, maps.count, apart, memory("found", found, BOOL, len(found), out=True))
+    lib.find_overlaps(polygons.data, maps.data, maps.count, apart, memory("found", found, len(found), out=True))
 
 
 def move_all(polygons: Polygons, maps: Bitmaps, poses: Floats, ends: Floats, blocked: NDArray[np.bool_]) -> None:
@@ -206,7 +204,7 @@ def move_all(polygons: Polygons, maps: Bitmaps, poses: Floats, ends: Floats, blo
         raise ValueError(f"ends: {robots} are too many for {len(poses)} poses")
     lib.move_all(
         polygons.data, maps.data, maps.count, robots, polygons.poses(poses, out=True),
-        memory("ends", ends, DOUBLE, robots, 3), memory("blocked", blocked, BOOL, robots, out=True),
+        memory("ends", ends, robots, 3), memory("blocked", blocked, robots, out=True),
     )  # fmt: skip
 
 
@@ -221,12 +219,12 @@ def hold(
     bodies stay out of each other too, unless both are `tangled` (movers). The polygons are at `poses`.
     """
     movers, groups = len(poses), len(polygons.owner)
-    (places, scratch), (shares, made) = empty(DOUBLE, movers), empty(DOUBLE, movers)
+    (places, scratch), (shares, made) = empty(np.float64, movers), empty(np.float64, movers)
     places[:], shares[:] = 0.0, 1.0
     lib.hold(
-        polygons.data, maps.data, maps.count, memory("half", half, DOUBLE, groups), polygons.poses(poses),
-        memory("ends", ends, DOUBLE, movers, 3, out=True), memory("suspects", suspects, BOOL, movers),
-        memory("tangled", tangled, BOOL, movers), apart, scratch, made,
+        polygons.data, maps.data, maps.count, memory("half", half, groups), polygons.poses(poses),
+        memory("ends", ends, movers, 3, out=True), memory("suspects", suspects, movers),
+        memory("tangled", tangled, movers), apart, scratch, made,
     )  # fmt: skip
     return shares
 
@@ -237,8 +235,8 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
     On the exact arc or, with `tangents`, as Stage steps (Euler): straight ahead by the old heading, then the turn.
     """
     count = len(poses)
-    ends, made = empty(DOUBLE, count, 3)
-    ways = memory("poses", poses, DOUBLE, count, 3), memory("velocity", velocity, DOUBLE, count, 3)
+    ends, made = empty(np.float64, count, 3)
+    ways = memory("poses", poses, count, 3), memory("velocity", velocity, count, 3)
     lib.follow(count, *ways, seconds, tangents, made)
     return ends
 
@@ -267,13 +265,11 @@ class Bases:
         """(wheels): rad since the start, and rad/s."""
         low, high, slow, fast = limits
         self._kept = {
-            **_memories(DOUBLE, robots, 3, low=low, high=high, slow=slow, fast=fast, start=start),
-            **_memories(DOUBLE, robots, 3, setpoint=self.setpoint, velocity=self.velocity, odom=self.odom),
-            **_memories(BOOL, robots, is_car=is_car),
-            **_memories(DOUBLE, robots, wheelbase=wheelbase),
-            **_memories(INT64, wheels, wheel_owner=wheel_owner),
-            **_memories(DOUBLE, wheels, 3, wheel_rows=wheel_rows),
-            **_memories(DOUBLE, wheels, angles=self.angles, rates=self.rates),
+            **_memories(robots, 3, low=low, high=high, slow=slow, fast=fast, start=start),
+            **_memories(robots, 3, setpoint=self.setpoint, velocity=self.velocity, odom=self.odom),
+            **_memories(robots, is_car=is_car, wheelbase=wheelbase),
+            **_memories(wheels, wheel_owner=wheel_owner, angles=self.angles, rates=self.rates),
+            **_memories(wheels, 3, wheel_rows=wheel_rows),
         }
         self._robots = robots
         self._data = ffi.new("bases *", {"robots": robots, "wheels": wheels, **self._kept})
@@ -285,7 +281,7 @@ class Bases:
         A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate.
         """
         count = self._robots
-        given = memory("commands", commands, DOUBLE, count, 3), memory("fresh", fresh, BOOL, count)
+        given = memory("commands", commands, count, 3), memory("fresh", fresh, count)
         lib.obey(self._data, *given, seconds)
 
     def note_motion(self, before: Floats, after: Floats, seconds: float, *, tangents: bool) -> None:
@@ -294,5 +290,5 @@ class Bases:
         They were arcs or, with `tangents`, Stage's steps by the heading before.
         """
         count = self._robots
-        given = memory("before", before, DOUBLE, count, 3), memory("after", after, DOUBLE, count, 3)
+        given = memory("before", before, count, 3), memory("after", after, count, 3)
         lib.note_motion(self._data, *given, seconds, tangents)
