@@ -6,7 +6,7 @@ stored mirrored, so that every ray runs towards larger columns and rows.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -108,7 +108,7 @@ def place_shape(pose: Pose2, shape: Shape) -> Shape:
     return replace(shape, points=tuple(pose.compose(Pose2(x, y, 0.0))[:2] for x, y in shape.points))
 
 
-def make_polygons(groups: Sequence[Group]) -> kernels.Polygons:
+def make_polygons(groups: Iterable[Group]) -> kernels.Polygons:
     """Arrays of the groups' shapes; groups without shapes are left out."""
     found = [(group.owner, [(s.points, s.z_min, s.z_max) for s in group.shapes]) for group in groups if group.shapes]
     return kernels.Polygons(found)

@@ -34,7 +34,6 @@ from zteam.simulator.core.casting import (
 )
 from zteam.simulator.world.model import Floorplan, Obstacle, Robot, Shape
 
-Flags = NDArray[np.bool_]
 Lines = NDArray[np.intp]
 """(lines, 4): from x, y to x, y in cells."""
 
@@ -119,7 +118,10 @@ class Cores:
     def __init__(self, solid: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
-        self._polygons = make_polygons([_with_cores(group, rim) for group in solid])
+        self._polygons = make_polygons(
+            group if group.owner == NO_MOVER else group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
+            for group in solid
+        )
         self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
@@ -138,7 +140,7 @@ class Cores:
         find_overlaps(self._polygons, self._bitmaps, False, self.in_wall)
         find_overlaps(self._polygons, self._bitmaps, self._apart, self._tangled)
 
-    def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
+    def hold(self, poses: Floats, ends: Floats, suspects: NDArray[np.bool_]) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
         if self._apart and self._tangled.any():
             self.look(poses)
@@ -318,11 +320,6 @@ def _edges(points: Sequence[Point2]) -> list[tuple[Point2, Point2]]:
 def _distance(a: Point2, b: Point2, c: Point2) -> float:
     """Of point c from the line through a and b, positive on its left."""
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
-
-
-def _with_cores(group: Group, rim: float) -> Group:
-    shapes = group.shapes if group.owner == NO_MOVER else [_core(shape, rim) for shape in group.shapes]
-    return group._replace(shapes=shapes)
 
 
 def _core(shape: Shape, rim: float) -> Shape:

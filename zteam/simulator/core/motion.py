@@ -179,19 +179,15 @@ class WheelOdometry:
         self._start, self.poses = bases.start, bases.odom
 
     def advance(self, before: Floats, after: Floats, tick: int) -> None:
-        """One tick, from the true poses `before` to `after`; `poses` are those without errors yet."""
-        if self._wrong:
-            draws = gaussians(streams(self._states, tick), 3)
-            self._integrate(before[self._wrong], after[self._wrong], draws)
-            self.poses[self._wrong] = self._counted
+        """One tick, by the arcs between the true poses `before` and `after`; `poses` are those without errors yet.
 
-    def _integrate(self, before: Floats, after: Floats, draws: Floats) -> None:
-        """Carry odometry on by the arcs from `before` to `after` (rows x, y, yaw), with errors.
-
-        Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6, `draws` (rows of 3) standard
-        normal): the way is a turn, a straight piece and a turn, each with its own variance; here both turns are half
-        the arc's.
+        Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6): the way is a turn, a straight
+        piece and a turn, each with its own variance; here both turns are half the arc's.
         """
+        if not self._wrong:
+            return
+        draws = gaussians(streams(self._states, tick), 3)
+        before, after = before[self._wrong], after[self._wrong]
         odom = self._counted
         dx, dy, turn = (after - before).T
         half = 0.5 * turn
@@ -210,6 +206,7 @@ class WheelOdometry:
         forward, left = forward + share * np.where(stands, 1.0, forward), left + share * np.where(stands, 0.0, left)
         cos, sin = np.cos(odom[:, 2] + first), np.sin(odom[:, 2] + first)
         odom += np.stack((cos * forward - sin * left, sin * forward + cos * left, first + second), axis=1)
+        self.poses[self._wrong] = odom
 
     def adopt(self, old: "WheelOdometry", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's state, for pairs (index here, index there)."""

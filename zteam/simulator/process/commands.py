@@ -99,13 +99,11 @@ class RobotCommands:
         for topic in _FROM_OUTSIDE:
             self._node.bus.subscribe_raw(names.all_robots_key(topic), count)
 
-    def _holders_of(self, robot_id: int) -> frozenset[str]:
-        return self._holders.instances(names.robot_name(robot_id))
-
     def writers(self) -> dict[int, list[str]]:
         """Robots that more than one process commands, and the session ids of these processes."""
         with self._changed:
-            found = {i: others | self._holders_of(i) for i, others in self._others.recent(monotonic()).items()}
+            recent, holders = self._others.recent(monotonic()), self._holders.instances
+            found = {i: others | holders(names.robot_name(i)) for i, others in recent.items()}
         return {i: sorted(sessions)[:_MOST_WRITERS] for i, sessions in found.items() if len(sessions) > 1}
 
     def start_anew(self) -> None:
@@ -131,7 +129,9 @@ class RobotCommands:
         with self._changed:
             # A robot that was taken out of the world does not answer its last scan.
             self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if i in self._robots}
-            wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
+            wait_until(
+                self._changed, lambda: not any(names.robot_name(i) in self._holders for i in self._scan_sent), timeout
+            )
 
     def drain(self) -> dict[int, Twist]:
         """The commands since the last call, of robots in the world."""

@@ -47,9 +47,7 @@ class Patience:
     are named in the log and dropped."""
 
     def __init__(self, timeout: float, now: float) -> None:
-        self._timeout, self._looked = timeout, now
-        self.delay = RESEND
-        """Until the next repeat."""
+        self._timeout, self._looked, self.delay = timeout, now, RESEND
         self.start_anew()
 
     def start_anew(self) -> None:

@@ -147,8 +147,12 @@ def _result_of(change: Future[T]) -> T:
 def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
     """Serve both queries. They are answered from what is there, during a tick too."""
 
+    def robot_shape(robot: Robot) -> client.RobotShape:
+        lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
+        return client.RobotShape(robot.model, _outline(sorted(robot.shapes, key=lambda each: each.z_max)), lasers)
+
     def shapes(_: NoRequest) -> client.ShapesReply:
-        robots = {robot_id: _robot_shape(robot) for robot_id, robot in list(engine.robots.items())}
+        robots = {robot_id: robot_shape(robot) for robot_id, robot in list(engine.robots.items())}
         return client.ShapesReply(robots, sorted({*world.templates, "erratic"}))
 
     def obstacles(_: NoRequest) -> client.ObstaclesReply:
@@ -161,13 +165,6 @@ def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:
 
     bus.serve(names.service_key(names.SIMULATOR, "shapes"), NoRequest, shapes)
     bus.serve(names.service_key(names.SIMULATOR, "obstacles"), NoRequest, obstacles)
-
-
-def _robot_shape(robot: Robot) -> client.RobotShape:
-    """A robot from above: its polygons from the ground up, and its lasers."""
-    shapes = sorted(robot.shapes, key=lambda shape: shape.z_max)
-    lasers = [(ranger.x, ranger.y, ranger.yaw) for ranger in robot.rangers if ranger.is_laser]
-    return client.RobotShape(robot.model, _outline(shapes), lasers)
 
 
 def _outline(shapes: Sequence[Shape]) -> list[list[tuple[float, float]]]:
