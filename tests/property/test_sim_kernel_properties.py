@@ -15,7 +15,6 @@ from zteam.kernels import binding, simulator
 from zteam.kernels.simulator import (
     Bases,
     BeamTable,
-    Bitmap,
     Bitmaps,
     Fans,
     Polygons,
@@ -46,7 +45,7 @@ def bitmap(seed: int, rows: int = 13, columns: int = 17, most: float = 0.3) -> n
 
 def maps_of(occupied: np.ndarray, cell: tuple[float, float], pose: Pose2 | None = None) -> Bitmaps:
     """A bitmap from the ground up to 1 m."""
-    return Bitmaps([Bitmap(build_fields(occupied), *occupied.shape, *cell, *(pose or (0.0, 0.0, 0.0)), 0.0, 1.0)])
+    return Bitmaps([(build_fields(occupied), *occupied.shape, *cell, *(pose or Pose2(0.0, 0.0, 0.0)), 0.0, 1.0)])
 
 
 def fan_of(poses: Any, beams: np.ndarray, increment: float = 0.0, limit: float = LIMIT, z: float = 0.5) -> Fans:
@@ -282,7 +281,7 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
         polygons.move(np.zeros((2, 6))[:, ::2])
     fields[:, -1] = 1
     with pytest.raises(ValueError, match="parked"):
-        Bitmaps([Bitmap(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
+        Bitmaps([(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
     ends = np.zeros((1, 3))
     ends.flags.writeable = False
     some = np.ones(1, bool)

@@ -15,23 +15,9 @@ def _memories(*shape: int, **arrays: NDArray[Any]) -> dict[str, Any]:
     return {name: memory(name, array, *shape) for name, array in arrays.items()}
 
 
-class Bitmap(NamedTuple):
-    """A bitmap that rays and bodies meet; the fields are those in C."""
-
-    sides: NDArray[np.uint8]
-    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`simulator.core.casting`)."""
-    rows: int
-    columns: int
-    cell_x: float
-    """Metres."""
-    cell_y: float
-    x: float
-    """Of its lower left corner in `map`, metres."""
-    y: float
-    yaw: float
-    z_min: float
-    """Metres: what lies between these heights meets it."""
-    z_max: float
+Bitmap = tuple[NDArray[np.uint8], int, int, float, float, float, float, float, float, float]
+"""What rays and bodies meet, as in kernels.h: the largest empty square at each cell (quadrants, rows * columns + 1),
+rows, columns, metres of a cell along x and y, x, y and yaw of its lower left corner in `map`, least and largest z."""
 
 
 class Bitmaps:
@@ -40,14 +26,13 @@ class Bitmaps:
     def __init__(self, maps: Sequence[Bitmap]) -> None:
         self.count = len(maps)
         self._kept = []
-        for one in maps:
-            if one.rows < 0 or one.columns < 0 or 4 * (one.rows * one.columns + 1) >= 1 << 31:
-                raise ValueError(f"sides: {one.rows} x {one.columns} cells are none, or too many for 32 bits")
-            self._kept.append(memory("sides", one.sides, 4, one.rows * one.columns + 1))
-            if one.sides[:, -1].any():
+        for sides, rows, columns, *_ in maps:
+            if rows < 0 or columns < 0 or 4 * (rows * columns + 1) >= 1 << 31:
+                raise ValueError(f"sides: {rows} x {columns} cells are none, or too many for 32 bits")
+            self._kept.append(memory("sides", sides, 4, rows * columns + 1))
+            if sides[:, -1].any():
                 raise ValueError("sides: the last entry of each quadrant, where rays are parked, is not 0")
-        filled = zip(maps, self._kept, strict=True)
-        self.data = ffi.new("bitmap[]", [one._replace(sides=sides)._asdict() for one, sides in filled])
+        self.data = ffi.new("bitmap[]", [(kept, *one[1:]) for kept, one in zip(self._kept, maps, strict=True)])
 
 
 class BeamTable(NamedTuple):

@@ -42,7 +42,7 @@ def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
 def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> kernels.Bitmap:
     """A floor plan as kernels take it, with the fields of its bitmap."""
     rows, columns = plan.occupied.shape
-    return kernels.Bitmap(fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max)
+    return fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max
 
 
 def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:

@@ -214,7 +214,10 @@ class LockStep:
         if patience.is_over and not has_time:
             self._drop(missing)
         elif patience.names_silent():
-            lacking, reaches_others = _ask_lacking(self._node), self.tick.held or self._node.reaches_others()
+            # The inputs that participants wait for, in words, by the participant's name.
+            answers = self._node.bus.find(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
+            lacking = {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}
+            reaches_others = self.tick.held or self._node.reaches_others()
             with self._changed:
                 # The last answer may have come meanwhile.
                 if self.tick.waiting_for():
@@ -230,9 +233,3 @@ class LockStep:
                 name, self.tick.message.tick, self._patience.waited,
             )  # fmt: skip
         self._patience.start_anew()
-
-
-def _ask_lacking(node: ProcessNode) -> dict[str, str]:
-    """The inputs that participants wait for, in words, by the participant's name."""
-    answers = node.bus.find(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
-    return {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}

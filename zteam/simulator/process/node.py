@@ -7,8 +7,7 @@ is due; in real time when it is due (`run_ticks`).
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, Change, Deferred, NoRequest
@@ -25,8 +24,6 @@ from zteam.simulator.process.simulation import Simulation
 from zteam.simulator.world import Robot, Shape, World
 
 log = logging.getLogger("zteam")
-
-T = TypeVar("T")
 
 _DIGITS = 4
 """Of a metre, in shapes: a tenth of a millimetre is finer than any screen."""
@@ -89,11 +86,19 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
         bus.serve(names.service_key(names.SIMULATOR, service), request_type, answer)
 
     def serve_change(service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
-        """Answer with what `make` returns, or with the status afterwards."""
+        """Answer with what `make` returns, or with the status afterwards; with an error if the tick does not end."""
 
         def answer(request: Any) -> Deferred:
             future = boundary.submit(lambda: make(request) or simulation.status())
-            return Deferred(lambda: _result_of(future))
+
+            def result() -> Any:
+                try:
+                    return future.result(client.BOUNDARY_LIMIT)
+                except TimeoutError:
+                    text = f"the tick at hand did not end within {client.BOUNDARY_LIMIT:g} s: see 'zteam sim status'"
+                    raise BusError(text) from None
+
+            return Deferred(result)
 
         serve(service, request_type, answer)
 
@@ -133,15 +138,6 @@ def serve_queries(bus: Bus, simulation: Simulation) -> None:
     serve_change("remove", client.RemoveRequest, lambda request: simulation.remove(request.id))
     serve_change("fault", client.FaultRequest, lambda request: simulation.add_fault(request))
     serve_change("move", client.MoveRequest, simulation.move)
-
-
-def _result_of(change: Future[T]) -> T:
-    """The result of a change. Raises its ZteamError, or BusError if the open tick does not end in time."""
-    try:
-        return change.result(client.BOUNDARY_LIMIT)
-    except TimeoutError:
-        text = f"the tick at hand did not end within {client.BOUNDARY_LIMIT:g} s: see 'zteam sim status'"
-        raise BusError(text) from None
 
 
 def serve_shapes(bus: Bus, world: World, engine: Engine) -> None:

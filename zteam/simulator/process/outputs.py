@@ -1,7 +1,7 @@
 """The publishers of all robots that are in the world; a message without subscribers is not built."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, Publisher
@@ -10,9 +10,6 @@ from zteam.simulator.core import Engine, Observation, to_messages
 from zteam.simulator.world import Robot
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
-
-M = TypeVar("M", bound=Message)
-
 
 _Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
 """One key: its publisher, what builds its messages, and the number of the device among those of its kind."""
@@ -25,7 +22,7 @@ class RobotOutputs:
         self.robot, self._id = robot, robot_id
         self._publishers: list[Publisher[Any]] = []
 
-        def publisher(key: str, message_type: type[M], **options: bool) -> Publisher[M]:
+        def publisher(key: str, message_type: type[Message], **options: bool) -> Publisher[Any]:
             self._publishers.append(bus.publisher(key, message_type, **options))
             return self._publishers[-1]
 

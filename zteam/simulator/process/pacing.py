@@ -7,14 +7,12 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any
 
 from zteam.clock import monotonic
 from zteam.config.numbers import percentile
 from zteam.errors import ZteamError
 from zteam.node.process_node import ProcessNode
-
-T = TypeVar("T")
 
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
@@ -126,9 +124,9 @@ class TickBoundary:
         self.finished = False
         """Whether the time of `--for` is over."""
 
-    def submit(self, change: Callable[[], T]) -> Future[T]:
+    def submit(self, change: Callable[[], Any]) -> Future[Any]:
         """Have the main loop call `change()` between two ticks. The future gets its result or its ZteamError."""
-        future: Future[T] = Future()
+        future: Future[Any] = Future()
         self._changes.append((future, change))
         self._node.wake()
         return future

@@ -78,12 +78,8 @@ class Block(NamedTuple):
     z_max: float
 
 
-class Surface(NamedTuple):
-    """Properties that the shapes of one model share."""
-
-    ranger_return: float
-    obstacle: bool
-    color: str
+Surface = tuple[float, bool, str]
+"""What the shapes of a model share: `ranger_return`, whether they are obstacles, colour."""
 
 
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
@@ -199,7 +195,7 @@ def read_body(reader: Reader) -> Body:
         elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
             reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
     origin, intensity = reader.pose("origin"), reader.number("ranger_return", reader.number("laser_return", 1.0))
-    surface = Surface(intensity, reader.flag("obstacle_return", True), _read_color(reader))
+    surface = intensity, reader.flag("obstacle_return", True), _read_color(reader)
     fitted = fit_blocks(blocks, size) if blocks else []
     return Body(pose, size, origin, surface, (*fitted, *slabs), bitmap)
 

@@ -55,7 +55,7 @@ def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
         wheel_radius=radius,
         wheel_separation=separation,
         mass=read_mass(reader),
-        color=body.surface.color,
+        color=body.surface[2],
     )
 
 

@@ -47,7 +47,6 @@ _MODEL = {
 }
 READ: dict[str, set[str]] = {
     "world": {"name", "interval_sim", "unit_length", "unit_angle", "physics"},
-    "model": _MODEL,
     "position": _MODEL
     | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"}
     | {"odom_alphas", "wheel_radius", "wheel_separation"},

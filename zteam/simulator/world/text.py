@@ -137,7 +137,10 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
         match = _TOKEN.match(text, position)
         place = TextPlace(file, line, position - line_start + 1)
         if match is None or match.lastgroup is None:
-            raise _no_token(text, position, place)
+            unclosed = text[position] == '"'
+            raise place.error(
+                "this string is not closed on its line" if unclosed else f"unexpected character {text[position]!r}"
+            )
         position = match.end()
         if match.lastgroup == "skip":
             continue
@@ -170,13 +173,6 @@ def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
     if not math.isfinite(value):
         raise place.error(f"{text!r:.60} is not a finite number")
     return value
-
-
-def _no_token(text: str, position: int, place: TextPlace) -> Exception:
-    if text[position] == '"':
-        return place.error("this string is not closed on its line")
-    hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
-    return place.error(f"unexpected character {text[position]!r}{hint}")
 
 
 MAX_TOKENS = 500_000
