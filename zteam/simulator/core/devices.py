@@ -6,18 +6,17 @@ What they are is in `zteam.simulator.world.devices`, their messages are in `ztea
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.simulator import BeamTable, Fans, Floats, Rays
-from zteam.messages import Blob, ColorRGBA, Fiducial, Message
+from zteam.messages import Blob, ColorRGBA, Fiducial
 from zteam.simulator.core.casting import NO_MOVER, SensedWorld, mount_devices
-from zteam.simulator.core.observation import Detections, Observation
 from zteam.simulator.world.colors import find_color
 from zteam.simulator.world.devices import KINDS, Blobfinder, BumperPiece, Finder
-from zteam.simulator.world.model import FiducialMarker
 
 _TOUCH = 0.02
 """A bumper is pressed by what is this near: Stage's raster."""
@@ -31,29 +30,10 @@ Sense = Callable[[Floats], Sequence[Any]]
 """What all devices of one kind detect with the movers at `poses`, one value each; `visible` is there already."""
 
 
-class Sensor(NamedTuple):
-    """One row: how a kind of device senses, and how that becomes a message."""
-
-    message: Callable[[Observation, int, int], Message]
-    """The message of a robot (by id) of a number, of one tick."""
-    prepare: Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense] | None = None
-    """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
-
-
-class _Target(NamedTuple):
-    """A marker and the model that bears it."""
-
-    marker: FiducialMarker
-    source: int
-    """As in `zteam.simulator.core.casting.Group`; so is the mover."""
-    mover: int
-    fixed: Pose2
-    """Where the model stands if it does not move."""
-
-    def place(self, poses: Floats) -> Pose2:
-        """In `map`."""
-        model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
-        return model.compose(Pose2(self.marker.x, self.marker.y, self.marker.yaw))
+Prepare = Callable[[SensedWorld, Sequence[tuple[int, Any]]], Sense]
+"""For all devices of one kind, each with its robot's index."""
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
 
 
 def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
@@ -67,12 +47,12 @@ def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
 def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -> Sense:
     visible, own = scene.visible, Fans(mount_devices(owned), BeamTable.ahead(0.0))
     targets = [
-        _Target(marker, source, mover, model.pose)
+        (marker, source, mover, model.pose)
         for source, (mover, model) in enumerate(scene.models)
         for marker in model.markers
     ]
-    sources = np.array([target.source for target in targets], np.int64)
-    keys = np.array([target.marker.key for target in targets], np.int64)
+    sources = np.array([source for _, source, _, _ in targets], np.int64)
+    keys = np.array([marker.key for marker, *_ in targets], np.int64)
 
     def find(i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
         """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
@@ -96,7 +76,7 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
             seen |= ranges[:, 0] >= far[chosen]
         return tuple(
             Fiducial(
-                targets[k].marker.id if far[k] <= finder.range_max_id else 0,
+                targets[k][0].id if far[k] <= finder.range_max_id else 0,
                 float(far[k]),
                 float(bearing[k]),
                 normalize_angle(float(places[k, 2]) - here.yaw),
@@ -107,7 +87,9 @@ def prepare_fiducials(scene: SensedWorld, owned: Sequence[tuple[int, Finder]]) -
     def sense(poses: Floats) -> list[tuple[Fiducial, ...]]:
         own.place(poses)
         here = own.at.T.tolist()
-        places = np.array([target.place(poses) for target in targets], float).reshape(-1, 3)
+        models = [fixed if mover == NO_MOVER else Pose2(*poses[mover].tolist()) for _, _, mover, fixed in targets]
+        markers = [Pose2(marker.x, marker.y, marker.yaw) for marker, *_ in targets]
+        places = np.array([a.compose(b) for a, b in zip(models, markers, strict=True)], float).reshape(-1, 3)
         return [find(i, Pose2(*pose), finder, places) for (i, finder), pose in zip(owned, here, strict=True)]
 
     return sense
@@ -158,14 +140,22 @@ def _pixel_rays(owner: int, finder: Blobfinder) -> Fans:
     return Fans(mount_devices([(owner, finder)]), beams)
 
 
+PREPARE: dict[str, Prepare] = {
+    names.FIDUCIALS: prepare_fiducials,
+    names.BUMPER: prepare_bumpers,
+    names.BLOBS: prepare_blobfinders,
+}
+"""How devices sense, by topic."""
+
+
 class Devices:
     """All devices of all robots, but for rangers."""
 
-    def __init__(self, scene: SensedWorld, sensors: Mapping[str, Sensor]) -> None:
+    def __init__(self, scene: SensedWorld) -> None:
         self._senses: list[tuple[str, list[int], Sense]] = []
-        for topic, (_, prepare) in sensors.items():
+        for topic, prepare in PREPARE.items():
             owned = [(i, device) for i, robot in enumerate(scene.robots) for device in KINDS[topic].of(robot)]
-            if owned and prepare is not None:
+            if owned:
                 self._senses.append((topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:

@@ -5,30 +5,114 @@ sense at its end. The same world, seed and commands give the same bytes.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from zteam import names
 from zteam.clock import NS_PER_S, to_ns
 from zteam.config.robot_ids import format_robot_ids
 from zteam.config.simulation_options import Options
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats
-from zteam.messages import Twist
+from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
-from zteam.simulator.core.devices import Devices
-from zteam.simulator.core.lasers import Lasers
-from zteam.simulator.core.motion import Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
-from zteam.simulator.core.observation import Observation, RobotObservation, pose_of
-from zteam.simulator.core.to_messages import SENSORS
+from zteam.simulator.core.devices import Detections, Devices
+from zteam.simulator.core.lasers import Lasers, Reading, Readings
+from zteam.simulator.core.motion import Bodies, WheelJoints, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
+
+
+class Joints(NamedTuple):
+    """A robot's wheels: angles since the start in radians, rates in rad/s."""
+
+    names: tuple[str, ...]
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+
+
+class RobotObservation(msgspec.Struct, frozen=True, eq=False):
+    """What one robot senses at a tick's end."""
+
+    robot: Robot
+    velocity: tuple[float, float, float]
+    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
+    stall: bool
+    """Commanded to move, but blocked."""
+    _pose: Sequence[float]
+    """x, y, yaw in `map`, not wrapped; so is that of its odometry."""
+    _odom: Sequence[float]
+    index: int
+    """Among the engine's robots; so in what follows, which all share but for the detections."""
+    detections: Detections
+    """What its other devices detect, by topic."""
+    _readings: Readings
+    _wheels: WheelJoints
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Of its rangers, in file order, as all devices."""
+        return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
+
+    def reading(self, place: int) -> Reading:
+        return self._readings[self.index, place]
+
+    @property
+    def truth(self) -> Pose2:
+        """In `map`."""
+        return pose_of(self._pose)
+
+    @property
+    def odom(self) -> Pose2:
+        """Since the start, by its own wheels: starts at zero, and follows what the base did."""
+        return pose_of(self._odom)
+
+    @property
+    def joints(self) -> Joints:
+        wheels, i = self._wheels, self.index
+        own = slice(wheels.first[i], wheels.first[i + 1])
+        return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
+
+    @property
+    def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
+        return self.detections.get(names.FIDUCIALS, ())
+
+    @property
+    def bumpers(self) -> tuple[bool, ...]:
+        """Pressed or not."""
+        return self.detections.get(names.BUMPER, ())
+
+    @property
+    def blobs(self) -> tuple[tuple[Blob, ...], ...]:
+        """Of its blob finders, right to left."""
+        return self.detections.get(names.BLOBS, ())
+
+
+def pose_of(row: Sequence[float]) -> Pose2:
+    """The pose of x, y and yaw, its yaw in [-pi, pi]."""
+    x, y, yaw = row
+    return Pose2(x, y, normalize_angle(yaw))
+
+
+class Observation(msgspec.Struct, frozen=True, eq=False):
+    """The world at a tick's end."""
+
+    stamp: int
+    """Nanoseconds of simulated time."""
+    tick: int
+    robots: Mapping[int, RobotObservation]
+    """By id."""
+    pushed: Mapping[str, Pose2]
+    """Where the things that can be pushed are, in `map`, by name."""
 
 
 class RobotArrays:
@@ -57,7 +141,7 @@ class RobotArrays:
             self.bodies.adopt(old.bodies, kept)
         self._scene = SensedWorld(self._robots, world.obstacles, plans)
         self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
-        self._devices = Devices(self._scene, SENSORS)
+        self._devices = Devices(self._scene)
 
     def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""

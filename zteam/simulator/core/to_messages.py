@@ -1,12 +1,13 @@
-"""Observations as ROS messages, and the robots' transforms. `SENSORS` has a row for each kind of sensor."""
+"""Observations as ROS messages, and the robots' transforms. `BUILDERS` has a row for each kind of sensor."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from zteam import messages, names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
 from zteam.messages.planar import pose_message
-from zteam.simulator.core.devices import Sensor, prepare_blobfinders, prepare_bumpers, prepare_fiducials
-from zteam.simulator.core.observation import Observation, RobotObservation
+from zteam.simulator.core.engine import Observation, RobotObservation
 from zteam.simulator.world.devices import KINDS, DeviceKind
 from zteam.simulator.world.model import Robot
 
@@ -108,18 +109,18 @@ def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int
     return messages.Header(messages.time_from_ns(observation.stamp), kind.frame(robot_id, index))
 
 
-SENSORS: dict[str, Sensor] = {
-    names.ODOM: Sensor(odometry_message),
-    names.BASE_SCAN: Sensor(scan_message),
-    names.GROUND_TRUTH: Sensor(ground_truth_message),
-    names.STALL: Sensor(stall_message),
-    names.JOINT_STATES: Sensor(joint_message),
-    names.SONAR: Sensor(range_message),
-    names.FIDUCIALS: Sensor(fiducials_message, prepare_fiducials),
-    names.BUMPER: Sensor(bumper_message, prepare_bumpers),
-    names.BLOBS: Sensor(blobs_message, prepare_blobfinders),
+BUILDERS: dict[str, Callable[[Observation, int, int], messages.Message]] = {
+    names.ODOM: odometry_message,
+    names.BASE_SCAN: scan_message,
+    names.GROUND_TRUTH: ground_truth_message,
+    names.STALL: stall_message,
+    names.JOINT_STATES: joint_message,
+    names.SONAR: range_message,
+    names.FIDUCIALS: fiducials_message,
+    names.BUMPER: bumper_message,
+    names.BLOBS: blobs_message,
 }
-"""All that is measured of a robot, by topic."""
+"""What builds the message of a robot (by id) of a number, of one tick: by the topic of what is measured."""
 
 
 def transforms(stamp: int, robot_id: int, odom: Pose2) -> messages.TFMessage:

@@ -34,7 +34,7 @@ class RobotOutputs:
         self.command = publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
             topic: [
-                (publisher(kind.key(robot_id, i), kind.message), to_messages.SENSORS[topic].message, i)
+                (publisher(kind.key(robot_id, i), kind.message), to_messages.BUILDERS[topic], i)
                 for i in range(kind.count(robot))
             ]
             for topic, kind in KINDS.items()

@@ -1,8 +1,8 @@
 """Sensors of robots: one row each for its place in world files, its key, its message and its frame.
 
 `KINDS` feeds the parser, the simulator's publishers, the robots' static transforms and `zteam world`. The types of
-their messages are in `zteam.messages.topics`. A row of `SENSORS` in `zteam.simulator.core.to_messages` says how a
-sensor senses and makes its message. The defaults are Stage's.
+their messages are in `zteam.messages.topics`. A sensor's row of `PREPARE` in `zteam.simulator.core.devices` says how it
+senses, one of `BUILDERS` in `zteam.simulator.core.to_messages` what makes its message. The defaults are Stage's.
 """
 
 import math

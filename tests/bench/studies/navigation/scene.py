@@ -19,7 +19,7 @@ from zteam.navigation.planning.scans import Scan
 from zteam.robot.behaviors.wander import Wander, WanderParams
 from zteam.robot.view import View
 from zteam.sim import Engine, Options
-from zteam.simulator.core.observation import RobotObservation
+from zteam.simulator.core import RobotObservation
 from zteam.simulator.core.occupancy_grid import map_message
 from zteam.simulator.core.to_messages import odometry_message, scan_message
 from zteam.simulator.world.model import base_info
