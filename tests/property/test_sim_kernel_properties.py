@@ -19,12 +19,13 @@ from zteam.kernels.simulator import (
     Fans,
     Polygons,
     Rays,
+    build_fields,
     cast_edges,
     cast_squares,
     find_overlaps,
     follow,
 )
-from zteam.simulator.core.casting import NO_MOVER, Group, build_fields, make_polygons, place_shape
+from zteam.simulator.core.casting import NO_MOVER, Group, make_polygons, place_shape
 from zteam.simulator.world.model import Shape
 
 LIMIT = 9.0
@@ -74,7 +75,7 @@ def test_rays_at_bitmaps_are_exact(
     assume(not (0 <= row < 13 and 0 <= column < 17 and occupied[row, column]))
     beams = np.array([0.0, 0.3, -1.1, math.pi / 2])
     fans = fan_of((x, y, yaw), beams)
-    cast_squares(maps_of(occupied, cell), 0, fans, 7)
+    cast_squares(maps_of(occupied, cell), fans, 7)
     assert ((fans.hits == 7) == (fans.ranges < LIMIT)).all()
     for beam, ours in zip(beams, fans.ranges[0], strict=True):
         # A ray through the corner of a cell may be said to touch it or not; a hair beside it decides the same way.
@@ -149,8 +150,8 @@ def test_odd_poses_and_sizes_of_fans_are_defined(pose: tuple[float, float, float
     fans = fan_of([(0.3, 0.4, 0.5), pose] if some else [], np.linspace(-1.0, 1.0, width), 2.0 / max(1, width - 1))
     polygons = make_polygons(random_groups(np.random.default_rng(1), False))
     polygons.move(np.empty((0, 3)))
-    cast_squares(maps_of(bitmap(3), (0.2, 0.2), Pose2(*pose)), 0, fans, 1)
-    cast_squares(maps_of(bitmap(3), (0.2, 0.2)), 0, fans, 1)
+    cast_squares(maps_of(bitmap(3), (0.2, 0.2), Pose2(*pose)), fans, 1)
+    cast_squares(maps_of(bitmap(3), (0.2, 0.2)), fans, 1)
     cast_edges(polygons, fans)
     assert ((fans.ranges >= 0.0) & (fans.ranges <= LIMIT)).all()
     if some and not np.isfinite(pose).all():
@@ -261,7 +262,7 @@ def test_bases_obey_within_their_limits(
 
 
 def test_calls_with_what_does_not_fit_are_refused() -> None:
-    """Indexes, shapes without vertices, too few poses, a bitmap that is not there, rays that were read only, parked
+    """Indexes, shapes without vertices, too few poses, rays that were read only, parked
     rays that would move."""
     triangle = [(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 0.0, 1.0)]
     for groups, named in (([(-2, triangle)], "owner"), ([(0, [])], "groups"), ([(0, [((), 0.0, 1.0)])], "groups")):
@@ -271,8 +272,6 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
     fans, fields = fan_of((0.0, 0.0, 0.0), np.zeros(3)), build_fields(np.zeros((3, 3), bool))
     with pytest.raises(ValueError, match="0 are too few for 1 movers"):
         polygons.move(np.empty((0, 3)))
-    with pytest.raises(ValueError, match="index: 0 is not within"):
-        cast_squares(Bitmaps([]), 0, fans, 1)
     with pytest.raises(ValueError, match="owner"):
         fans.place(np.zeros((2, 3)))
     with pytest.raises(TypeError, match="double"):

@@ -151,22 +151,30 @@ def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
 _cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares
 
 
-def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
-    """The side of the largest square of `free` cells (rows, columns) that begins at each and extends towards larger
-    rows and columns, at most 254, into `out` (rows * columns)."""
-    rows, columns = free.shape
-    made = memory("out", out, rows * columns, out=True)
-    lib.fill_squares(memory("free", free, rows, columns), rows, columns, made)
+def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The empty squares of a bitmap (rows, columns), row 0 at the bottom: (4, rows * columns + 1).
+
+    Row q is the flattened field of quadrant q = (dx < 0) + 2 (dy < 0): at each cell the side of the largest square of
+    free cells, at most 254, that begins there and extends into the quadrant. The last entry is a parking place.
+    """
+    rows, columns = occupied.shape
+    sides = np.zeros((4, rows * columns + 1), np.uint8)
+    for quadrant in range(4):
+        view = occupied[:, ::-1] if quadrant & 1 else occupied
+        free = np.ascontiguousarray(~(view[::-1] if quadrant & 2 else view))
+        made = memory("sides", sides[quadrant], rows * columns + 1, out=True)
+        lib.fill_squares(memory("free", free, rows, columns), rows, columns, made)
+    return sides
 
 
-def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
-    """Shorten ranges to the occupied cells of a bitmap, and set hits to `mark` where it is nearer.
+def cast_squares(maps: Bitmaps, fans: Fans, mark: int) -> None:
+    """Shorten ranges to the occupied cells of bitmaps, and set hits to `mark` (or the next, for the next bitmap) where
+    one is nearer.
 
     A start inside an occupied cell gives 0. A sensor sees only a bitmap that has its height.
     """
-    if not 0 <= index < maps.count:
-        raise ValueError(f"index: {index} is not within 0 to {maps.count - 1}")
-    _cast_squares(maps.data + index, fans.data, mark)
+    for index in range(maps.count):
+        _cast_squares(maps.data + index, fans.data, mark + index)
 
 
 def cast_edges(polygons: Polygons, fans: Fans) -> None:

@@ -25,32 +25,11 @@ NO_MOVER = -1
 """Owner of a group that stands still."""
 
 
-def build_fields(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The empty squares of a bitmap (rows, columns), row 0 at the bottom: (4, rows * columns + 1).
-
-    Row q is the flattened field of quadrant q = (dx < 0) + 2 (dy < 0); its last entry is a parking place.
-    """
-    rows, columns = occupied.shape
-    sides = np.zeros((4, rows * columns + 1), np.uint8)
-    for quadrant in range(4):
-        view = occupied[:, ::-1] if quadrant & 1 else occupied
-        view = view[::-1] if quadrant & 2 else view
-        kernels.fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
-    return sides
-
-
-def bitmap_of(plan: Floorplan, fields: NDArray[np.uint8]) -> kernels.Bitmap:
-    """A floor plan as kernels take it, with the fields of its bitmap."""
-    rows, columns = plan.occupied.shape
-    return fields, rows, columns, *plan.cell, *plan.pose, plan.z_min, plan.z_max
-
-
 def prepare_plans(floorplans: Sequence[Floorplan]) -> Plans:
     """The floor plans with their bitmaps; those of one bitmap share its fields."""
-    fields = {
-        number: build_fields(bitmap) for number, bitmap in {id(p.occupied): p.occupied for p in floorplans}.items()
-    }
-    return [(plan, bitmap_of(plan, fields[id(plan.occupied)])) for plan in floorplans]
+    bitmaps = {id(plan.occupied): plan.occupied for plan in floorplans}
+    fields = {number: kernels.build_fields(occupied) for number, occupied in bitmaps.items()}
+    return [(p, (fields[id(p.occupied)], *p.occupied.shape, *p.cell, *p.pose, p.z_min, p.z_max)) for p in floorplans]
 
 
 def solid_bitmaps(plans: Plans) -> kernels.Bitmaps:
@@ -143,8 +122,7 @@ class Caster:
         """The ranges in metres, and hits, (fans, beams); a ray that hits nothing is `limit` long."""
         fans.ranges.fill(fans.beams.limit)
         fans.hits.fill(self.nothing)
-        for index in range(self._bitmaps.count):
-            kernels.cast_squares(self._bitmaps, index, fans, self.nothing + 1 + index)
+        kernels.cast_squares(self._bitmaps, fans, self.nothing + 1)
         kernels.cast_edges(self._polygons, fans)
         return fans.ranges, fans.hits
 
