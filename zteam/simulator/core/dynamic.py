@@ -247,11 +247,14 @@ class DynamicBodies:
         cut = np.flatnonzero(shares < 1.0).tolist()
         self._held[cut] = True
         for i in cut:
-            body = self._bodies[i]
-            x, y, yaw = self.poses[i].tolist()
-            body.position, body.angle = (x, y), yaw
-            body.velocity, body.angular_velocity = body.velocity * shares[i], body.angular_velocity * shares[i]
-            self._space.reindex_shapes_for_body(body)
+            self._put(i, shares[i])
+
+    def _put(self, index: int, share: float) -> None:
+        """Put a body at its pose, with this share of its velocity."""
+        body, (x, y, yaw) = self._bodies[index], self.poses[index].tolist()
+        body.position, body.angle = (x, y), yaw
+        body.velocity, body.angular_velocity = body.velocity * share, body.angular_velocity * share
+        self._space.reindex_shapes_for_body(body)
 
     def _anchor(self) -> None:
         """Fix a body that stands in a wall: it stops others, and nothing moves it."""
@@ -265,10 +268,8 @@ class DynamicBodies:
         self._anchored[:] = self._cores.in_wall
 
     def place(self, index: int, pose: Pose2) -> None:
-        body = self._bodies[index]
-        body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
-        self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
+        self._put(index, 0.0)
         self._cores.look(self.poses)
         self._anchor()
 

@@ -11,7 +11,7 @@ from zteam.simulator.world import Robot
 from zteam.simulator.world.devices import KINDS
 from zteam.simulator.world.model import base_info
 
-_Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
+Output = tuple[Publisher[Any], Callable[[Observation, int, int], Message], int]
 """One key: its publisher, what builds its messages, and the number of the device among those of its kind."""
 
 
@@ -40,7 +40,7 @@ class RobotOutputs:
             for topic, kind in KINDS.items()
         }
         # Robots compute their next command from these: they are published first.
-        self._odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
+        self.odom, self.scans = sensed.pop(names.ODOM), sensed.pop(names.BASE_SCAN)
         self._rest = [output for outputs in sensed.values() for output in outputs]
 
     def close(self) -> None:
@@ -52,24 +52,17 @@ class RobotOutputs:
         odom = observation.robots[self._id].odom
         self._tf.put_owned(to_messages.transforms(observation.stamp, self._id, odom))
 
-    def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
-        """Send its odometry; with `again` a participant waits for it, and no subscriber needs to be known."""
-        self._put(self._odom, observation, again)
-
-    def put_scans(self, observation: Observation, *, again: bool = False) -> None:
-        """Send its scans; `again` as with `put_odometry`."""
-        self._put(self.scans, observation, again)
+    def put(self, outputs: Sequence[Output], observation: Observation, *, again: bool = False) -> None:
+        """Send `odom` or `scans`; with `again` a participant waits for them, and no subscriber needs to be known."""
+        for publisher, build, number in outputs:
+            if again or publisher.has_subscribers:
+                publisher.put_owned(build(observation, self._id, number))
 
     def put_rest(self, observation: Observation) -> None:
         """Send what no robot's next command depends on."""
         for publisher, build, number in self._rest:
             if publisher.has_subscribers:
                 publisher.put(build(observation, self._id, number))
-
-    def _put(self, outputs: Sequence[_Output], observation: Observation, again: bool) -> None:
-        for publisher, build, number in outputs:
-            if again or publisher.has_subscribers:
-                publisher.put_owned(build(observation, self._id, number))
 
 
 class TeamOutputs(dict[int, RobotOutputs]):

@@ -108,7 +108,7 @@ class Simulation:
         for output in outputs.values():
             output.put_transforms(bases)
         for output in outputs.values():
-            output.put_odometry(bases)
+            output.put(output.odom, bases)
         self.profile.end("publish")
         self._observation = engine.observe()
         self.profile.end("sensors")
@@ -119,9 +119,10 @@ class Simulation:
 
     def _put_scans(self, observation: Observation, robot_ids: Iterable[int], *, again: bool = False) -> None:
         for robot_id in robot_ids:
-            if self.outputs[robot_id].scans:
+            output = self.outputs[robot_id]
+            if output.scans:
                 self.commands.scan_sent(robot_id)
-            self.outputs[robot_id].put_scans(observation, again=again)
+            output.put(output.scans, observation, again=again)
 
     def _announce(self) -> None:
         if self.lockstep is not None:
@@ -203,7 +204,7 @@ class Simulation:
         present = [i for i in outputs if i in observation.robots and (i in robots or None in robots)]
         for i in present:
             outputs[i].put_transforms(observation)
-            outputs[i].put_odometry(observation, again=True)
+            outputs[i].put(outputs[i].odom, observation, again=True)
         self._put_scans(observation, present, again=True)
         for i in present if None in robots else ():
             outputs[i].put_rest(observation)
