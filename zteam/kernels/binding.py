@@ -18,19 +18,9 @@ except ImportError:
 ffi: Any = declarations.ffi
 lib: Any = ffi.dlopen(str(Path(__file__).with_name("library.so")))
 
-_POINTERS = {
-    np.dtype(kind): ffi.typeof(f"{name}[]")
-    for kind, name in (
-        (np.bool_, "uint8_t"),
-        (np.uint8, "uint8_t"),
-        (np.uint16, "uint16_t"),
-        (np.uint32, "uint32_t"),
-        (np.int32, "int32_t"),
-        (np.int64, "int64_t"),
-        (np.float32, "float"),
-        (np.float64, "double"),
-    )
-}
+_NAMES = {"bool": "uint8_t", "float32": "float", "float64": "double"}
+_NAMES |= {name: f"{name}_t" for name in ("uint8", "uint16", "uint32", "int32", "int64")}
+_POINTERS = {np.dtype(kind): ffi.typeof(f"{name}[]") for kind, name in _NAMES.items()}
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int64]

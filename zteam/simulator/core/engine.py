@@ -293,8 +293,7 @@ class Engine:
 
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError if it is not there."""
-        if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+        self._check_there(robot_id)
         del self._robots[robot_id]
         if self._arrays is not None:
             # Another robot of this id starts anew.
@@ -333,9 +332,10 @@ class Engine:
 
     def _index(self, robot_id: int) -> int:
         """A robot's place in the arrays. Raises UsageError if it is not there."""
-        if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+        self._check_there(robot_id)
         return self._assembled().ids[robot_id]
 
-    def _no_robot(self, robot_id: int) -> UsageError:
-        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
+    def _check_there(self, robot_id: int) -> None:
+        if robot_id not in self._robots:
+            there = format_robot_ids(self._robots) or "none"
+            raise UsageError(f"no robot {robot_id} in this world: it has {there}")
