@@ -23,8 +23,8 @@ from zteam.kernels.binding import Floats
 from zteam.messages import Blob, Fiducial, Twist
 from zteam.simulator.core.casting import Plans, SensedWorld, prepare_plans
 from zteam.simulator.core.devices import Detections, Devices
-from zteam.simulator.core.lasers import Lasers, Reading, Readings
-from zteam.simulator.core.motion import Bodies, WheelJoints, WheelOdometry, keep_what_is_left, make_bases, make_bodies
+from zteam.simulator.core.lasers import Lasers, Reading
+from zteam.simulator.core.motion import JOINTS, Bodies, WheelOdometry, keep_what_is_left, make_bases, make_bodies
 from zteam.simulator.world.model import Obstacle, Robot, World
 from zteam.simulator.world.placing import find_hindrance
 
@@ -51,20 +51,13 @@ class RobotObservation(msgspec.Struct, frozen=True, eq=False):
     _pose: Sequence[float]
     """x, y, yaw in `map`, not wrapped; so is that of its odometry."""
     _odom: Sequence[float]
-    index: int
-    """Among the engine's robots; so in what follows, which all share but for the detections."""
+    readings: Sequence[Reading]
+    """Of its rangers, in file order, as all devices."""
     detections: Detections
     """What its other devices detect, by topic."""
-    _readings: Readings
-    _wheels: WheelJoints
-
-    @property
-    def readings(self) -> tuple[Reading, ...]:
-        """Of its rangers, in file order, as all devices."""
-        return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
-
-    def reading(self, place: int) -> Reading:
-        return self._readings[self.index, place]
+    _angles: Floats
+    """Of its wheels, as their rates."""
+    _rates: Floats
 
     @property
     def truth(self) -> Pose2:
@@ -78,9 +71,8 @@ class RobotObservation(msgspec.Struct, frozen=True, eq=False):
 
     @property
     def joints(self) -> Joints:
-        wheels, i = self._wheels, self.index
-        own = slice(wheels.first[i], wheels.first[i + 1])
-        return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
+        wheels = tuple(name for name, _ in JOINTS[self.robot.drive])
+        return Joints(wheels, tuple(self._angles.tolist()), tuple(self._rates.tolist()))
 
     @property
     def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
@@ -150,9 +142,7 @@ class RobotArrays:
             poses[here] = old.bodies.poses[there]
             self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
             self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
-            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
-            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
-            self._wheels.angles[mine] = old._wheels.angles[theirs]
+            self.bases.angles[self._wheels[here]] = old.bases.angles[old._wheels[there]]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
@@ -186,16 +176,18 @@ class RobotArrays:
         poses = self.bodies.poses
         if not bases_only:
             self._scene.visible.move(poses)
-        readings = {} if bases_only else self._lasers.measure(poses, tick)
+        readings = None if bases_only else self._lasers.measure(poses, tick)
         detections = {} if bases_only else self._devices.sense(poses)
-        wheels = self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy())
+        angles, rates = self.bases.angles.copy(), self.bases.rates.copy()
         places, odom, stalled = poses.tolist(), self.odometry.poses.tolist(), self.bodies.stalled.tolist()
-        velocity = map(tuple, self.bases.velocity.tolist())
-        own = [*zip(self._robots, velocity, stalled, places, odom, strict=False)]
+        velocity = self.bases.velocity.tolist()
         robots = {
-            robot_id: RobotObservation(*own[i], i, detections.get(i, {}), readings, wheels)
+            robot_id: RobotObservation(
+                self._robots[i], tuple(velocity[i]), stalled[i], places[i], odom[i], readings[i] if readings else (),
+                detections.get(i, {}), angles[self._wheels[i]], rates[self._wheels[i]],
+            )
             for robot_id, i in self.ids.items()
-        }
+        }  # fmt: skip
         pushed = zip(self._pushed, places[len(self._robots) :], strict=True)
         return Observation(now, tick, robots, {thing.name: pose_of(pose) for thing, pose in pushed})
 

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,8 +40,8 @@ class _Mount(NamedTuple):
     """States of its streams of randomness, by kind."""
 
 
-Readings = Mapping[tuple[int, int], Reading]
-"""What all rangers measured at one instant, by the robot's index and the ranger's in the robot's list."""
+Readings = list[list[Reading]]
+"""What all rangers measured at one instant: by robot, in the order of its rangers."""
 
 
 class _Batch:
@@ -117,8 +117,8 @@ class Lasers:
     def __init__(
         self, robots: Sequence[Robot], ids: Sequence[int], caster: Caster, options: Options, seed: int
     ) -> None:
-        self._caster = caster
-        self._options = options
+        self._caster, self._options = caster, options
+        self._counts = [len(robot.rangers) for robot in robots]
         kinds: dict[tuple[int, float, float], list[_Mount]] = {}
         for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
             for place, ranger in enumerate(robot.rangers):
@@ -130,15 +130,16 @@ class Lasers:
 
     def measure(self, poses: Floats, tick: int) -> Readings:
         """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
-        found: dict[tuple[int, int], Reading] = {}
+        nothing = Reading(np.empty(0, np.float32), np.empty(0, np.float32))
+        found = [[nothing] * count for count in self._counts]
         for batch in self._batches:
             batch.fans.place(poses)
             reading = batch.measure(self._caster, self._intensity, self._options, tick)
             for mount, ranges, intensities in zip(batch.mounts, *reading, strict=True):
-                found[mount.robot, mount.place] = Reading(ranges, intensities)
+                found[mount.robot][mount.place] = Reading(ranges, intensities)
         if self._options.dazzle != "off":
             self._dazzle(found, tick)
-        for array in itertools.chain(*found.values()):
+        for array in itertools.chain(*itertools.chain(*found)):
             array.setflags(write=False)
         return found
 
@@ -151,7 +152,7 @@ class Lasers:
         ]
         options = self._options
         for (mount, _, angles), bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
-            ranges, ranger = readings[mount.robot, mount.place].ranges, mount.ranger
+            ranges, ranger = readings[mount.robot][mount.place].ranges, mount.ranger
             struck = np.abs(np.remainder(angles - bearing + math.pi, math.tau) - math.pi) <= options.dazzle_angle
             if options.dazzle == "scan" and struck.any():
                 struck[:] = True

@@ -5,7 +5,7 @@ Here are the bodies that never touch, of the physics "stage" and "kinematic".
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class KinematicBodies:
 _STREAM = 100
 """Of odometry's errors, apart from the streams of the lasers' noise."""
 
-_JOINTS = {
+JOINTS = {
     # Wheel rates are rows times (vx, vy, w), over the wheel's radius; lengths in halves of the separation. A mecanum
     # base is taken to be square.
     "diff": (("wheel_left_joint", (1.0, 0.0, -1.0)), ("wheel_right_joint", (1.0, 0.0, 1.0))),
@@ -103,21 +103,9 @@ _JOINTS = {
 }
 
 
-class WheelJoints(NamedTuple):
-    """All wheels of all robots, in the order of the robots."""
-
-    names: list[tuple[str, ...]]
-    """By robot."""
-    first: list[int]
-    """(robots + 1): index of a robot's first wheel."""
-    angles: Floats
-    """(wheels): radians since the start."""
-    rates: Floats
-    """(wheels): rad/s."""
-
-
-def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
-    """Bases and wheels of the robots, at rest. Only omni drives go sideways; without limits acceleration has none."""
+def make_bases(robots: Sequence[Robot]) -> tuple[Bases, list[slice]]:
+    """Bases of the robots, at rest, and which wheels are whose. Only omni drives go sideways; without limits
+    acceleration has none."""
     limits = np.zeros((4, len(robots), 3))
     rows: list[tuple[float, float, float]] = []
     owner: list[int] = []
@@ -128,8 +116,8 @@ def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
         given = robot.acceleration
         limits[2:, i] = np.transpose((given.x, given.y, given.yaw) if given else ((-math.inf, math.inf),) * 3)
         radius, half = robot.wheel_radius, 0.5 * robot.wheel_separation
-        rows += [(vx / radius, vy / radius, w * half / radius) for _, (vx, vy, w) in _JOINTS[robot.drive]]
-        owner += [i] * len(_JOINTS[robot.drive])
+        rows += [(vx / radius, vy / radius, w * half / radius) for _, (vx, vy, w) in JOINTS[robot.drive]]
+        owner += [i] * len(JOINTS[robot.drive])
     bases = Bases(
         limits,
         np.array([robot.drive == "car" for robot in robots], bool),
@@ -138,9 +126,8 @@ def make_bases(robots: Sequence[Robot]) -> tuple[Bases, WheelJoints]:
         np.array(owner, np.int64),
         np.array(rows, float).reshape(-1, 3),
     )
-    names = [tuple(name for name, _ in _JOINTS[robot.drive]) for robot in robots]
-    first = np.cumsum([0, *map(len, names)]).tolist()
-    return bases, WheelJoints(names, first, bases.angles, bases.rates)
+    first = np.cumsum([0, *(len(JOINTS[robot.drive]) for robot in robots)]).tolist()
+    return bases, list(map(slice, first, first[1:]))
 
 
 def keep_what_is_left(is_car: NDArray[np.bool_], met: NDArray[np.bool_], velocity: Floats, setpoint: Floats) -> None:

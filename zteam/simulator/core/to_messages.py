@@ -24,7 +24,7 @@ def scan_message(observation: Observation, robot_id: int, index: int) -> message
     robot = observation.robots[robot_id]
     carrier = robot.robot
     place = _place(carrier, True, index) if len(carrier.rangers) > 1 else 0
-    ranger, (ranges, intensities) = carrier.rangers[place], robot.reading(place)
+    ranger, (ranges, intensities) = carrier.rangers[place], robot.readings[place]
     half = ranger.fov / 2
     step, low, high = ranger.angle_increment, ranger.range_min, ranger.range_max
     # By place: keywords take time.
@@ -45,7 +45,7 @@ def range_message(observation: Observation, robot_id: int, index: int) -> messag
         field_of_view=ranger.fov,
         min_range=ranger.range_min,
         max_range=ranger.range_max,
-        range=float(robot.reading(place).ranges[0]),
+        range=float(robot.readings[place].ranges[0]),
     )
 
 

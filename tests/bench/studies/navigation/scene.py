@@ -76,7 +76,7 @@ def scan_of(robot: RobotObservation) -> Scan:
     """What its first laser saw."""
     laser = robot.robot.rangers[0]
     return Scan(
-        robot.reading(0).ranges, -0.5 * laser.fov, laser.angle_increment, laser.range_min, laser.range_max,
+        robot.readings[0].ranges, -0.5 * laser.fov, laser.angle_increment, laser.range_min, laser.range_max,
         Pose2(laser.x, laser.y, laser.yaw),
     )  # fmt: skip
 
